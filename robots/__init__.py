@@ -1,0 +1,26 @@
+"""What a robot is: description, units and limits, kinematics, parallelogram coupling."""
+
+from robots.errors import InputError, InputErrors
+from robots.kinematics import BodyFrames, forward_kinematics, jacobian, tool_position
+from robots.library import bundled_names, content_hash, load_description, load_robot, save_description
+from robots.robot import CouplingLimit, Parallelogram, Robot
+from robots.schema import LoadPath, ModelDescription
+
+__all__ = [
+    "BodyFrames",
+    "CouplingLimit",
+    "InputError",
+    "InputErrors",
+    "LoadPath",
+    "ModelDescription",
+    "Parallelogram",
+    "Robot",
+    "bundled_names",
+    "content_hash",
+    "forward_kinematics",
+    "jacobian",
+    "load_description",
+    "load_robot",
+    "save_description",
+    "tool_position",
+]

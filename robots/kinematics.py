@@ -1,0 +1,95 @@
+"""Forward kinematics and Jacobian, batched over poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.errors import InputError
+from robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BodyFrames:
+    """Frames of all bodies in the base frame, for n poses.
+
+    ``R`` (n, dof+1, 3, 3) and ``p`` (n, dof+1, 3): body 0 is the base, body i moves with joint i.
+    ``R_flange`` (n, 3, 3), ``p_flange`` (n, 3). ``axis`` (n, dof, 3): the joint axes, unit vectors.
+    A joint's origin is the origin of its body.
+    """
+
+    R: Array
+    p: Array
+    axis: Array
+    R_flange: Array
+    p_flange: Array
+
+
+def as_poses(robot: Robot, q: Array) -> Array:
+    """Check a batch of poses and return it as float (n, dof).
+
+    Raises
+    ------
+    InputError
+        Wrong shape, or a value that is not finite.
+    """
+    poses = np.asarray(q, dtype=np.float64)
+    if poses.ndim != 2 or poses.shape[1] != robot.dof:
+        raise InputError(
+            f"pose array for {robot.name}", value=f"shape {poses.shape}", allowed=f"(n, {robot.dof}) in rad"
+        )
+    if not np.isfinite(poses).all():
+        row = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
+        raise InputError(
+            f"pose {row} for {robot.name}", value=poses[row].tolist(), allowed="finite joint angles (rad)"
+        )
+    return poses
+
+
+def forward_kinematics(robot: Robot, q: Array) -> BodyFrames:
+    """Frames of every body and of the flange; q (n, dof) rad. Limits are not checked here."""
+    q = as_poses(robot, q)
+    n, dof = q.shape
+    theta = robot.sign * q + robot.offset
+    cos, sin = np.cos(theta), np.sin(theta)
+    R = np.empty((n, dof + 1, 3, 3))
+    p = np.empty((n, dof + 1, 3))
+    axis = np.empty((n, dof, 3))
+    R[:, 0], p[:, 0] = np.eye(3), 0.0
+    for i in range(dof):
+        pre = robot.T_pre[i]
+        p[:, i + 1] = p[:, i] + R[:, i] @ pre[:3, 3]
+        frame = R[:, i] @ pre[:3, :3]
+        x, y = frame[:, :, 0], frame[:, :, 1]
+        c, s = cos[:, i, None], sin[:, i, None]
+        turned = np.empty_like(frame)
+        turned[:, :, 0] = c * x + s * y
+        turned[:, :, 1] = c * y - s * x
+        turned[:, :, 2] = axis[:, i] = frame[:, :, 2]
+        R[:, i + 1] = turned @ robot.R_post[i]
+    R_flange = R[:, dof] @ robot.T_last_flange[:3, :3]
+    p_flange = p[:, dof] + R[:, dof] @ robot.T_last_flange[:3, 3]
+    return BodyFrames(R, p, axis, R_flange, p_flange)
+
+
+def tool_position(robot: Robot, frames: BodyFrames, point: Array | None = None) -> Array:
+    """Tool point, or ``point`` given in the flange frame ((3,) or (n, 3) m), in the base frame (n, 3)."""
+    local = robot.T_flange_tool[:3, 3] if point is None else np.asarray(point, dtype=np.float64)
+    return np.asarray(frames.p_flange + np.einsum("nij,...j->ni" if local.ndim == 1 else "nij,nj->ni",
+                                                  frames.R_flange, local))
+
+
+def jacobian(robot: Robot, q: Array, point: Array | None = None) -> Array:
+    """Geometric Jacobian (n, 6, dof) of the tool point with respect to the joint *coordinates*.
+
+    Rows: linear velocity (m/rad), angular velocity (rad/rad), base frame. ``point`` as in
+    :func:`tool_position`. For a coordinate with ``sign = -1`` the column is minus the axis's.
+    """
+    frames = forward_kinematics(robot, q)
+    r = tool_position(robot, frames, point)[:, None, :] - frames.p[:, 1:]
+    z = frames.axis * robot.sign[None, :, None]
+    return np.concatenate([np.swapaxes(np.cross(z, r), 1, 2), np.swapaxes(z, 1, 2)], axis=1)

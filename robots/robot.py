@@ -1,0 +1,231 @@
+"""The robot as arrays: what kinematics and mechanics compute with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.errors import InputError
+from robots.schema import Joint, ModelDescription
+
+Array = NDArray[np.float64]
+
+# A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
+LIMIT_TOLERANCE_RAD = 1e-9
+
+
+@dataclass(frozen=True)
+class CouplingLimit:
+    """``lower <= offset + factors . q <= upper`` (rad)."""
+
+    name: str
+    factors: Array
+    offset: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Parallelogram:
+    """The bar that drives joint ``driven`` (index) from a crank about joint ``crank_about`` (index).
+
+    ``pin`` is the bar's pin in the driven body's frame, (3,) m; the crank's pin is the same vector from
+    the crank joint, because crank and lever stay parallel.
+    """
+
+    driven: int
+    crank_about: int
+    pin: Array
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Kinematics and limits of a chain of revolute joints; SI, immutable.
+
+    Body 0 is the base, body i moves with joint i (1-based). ``T_body[i] = T_body[i-1] @ T_pre[i]
+    @ Rot_z(theta_i) @ T_post[i]`` with ``theta = sign * q + offset``; each joint turns about the z axis
+    of its joint frame ``T_body[i-1] @ T_pre[i]``. ``T_post`` is a pure rotation.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    T_pre: Array
+    R_post: Array
+    sign: Array
+    offset: Array
+    limits: Array
+    couplings: tuple[CouplingLimit, ...]
+    T_last_flange: Array
+    T_flange_tool: Array
+    parallelogram: Parallelogram | None
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    def coordinate_index(self, coordinate: str) -> int:
+        """Column of a joint coordinate in a pose array."""
+        if coordinate not in self.coordinates:
+            raise InputError(
+                f"joint coordinate of {self.name}", value=coordinate, allowed=", ".join(self.coordinates)
+            )
+        return self.coordinates.index(coordinate)
+
+    def reachable(self, q: Array) -> NDArray[np.bool_]:
+        """Which poses keep all joint limits and couplings; q (n, dof) rad -> (n,)."""
+        inside = np.all(
+            (q >= self.limits[:, 0] - LIMIT_TOLERANCE_RAD) & (q <= self.limits[:, 1] + LIMIT_TOLERANCE_RAD),
+            axis=1,
+        )
+        for c in self.couplings:
+            value = c.offset + q @ c.factors
+            inside &= (value >= c.lower - LIMIT_TOLERANCE_RAD) & (value <= c.upper + LIMIT_TOLERANCE_RAD)
+        return np.asarray(inside, dtype=np.bool_)
+
+    def violations(self, q: Array) -> list[str]:
+        """What is wrong with one pose (dof,), in words and degrees; empty if it can be taken."""
+        out = []
+        for name, value, (lower, upper) in zip(self.coordinates, q, self.limits, strict=True):
+            if not lower - LIMIT_TOLERANCE_RAD <= value <= upper + LIMIT_TOLERANCE_RAD:
+                out.append(f"{name} = {_deg(value)} is outside {_deg(lower)} to {_deg(upper)} deg")
+        for c in self.couplings:
+            value = c.offset + float(c.factors @ q)
+            if not c.lower - LIMIT_TOLERANCE_RAD <= value <= c.upper + LIMIT_TOLERANCE_RAD:
+                terms = " ".join(
+                    f"{f:+g} {n}" for n, f in zip(self.coordinates, c.factors, strict=True) if f != 0.0
+                )
+                out.append(
+                    f"{c.name} = {_deg(value)} is outside {_deg(c.lower)} to {_deg(c.upper)} deg "
+                    f"({c.name} = {_deg(c.offset)} {terms})"
+                )
+        return out
+
+
+def _deg(angle: float) -> str:
+    return f"{np.degrees(angle):.6g}"
+
+
+def robot_from(description: ModelDescription) -> Robot:
+    """Turn a validated description into arrays.
+
+    Raises
+    ------
+    InputError
+        The parallelogram's two axes are not parallel, or its pin lies on the driven axis.
+    """
+    joints = description.joint
+    placements = [_placement(joint) for joint in joints]
+    robot = Robot(
+        name=description.name,
+        coordinates=tuple(joint.coordinate for joint in joints),
+        joint_names=tuple(joint.name for joint in joints),
+        T_pre=np.stack([pre for pre, _ in placements]),
+        R_post=np.stack([post for _, post in placements]),
+        sign=np.array([float(joint.sign) for joint in joints]),
+        offset=np.array([0.0 if joint.offset is None else joint.offset.si for joint in joints]),
+        limits=np.stack([joint.limits.si_array for joint in joints]),
+        couplings=tuple(_coupling(description, i) for i in range(len(description.coupling))),
+        T_last_flange=_transform(description.flange),
+        T_flange_tool=np.eye(4) if description.tool is None else _transform(description.tool),
+        parallelogram=_parallelogram(description),
+    )
+    _check_parallelogram(robot)
+    return robot
+
+
+def rotation_about_x(angle: float) -> Array:
+    """3x3 rotation about x."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_rpy(rpy: Array) -> Array:
+    """3x3 rotation of fixed-axis roll, pitch, yaw (URDF's convention)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _rotation_z_to(axis: Array) -> Array:
+    """The rotation that turns z into ``axis`` by the shortest way."""
+    a = axis / np.linalg.norm(axis)
+    if a[2] < -1.0 + 1e-12:
+        return rotation_about_x(np.pi)
+    v = np.array([-a[1], a[0], 0.0])
+    vx = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.eye(3) + vx + vx @ vx / (1.0 + a[2])
+
+
+def _transform(part: Any) -> Array:
+    T = np.eye(4)
+    T[:3, 3] = part.xyz.si_array
+    if part.rpy is not None:
+        T[:3, :3] = rotation_rpy(part.rpy.si_array)
+    return T
+
+
+def _placement(joint: Joint) -> tuple[Array, Array]:
+    if joint.dh is not None:
+        alpha, a, d = joint.dh.alpha.si, joint.dh.a.si, joint.dh.d.si
+        pre = np.eye(4)
+        pre[:3, :3] = rotation_about_x(alpha)
+        # Rot_z and Trans_z commute, so d can be done before the joint turns.
+        pre[:3, 3] = (a, -d * np.sin(alpha), d * np.cos(alpha))
+        return pre, np.eye(3)
+    assert joint.frame is not None  # noqa: S101 - the schema guarantees one of the two
+    pre = _transform(joint.frame)
+    to_axis = _rotation_z_to(np.array(joint.frame.axis))
+    pre[:3, :3] = pre[:3, :3] @ to_axis
+    return pre, to_axis.T
+
+
+def _coupling(description: ModelDescription, index: int) -> CouplingLimit:
+    coupling = description.coupling[index]
+    names = [joint.coordinate for joint in description.joint]
+    factors = np.zeros(len(names))
+    for term in coupling.terms:
+        factors[names.index(term.coordinate)] += term.factor
+    lower, upper = coupling.limits.si_array
+    offset = 0.0 if coupling.offset is None else coupling.offset.si
+    return CouplingLimit(coupling.name, factors, offset, float(lower), float(upper))
+
+
+def _parallelogram(description: ModelDescription) -> Parallelogram | None:
+    p = description.parallelogram
+    if p is None:
+        return None
+    names = [joint.name for joint in description.joint]
+    return Parallelogram(names.index(p.driven), names.index(p.crank_about), p.pin.si_array)
+
+
+def _check_parallelogram(robot: Robot) -> None:
+    p = robot.parallelogram
+    if p is None:
+        return
+    where = f"{robot.name}: [parallelogram]"
+    if p.driven != p.crank_about + 1:
+        raise InputError(
+            f"{where} driven joint", value=robot.joint_names[p.driven],
+            allowed=f"the joint right after {robot.joint_names[p.crank_about]}, which the crank turns about",
+        )
+    # Axis of the driven joint in the frame of the body before it, against that body's own joint axis.
+    axis = robot.T_pre[p.driven][:3, 2]
+    own = robot.R_post[p.crank_about].T[:, 2]
+    if not np.allclose(axis, own, atol=1e-9):
+        raise InputError(
+            f"{where} joint axes", value=f"{np.round(own, 6).tolist()} and {np.round(axis, 6).tolist()}",
+            allowed="parallel, in the same direction", remedy="check the axes of both joints",
+        )
+    lever = p.pin - (p.pin @ own) * own
+    if np.linalg.norm(lever) < 1e-6:
+        raise InputError(f"{where} pin", value=p.pin.tolist(), allowed="a point off the driven joint's axis")

@@ -1,0 +1,39 @@
+"""Units that may stand in a robot file, by dimension, with their factor to SI."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+from typing import Final
+
+_DEG: Final = math.pi / 180.0
+_ARCMIN: Final = _DEG / 60.0
+
+UNITS: Final = MappingProxyType(
+    {
+        "length": {"m": 1.0, "mm": 1e-3},
+        "angle": {"rad": 1.0, "deg": _DEG, "mrad": 1e-3},
+        "mass": {"kg": 1.0},
+        "density": {"kg/m^3": 1.0},
+        "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
+        "rotational stiffness": {"N m/rad": 1.0, "N mm/rad": 1e-3, "kN m/rad": 1e3, "N m/arcmin": 1.0 / _ARCMIN},
+        "translational stiffness": {"N/m": 1.0, "N/mm": 1e3, "N/um": 1e6},
+        "ratio": {"1": 1.0, "%": 1e-2},
+    }
+)
+"""Dimension -> unit -> factor to the SI unit of that dimension."""
+
+
+def factor(dimension: str, unit: str) -> float:
+    """Factor that turns a value in ``unit`` into SI.
+
+    Raises
+    ------
+    ValueError
+        The unit is not one of this dimension; the message lists those that are.
+    """
+    known = UNITS[dimension]
+    if unit not in known:
+        allowed = ", ".join(known)
+        raise ValueError(f"unit {unit!r} is not a unit of {dimension}; allowed: {allowed}")
+    return known[unit]
