@@ -1,0 +1,29 @@
+"""Mechanics: beam elements, condensation, joint springs, the parallelogram loop, statics."""
+
+from fem.direct import compliance_direct, deflection_direct
+from fem.model import LINK_KINDS, ArmModel, LinkKind, build_model
+from fem.springs import ConstantSpring, LogPolynomialSpring, SpringLaw
+from fem.statics import (
+    compliance,
+    deflection,
+    deflection_by_part,
+    directional_stiffness,
+    spring_influence,
+)
+
+__all__ = [
+    "LINK_KINDS",
+    "ArmModel",
+    "ConstantSpring",
+    "LinkKind",
+    "LogPolynomialSpring",
+    "SpringLaw",
+    "build_model",
+    "compliance",
+    "compliance_direct",
+    "deflection",
+    "deflection_by_part",
+    "deflection_direct",
+    "directional_stiffness",
+    "spring_influence",
+]

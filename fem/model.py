@@ -1,0 +1,164 @@
+"""The mechanical model of an arm: condensed links, joint springs, load path. Immutable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import beam
+from fem.condensation import Superelement, condense
+from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
+from meshes import BeamMesh, crank_beam_mesh, link_beam_mesh, section_dimensions, section_properties
+from meshes.beams import body_index
+from robots import InputError, LoadPath, ModelDescription, Robot
+from robots.robot import robot_from
+from robots.schema import Joint, LogPolynomialLaw
+
+Array = NDArray[np.float64]
+LinkKind = Literal["rigid", "beam"]
+LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam")
+
+
+@dataclass(frozen=True)
+class LinkPart:
+    """A flexible link: the body it is (0 = base) and its condensed FE model."""
+
+    name: str
+    body: int
+    element: Superelement
+    mesh: BeamMesh
+
+
+@dataclass(frozen=True)
+class JointPart:
+    """The springs of one joint.
+
+    ``axial``: law about the joint axis. ``other`` (5,): constant compliances of the joint frame's
+    translations x, y, z (m/N) and rotations x, y (rad/(N m)); zero is rigid.
+    """
+
+    name: str
+    joint: int
+    axial: SpringLaw
+    other: Array
+
+
+@dataclass(frozen=True)
+class BarPart:
+    """The parallelogram's bar (axial compliance, m/N) and its crank (None when rigid)."""
+
+    compliance: float
+    crank: LinkPart | None
+
+
+@dataclass(frozen=True)
+class ArmModel:
+    """Everything the statics of an arm need. ``bar`` is None for the serial load path."""
+
+    robot: Robot
+    link_kind: LinkKind
+    load_path: LoadPath
+    links: tuple[LinkPart, ...]
+    joints: tuple[JointPart, ...]
+    bar: BarPart | None
+
+    def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
+        """A copy with other laws about the joint axes; numbers are N m/rad.
+
+        Raises
+        ------
+        InputError
+            A joint of that name does not exist.
+        """
+        unknown = sorted(set(springs) - set(self.robot.joint_names))
+        if unknown:
+            raise InputError("joint", value=unknown[0], allowed=", ".join(self.robot.joint_names))
+        laws = {name: ConstantSpring(s) if isinstance(s, float | int) else s for name, s in springs.items()}
+        return replace(
+            self, joints=tuple(replace(j, axial=laws[j.name]) if j.name in laws else j for j in self.joints)
+        )
+
+    def with_rigid_joints(self) -> ArmModel:
+        """A copy in which no joint gives way."""
+        return replace(
+            self, joints=tuple(replace(j, axial=RIGID, other=np.zeros(5)) for j in self.joints)
+        )
+
+
+def build_model(
+    description: ModelDescription, links: LinkKind = "beam", load_path: LoadPath | None = None
+) -> ArmModel:
+    """Build the mechanical model of a described robot.
+
+    Parameters
+    ----------
+    links : "beam" for flexible links, "rigid" for joints alone
+    load_path : overrides the description's; "parallelogram" needs a robot that has one
+
+    Raises
+    ------
+    InputError
+        Unknown kind of links, or a parallelogram asked of a robot without one.
+    """
+    if links not in LINK_KINDS:
+        raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))
+    robot = robot_from(description)
+    path: LoadPath = description.load_path if load_path is None else load_path
+    if path not in ("parallelogram", "serial"):
+        raise InputError("load path", value=path, allowed="parallelogram, serial")
+    if path == "parallelogram" and robot.parallelogram is None:
+        raise InputError(
+            f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram"
+        )
+    parts: tuple[LinkPart, ...] = ()
+    if links == "beam":
+        parts = tuple(
+            _link_part(link.name, body_index(robot, link.body), link_beam_mesh(description, robot, link))
+            for link in description.link
+        )
+    return ArmModel(
+        robot=robot,
+        link_kind=links,
+        load_path=path,
+        links=parts,
+        joints=tuple(_joint_part(robot, i, joint) for i, joint in enumerate(description.joint)),
+        bar=_bar_part(description, robot, links) if path == "parallelogram" else None,
+    )
+
+
+def _link_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
+    nodes = np.array(list(mesh.interfaces.values()))
+    element = condense(name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
+    return LinkPart(name, body, element, mesh)
+
+
+def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
+    axial: SpringLaw
+    if joint.stiffness is None:
+        axial = RIGID
+    elif isinstance(joint.stiffness, LogPolynomialLaw):
+        axial = spring_from(robot, joint.stiffness)
+    else:
+        axial = ConstantSpring(joint.stiffness.si)
+    other = np.zeros(5)
+    if joint.translational_stiffness is not None:
+        other[:3] = 1.0 / joint.translational_stiffness.si
+    if joint.tilt_stiffness is not None:
+        other[3:] = 1.0 / joint.tilt_stiffness.si
+    return JointPart(joint.name, index, axial, other)
+
+
+def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind) -> BarPart:
+    p, geometry = description.parallelogram, robot.parallelogram
+    if links == "rigid" or p is None or geometry is None:
+        return BarPart(0.0, None)
+    material = description.materials[p.bar_material]
+    section = section_properties(p.bar.kind, section_dimensions(p.bar), material.poissons_ratio.si)
+    length = float(np.linalg.norm(robot.T_pre[geometry.driven][:3, 3]))
+    compliance = length / (material.youngs_modulus.si * float(section.area))
+    crank = _link_part("crank", geometry.driven + 1, crank_beam_mesh(description, robot))
+    return BarPart(compliance, crank)
