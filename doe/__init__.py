@@ -1,0 +1,52 @@
+"""Experiments: measurement tables, designs, sensitivity, staged and global calibration."""
+
+from doe.comparison import (
+    Prediction,
+    constant_fit,
+    constant_left_out,
+    leave_one_pose_out,
+    model_compliances,
+    staged_left_out,
+)
+from doe.constant import ConstantFit, SpringEstimate, fit_constant
+from doe.designs import factorial_poses, level_grid, two_level_factorial
+from doe.measurements import Measurements, bundled_data, read_measurements, write_measurements
+from doe.parametric import PoseFit, fit_pose
+from doe.readings import Equations, equations, select_loads
+from doe.scheme import Scheme, bundled_scheme, load_scheme
+from doe.sensitivity import PoseEffects, sensitivity_study
+from doe.spring_regression import SpringPoints, fit_law
+from doe.staged import StagedResult, calibrate_staged
+
+__all__ = [
+    "ConstantFit",
+    "Equations",
+    "Measurements",
+    "PoseEffects",
+    "PoseFit",
+    "Prediction",
+    "Scheme",
+    "SpringEstimate",
+    "SpringPoints",
+    "StagedResult",
+    "bundled_data",
+    "bundled_scheme",
+    "calibrate_staged",
+    "constant_fit",
+    "constant_left_out",
+    "equations",
+    "factorial_poses",
+    "fit_constant",
+    "fit_law",
+    "fit_pose",
+    "leave_one_pose_out",
+    "level_grid",
+    "load_scheme",
+    "model_compliances",
+    "read_measurements",
+    "select_loads",
+    "sensitivity_study",
+    "staged_left_out",
+    "two_level_factorial",
+    "write_measurements",
+]

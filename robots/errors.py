@@ -30,7 +30,7 @@ class InputError(ValueError):
         super().__init__(text)
 
 
-class InputErrors(InputError):
+class InputErrors(InputError):  # noqa: N818 - the plural of InputError
     """Several faults found in one reading of the input, reported together."""
 
     def __init__(self, what: str, errors: Sequence[InputError]) -> None:

@@ -40,12 +40,18 @@ def as_poses(robot: Robot, q: Array) -> Array:
     poses = np.asarray(q, dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] != robot.dof:
         raise InputError(
-            f"pose array for {robot.name}", value=f"shape {poses.shape}", allowed=f"(n, {robot.dof}) in rad"
+            f"pose array for {robot.name}",
+            value=f"shape {poses.shape}",
+            allowed=f"(n, {robot.dof}) in rad",
+            remedy="pass one row a pose",
         )
     if not np.isfinite(poses).all():
         row = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
         raise InputError(
-            f"pose {row} for {robot.name}", value=poses[row].tolist(), allowed="finite joint angles (rad)"
+            f"pose {row} for {robot.name}",
+            value=poses[row].tolist(),
+            allowed="finite joint angles (rad)",
+            remedy="remove or complete that pose",
         )
     return poses
 
@@ -79,8 +85,10 @@ def forward_kinematics(robot: Robot, q: Array) -> BodyFrames:
 def tool_position(robot: Robot, frames: BodyFrames, point: Array | None = None) -> Array:
     """Tool point, or ``point`` given in the flange frame ((3,) or (n, 3) m), in the base frame (n, 3)."""
     local = robot.T_flange_tool[:3, 3] if point is None else np.asarray(point, dtype=np.float64)
-    return np.asarray(frames.p_flange + np.einsum("nij,...j->ni" if local.ndim == 1 else "nij,nj->ni",
-                                                  frames.R_flange, local))
+    return np.asarray(
+        frames.p_flange
+        + np.einsum("nij,...j->ni" if local.ndim == 1 else "nij,nj->ni", frames.R_flange, local)
+    )
 
 
 def jacobian(robot: Robot, q: Array, point: Array | None = None) -> Array:

@@ -15,7 +15,13 @@ from pydantic import ValidationError
 
 from robots.errors import InputError, InputErrors
 from robots.robot import Robot, robot_from
-from robots.schema import ModelDescription
+from robots.schema import ModelDescription, ReferenceFaults
+
+# pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
+_WORDS = {
+    "missing": ("this key is missing", "add it (a figure is a table { value, unit, source })"),
+    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
+}
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -39,7 +45,9 @@ def load_description(model: str | Path) -> ModelDescription:
     path = Path(model)
     if not path.is_file():
         raise InputError(
-            "model", value=name, allowed=f"{', '.join(bundled_names())}, or the path of a model TOML",
+            "model",
+            value=name,
+            allowed=f"{', '.join(bundled_names())}, or the path of a model TOML",
             remedy="`stiffarm robots` lists the bundled ones",
         )
     try:
@@ -54,19 +62,42 @@ def parse_description(text: str, where: str) -> ModelDescription:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+        raise InputError(
+            f"{where} is not valid TOML ({error})", remedy="mend the file at that line"
+        ) from error
     try:
         return ModelDescription.model_validate(data)
     except ValidationError as error:
-        faults = [_fault(where, item) for item in error.errors()]
+        faults = [fault for item in error.errors() for fault in _faults(where, data, item)]
         raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
 
 
-def _fault(where: str, item: Any) -> InputError:
-    place = ".".join(str(step) for step in item["loc"]) or "file"
-    message = str(item["msg"]).removeprefix("Value error, ")
-    shown = item["input"] if isinstance(item["input"], str | int | float | bool) else None
-    return InputError(f"{where}: {place}: {message}", value=shown)
+def _faults(where: str, data: Any, item: Any) -> list[InputError]:
+    message, remedy = _WORDS.get(
+        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
+    )
+    cause = item.get("ctx", {}).get("error")
+    messages = cause.faults if isinstance(cause, ReferenceFaults) else (message,)
+    value = item["input"]
+    shown = value if isinstance(value, str | int | float | list) else None
+    place = _place(data, item["loc"])
+    return [InputError(f"{where}: {place}: {text}", value=shown, remedy=remedy) for text in messages]
+
+
+def _place(data: Any, loc: tuple[int | str, ...]) -> str:
+    """Name the path to a key as a reader of the file would: entries of a list by their name."""
+    steps: list[str] = []
+    node = data
+    for step in loc:
+        if isinstance(node, dict) and step in node:
+            node = node[step]
+        elif isinstance(node, list) and isinstance(step, int) and step < len(node):
+            node = node[step]
+            if isinstance(node, dict) and isinstance(node.get("name"), str):
+                step = node["name"]
+        # Else the step is pydantic's own (the branch of a union) or the missing key: the path goes on.
+        steps.append(str(step))
+    return ".".join(steps) or "file"
 
 
 def load_robot(model: str | Path) -> Robot:
@@ -75,7 +106,7 @@ def load_robot(model: str | Path) -> Robot:
 
 
 def to_toml(description: ModelDescription) -> str:
-    """The description as TOML text; reading it back gives the same description."""
+    """Write the description as TOML text; reading it back gives the same description."""
     data = description.model_dump(mode="json", by_alias=True, exclude_none=True)
     return tomlkit.dumps(data)
 
@@ -86,15 +117,20 @@ def save_description(description: ModelDescription, path: Path) -> None:
     Raises
     ------
     InputError
-        The file exists already.
+        The file exists already, or its folder does not.
     """
     if path.exists():
         raise InputError(
             f"model file {path} exists already", remedy="choose another name; models are never overwritten"
         )
+    if not path.parent.is_dir():
+        raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(to_toml(description), encoding="utf-8")
-    temporary.replace(path)
+    try:
+        temporary.write_text(to_toml(description), encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def content_hash(description: ModelDescription) -> str:

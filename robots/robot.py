@@ -77,7 +77,21 @@ class Robot:
         return self.coordinates.index(coordinate)
 
     def reachable(self, q: Array) -> NDArray[np.bool_]:
-        """Which poses keep all joint limits and couplings; q (n, dof) rad -> (n,)."""
+        """Which poses keep all joint limits and couplings; q (n, dof) rad -> (n,). NaN is not reachable.
+
+        Raises
+        ------
+        InputError
+            Wrong shape.
+        """
+        q = np.asarray(q, dtype=np.float64)
+        if q.ndim != 2 or q.shape[1] != self.dof:
+            raise InputError(
+                f"pose array for {self.name}",
+                value=f"shape {q.shape}",
+                allowed=f"(n, {self.dof}) in rad",
+                remedy="pass one row a pose",
+            )
         inside = np.all(
             (q >= self.limits[:, 0] - LIMIT_TOLERANCE_RAD) & (q <= self.limits[:, 1] + LIMIT_TOLERANCE_RAD),
             axis=1,
@@ -88,7 +102,7 @@ class Robot:
         return np.asarray(inside, dtype=np.bool_)
 
     def violations(self, q: Array) -> list[str]:
-        """What is wrong with one pose (dof,), in words and degrees; empty if it can be taken."""
+        """Say what is wrong with one pose (dof,) rad, in words and degrees; empty if it can be taken."""
         out = []
         for name, value, (lower, upper) in zip(self.coordinates, q, self.limits, strict=True):
             if not lower - LIMIT_TOLERANCE_RAD <= value <= upper + LIMIT_TOLERANCE_RAD:
@@ -157,13 +171,13 @@ def rotation_rpy(rpy: Array) -> Array:
 
 
 def _rotation_z_to(axis: Array) -> Array:
-    """The rotation that turns z into ``axis`` by the shortest way."""
+    """Turn z into ``axis`` by the shortest way."""
     a = axis / np.linalg.norm(axis)
     if a[2] < -1.0 + 1e-12:
         return rotation_about_x(np.pi)
     v = np.array([-a[1], a[0], 0.0])
     vx = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.eye(3) + vx + vx @ vx / (1.0 + a[2])
+    return np.asarray(np.eye(3) + vx + vx @ vx / (1.0 + a[2]))
 
 
 def _transform(part: Any) -> Array:
@@ -215,17 +229,28 @@ def _check_parallelogram(robot: Robot) -> None:
     where = f"{robot.name}: [parallelogram]"
     if p.driven != p.crank_about + 1:
         raise InputError(
-            f"{where} driven joint", value=robot.joint_names[p.driven],
+            f"{where} driven joint",
+            value=robot.joint_names[p.driven],
             allowed=f"the joint right after {robot.joint_names[p.crank_about]}, which the crank turns about",
+            remedy="name that joint as 'driven', or another as 'crank_about'",
         )
     # Axis of the driven joint in the frame of the body before it, against that body's own joint axis.
     axis = robot.T_pre[p.driven][:3, 2]
     own = robot.R_post[p.crank_about].T[:, 2]
     if not np.allclose(axis, own, atol=1e-9):
         raise InputError(
-            f"{where} joint axes", value=f"{np.round(own, 6).tolist()} and {np.round(axis, 6).tolist()}",
-            allowed="parallel, in the same direction", remedy="check the axes of both joints",
+            f"{where} joint axes",
+            value=f"{np.round(own, 6).tolist()} and {np.round(axis, 6).tolist()}",
+            allowed="parallel, in the same direction",
+            remedy="check the axes of both joints",
         )
-    lever = p.pin - (p.pin @ own) * own
+    # The pin is given in the driven body's frame, so the lever is measured from the axis in that frame.
+    driven_axis = robot.R_post[p.driven].T[:, 2]
+    lever = p.pin - (p.pin @ driven_axis) * driven_axis
     if np.linalg.norm(lever) < 1e-6:
-        raise InputError(f"{where} pin", value=p.pin.tolist(), allowed="a point off the driven joint's axis")
+        raise InputError(
+            f"{where} pin",
+            value=p.pin.tolist(),
+            allowed="a point off the driven joint's axis",
+            remedy="check the pin's position",
+        )

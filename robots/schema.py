@@ -6,11 +6,14 @@ table, or ``"assumed"``, ``"derived"`` or ``"definition"``; so no figure is with
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from numbers import Real
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
 from robots.units import factor
 
@@ -20,8 +23,16 @@ BUILT_IN_SOURCES = ("assumed", "derived", "definition")
 LoadPath = Literal["parallelogram", "serial"]
 
 
+class ReferenceFaults(ValueError):  # noqa: N818 - a list of faults
+    """Every name in the file that is used twice or leads nowhere, one message each."""
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("; ".join(faults))
+
+
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Quantity(_Strict):
@@ -34,11 +45,15 @@ class Quantity(_Strict):
     source: str
     note: str | None = None
 
-    @field_validator("value")
+    @field_validator("value", mode="before")
     @classmethod
-    def _finite(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if not np.all(np.isfinite(value)):
-            raise ValueError("must be a finite number")
+    def _finite_numbers(cls, value: Any) -> Any:
+        # Before pydantic's own reading, which takes "12" for 12 and true for 1.
+        for entry in value if isinstance(value, list | tuple) else (value,):
+            if isinstance(entry, bool) or not isinstance(entry, Real):
+                raise ValueError("must be a number or a list of numbers")  # noqa: TRY004 - as below
+            if not math.isfinite(entry):
+                raise ValueError("must be a finite number")
         return value
 
     @field_validator("unit")
@@ -74,7 +89,7 @@ class _Positive(_Scalar):
     @classmethod
     def _above_zero(cls, value: float) -> float:
         if not value > 0.0:
-            raise ValueError(f"must be greater than zero, got {value}")
+            raise ValueError("must be greater than zero")
         return value
 
 
@@ -156,6 +171,16 @@ class Ratio(_Scalar):
     dimension = "ratio"
 
 
+class PoissonsRatio(Ratio):
+    """A Poisson's ratio: an isotropic material is stable only between -1 and 0.5."""
+
+    @model_validator(mode="after")
+    def _stable(self) -> Self:
+        if not -1.0 < self.si < 0.5:
+            raise ValueError(f"Poisson's ratio {self.si:g} is not between -1 and 0.5")
+        return self
+
+
 class RotationalStiffness(_Positive):
     """A stiffness against rotation."""
 
@@ -220,6 +245,19 @@ class LogPolynomialLaw(_Strict):
         return self
 
 
+def _spring_kind(value: Any) -> str:
+    keys = value if isinstance(value, dict) else {}
+    law = isinstance(value, LogPolynomialLaw) or "kind" in keys or "coefficients" in keys
+    return "law" if law else "constant"
+
+
+# Told apart before validation: otherwise one slip in a constant is reported as eight faults of a law.
+Spring = Annotated[
+    Annotated[RotationalStiffness, Tag("constant")] | Annotated[LogPolynomialLaw, Tag("law")],
+    Discriminator(_spring_kind),
+]
+
+
 class Joint(_Strict):
     """A revolute joint: where it sits, how its coordinate turns it, its limits and its springs."""
 
@@ -230,7 +268,7 @@ class Joint(_Strict):
     sign: Literal[1, -1] = 1
     offset: Angle | None = None
     limits: AngleRange
-    stiffness: RotationalStiffness | LogPolynomialLaw | None = None
+    stiffness: Spring | None = None
     tilt_stiffness: RotationalStiffness | None = None
     translational_stiffness: TranslationalStiffness | None = None
 
@@ -259,7 +297,10 @@ class BoxSection(_Strict):
     @model_validator(mode="after")
     def _wall_fits(self) -> Self:
         if 2.0 * self.wall.si > min(self.width.si, self.height.si):
-            raise ValueError("the wall is thicker than half of the section")
+            raise ValueError(
+                f"the wall ({self.wall.si:g} m) is thicker than half of the section "
+                f"({self.width.si:g} x {self.height.si:g} m)"
+            )
         return self
 
 
@@ -273,7 +314,9 @@ class TubeSection(_Strict):
     @model_validator(mode="after")
     def _wall_fits(self) -> Self:
         if 2.0 * self.wall.si > self.diameter.si:
-            raise ValueError("the wall is thicker than half of the diameter")
+            raise ValueError(
+                f"the wall ({self.wall.si:g} m) is thicker than half of the diameter ({self.diameter.si:g} m)"
+            )
         return self
 
 
@@ -284,7 +327,7 @@ class Material(_Strict):
     """Isotropic elastic material."""
 
     youngs_modulus: Modulus
-    poissons_ratio: Ratio
+    poissons_ratio: PoissonsRatio
     density: Density
 
 
@@ -303,6 +346,13 @@ class Link(_Strict):
     via: tuple[Position, ...] = ()
     beam_up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     mass: Mass | None = None
+
+    @field_validator("beam_up")
+    @classmethod
+    def _nonzero(cls, beam_up: tuple[float, float, float]) -> tuple[float, float, float]:
+        if not np.linalg.norm(beam_up) > 1e-9:
+            raise ValueError("the direction must not have length zero")
+        return beam_up
 
     @model_validator(mode="after")
     def _same_kind(self) -> Self:
@@ -366,7 +416,7 @@ class Calibration(_Strict):
     data: str
     data_sha256: str
     rms_mm: float
-    loads_N: tuple[float, ...]
+    loads_N: tuple[float, ...]  # noqa: N815 - units are in the names of the file's keys
     notes: tuple[str, ...] = ()
 
 
@@ -391,50 +441,63 @@ class ModelDescription(_Strict):
     calibration: Calibration | None = None
 
     @model_validator(mode="after")
-    def _names_are_unique_and_known(self) -> Self:
-        joints = [joint.name for joint in self.joint]
-        coordinates = [joint.coordinate for joint in self.joint]
-        for kind, names in (
-            ("joint", joints), ("coordinate", coordinates), ("link", [link.name for link in self.link])
-        ):
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise ValueError(f"{kind} name used twice: {', '.join(twice)}")
-        bodies = ["base", *joints]
-        for link in self.link:
-            _known("link body", link.body, bodies)
-            _known("material", link.material, list(self.materials))
-        for coupling in self.coupling:
-            for term in coupling.terms:
-                _known("coordinate", term.coordinate, coordinates)
-        for joint in self.joint:
-            if isinstance(joint.stiffness, LogPolynomialLaw):
-                for name in joint.stiffness.inputs:
-                    _known("coordinate", name, coordinates)
-        if self.parallelogram is not None:
-            _known("joint", self.parallelogram.driven, joints)
-            _known("joint", self.parallelogram.crank_about, joints)
-            for material in (self.parallelogram.bar_material, self.parallelogram.crank_material):
-                _known("material", material, list(self.materials))
-        elif self.load_path == "parallelogram":
-            raise ValueError("load_path is 'parallelogram' but the file has no [parallelogram]")
-        return self
-
-    @model_validator(mode="after")
-    def _sources_exist(self) -> Self:
-        known = {*self.sources, *BUILT_IN_SOURCES}
-        missing = sorted({source for source in _sources_used(self.model_dump()) if source not in known})
-        if missing:
-            raise ValueError(
-                f"source not listed under [sources]: {', '.join(missing)} "
-                f"(or use one of {', '.join(BUILT_IN_SOURCES)})"
+    def _references_hold(self) -> Self:
+        faults = [*_names_used_twice(self), *_unknown_names(self), *_unlisted_sources(self)]
+        if self.load_path == "parallelogram" and self.parallelogram is None:
+            faults.append(
+                "load_path is 'parallelogram' but the file has no [parallelogram]; "
+                "add that table or set load_path = 'serial'"
             )
+        if faults:
+            raise ReferenceFaults(faults)
         return self
 
 
-def _known(kind: str, name: str, allowed: list[str]) -> None:
-    if name not in allowed:
-        raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(allowed) or 'none'}")
+def _names_used_twice(model: ModelDescription) -> list[str]:
+    faults = []
+    for kind, names in (
+        ("joint", [joint.name for joint in model.joint]),
+        ("coordinate", [joint.coordinate for joint in model.joint]),
+        ("link", [link.name for link in model.link]),
+    ):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            faults.append(f"{kind} name used twice: {', '.join(twice)}")
+    return faults
+
+
+def _unknown_names(model: ModelDescription) -> list[str]:
+    known = {
+        "joint": list(dict.fromkeys(joint.name for joint in model.joint)),
+        "coordinate": [joint.coordinate for joint in model.joint],
+        "material": list(model.materials),
+    }
+    known["link body"] = ["base", *known["joint"]]
+    used = [("link body", link.body) for link in model.link]
+    used += [("material", link.material) for link in model.link]
+    used += [("coordinate", term.coordinate) for coupling in model.coupling for term in coupling.terms]
+    for joint in model.joint:
+        if isinstance(joint.stiffness, LogPolynomialLaw):
+            used += [("coordinate", name) for name in joint.stiffness.inputs]
+    p = model.parallelogram
+    if p is not None:
+        used += [("joint", p.driven), ("joint", p.crank_about)]
+        used += [("material", p.bar_material), ("material", p.crank_material)]
+    return [
+        f"unknown {kind} {name!r}; known: {', '.join(known[kind]) or 'none'}"
+        for kind, name in dict.fromkeys(used)
+        if name not in known[kind]
+    ]
+
+
+def _unlisted_sources(model: ModelDescription) -> list[str]:
+    missing = _sources_used(model.model_dump()) - {*model.sources, *BUILT_IN_SOURCES}
+    if not missing:
+        return []
+    return [
+        f"source not listed under [sources]: {', '.join(sorted(missing))} "
+        f"(or use one of {', '.join(BUILT_IN_SOURCES)})"
+    ]
 
 
 def _sources_used(node: Any) -> set[str]:

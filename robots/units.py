@@ -16,7 +16,12 @@ UNITS: Final = MappingProxyType(
         "mass": {"kg": 1.0},
         "density": {"kg/m^3": 1.0},
         "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
-        "rotational stiffness": {"N m/rad": 1.0, "N mm/rad": 1e-3, "kN m/rad": 1e3, "N m/arcmin": 1.0 / _ARCMIN},
+        "rotational stiffness": {
+            "N m/rad": 1.0,
+            "N mm/rad": 1e-3,
+            "kN m/rad": 1e3,
+            "N m/arcmin": 1.0 / _ARCMIN,
+        },
         "translational stiffness": {"N/m": 1.0, "N/mm": 1e3, "N/um": 1e6},
         "ratio": {"1": 1.0, "%": 1e-2},
     }

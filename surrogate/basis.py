@@ -25,10 +25,10 @@ BasisName = Literal["polynomial", "trigonometric"]
 BASIS_NAMES: tuple[BasisName, ...] = ("polynomial", "trigonometric")
 MAX_INPUTS = 6
 MAX_DEGREE = 20
-# Beyond this a fit needs gigabytes (at least terms x terms numbers), so it is refused with a remedy.
-MAX_TERMS = 20_000
-# Numbers in one block of the design matrix while evaluating: 4 MB, which stays in the cache.
-_BLOCK = 500_000
+# Beyond this a fit takes gigabytes and hours: terms x runs numbers, terms^2 x runs operations.
+MAX_TERMS = 6_000
+# Numbers in one block of the design matrix while evaluating: 0.8 MB, so that it stays in the cache.
+_BLOCK = 100_000
 # One-dimensional functions closer to dependent than this leave fewer than four digits.
 _WORST_RECOMBINATION = 1e12
 
@@ -76,7 +76,8 @@ class Basis:
             raise InputError("basis: half_range", value=list(self.half_range), allowed="greater than 0")
         if len(self.terms) != term_count(self.name, self.degree, k):
             raise InputError(
-                "basis: number of terms", value=len(self.terms),
+                "basis: number of terms",
+                value=len(self.terms),
                 allowed=f"{term_count(self.name, self.degree, k)} for {self.name} {self.degree}, {k} inputs",
             )
         if set(self.terms) != set(_terms(self.name, self.degree, k)):
@@ -115,7 +116,7 @@ class Basis:
         return out.T
 
     def evaluate(self, Q: Array, coefficients: Array) -> Array:
-        """The sum of coefficients times terms, in blocks; Q (n, k) rad, coefficients (t,) -> (n,)."""
+        """Sum coefficients times terms, in blocks; Q (n, k) rad, coefficients (t,) -> (n,)."""
         out = np.empty(len(Q))
         step = max(1, _BLOCK // self.n_terms)
         for start in range(0, len(Q), step):
@@ -176,26 +177,37 @@ def trigonometric_basis(lower: Array, upper: Array, order: int = 2) -> Basis:
 
 
 def make_basis(name: BasisName, lower: Array, upper: Array, degree: int) -> Basis:
-    """The basis called ``name`` over the box lower..upper (k,) rad; see the two functions above."""
+    """Make the basis called ``name`` over the box lower..upper (k,) rad; see the two functions above."""
+    lo, hi = as_box(lower, upper)
+    _check_size(name, degree, len(lo))
+    centre, half = 0.5 * (lo + hi), 0.5 * (hi - lo)
+    return Basis(
+        name,
+        degree,
+        tuple(centre.tolist()),
+        tuple(half.tolist()),
+        _terms(name, degree, len(lo)),
+        tuple(_recombine(h, degree) for h in half) if name == "trigonometric" else (),
+    )
+
+
+def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Check the limits (k,) rad of a box: InputError unless finite, each lower one below its upper one."""
     lo, hi = np.atleast_1d(np.asarray(lower, np.float64)), np.atleast_1d(np.asarray(upper, np.float64))
     if lo.shape != hi.shape or lo.ndim != 1:
         raise InputError("domain: lower and upper", value=f"shapes {lo.shape} and {hi.shape}", allowed="(k,)")
     if not (np.all(np.isfinite(lo)) and np.all(np.isfinite(hi)) and np.all(lo < hi)):
         raise InputError(
-            "domain", value=f"{np.degrees(lo).tolist()} to {np.degrees(hi).tolist()} deg",
+            "domain",
+            value=f"{np.degrees(lo).tolist()} to {np.degrees(hi).tolist()} deg",
             allowed="finite, each lower limit below its upper limit",
             remedy="give a range to each input, or make the input a fixed coordinate",
         )
-    _check_size(name, degree, len(lo))
-    centre, half = 0.5 * (lo + hi), 0.5 * (hi - lo)
-    return Basis(
-        name, degree, tuple(centre.tolist()), tuple(half.tolist()), _terms(name, degree, len(lo)),
-        tuple(_recombine(h, degree) for h in half) if name == "trigonometric" else (),
-    )
+    return lo, hi
 
 
 def term_count(name: BasisName, degree: int, n_inputs: int) -> int:
-    """Number of terms: C(k + degree, degree), or (2 degree + 1)^k."""
+    """Count the terms: C(k + degree, degree), or (2 degree + 1)^k."""
     if name == "polynomial":
         return comb(n_inputs + degree, degree)
     return int((2 * degree + 1) ** n_inputs)
@@ -211,8 +223,10 @@ def _check_size(name: str, degree: int, n_inputs: int) -> None:
     terms = term_count("polynomial" if name == "polynomial" else "trigonometric", degree, n_inputs)
     if terms > MAX_TERMS:
         raise InputError(
-            f"basis: terms of {name} {degree} with {n_inputs} inputs", value=terms,
-            allowed=f"at most {MAX_TERMS}", remedy="lower the degree or fix one of the coordinates",
+            f"basis: terms of {name} {degree} with {n_inputs} inputs",
+            value=terms,
+            allowed=f"at most {MAX_TERMS}",
+            remedy="lower the degree or fix one of the coordinates",
         )
 
 
@@ -238,7 +252,7 @@ def _harmonics(x: Array, order: int) -> Array:
 
 
 def _recombine(half_range: float, order: int) -> tuple[tuple[float, ...], ...]:
-    """The matrix that makes the harmonics orthonormal for the mean over -half_range..half_range."""
+    """Find the matrix that makes the harmonics orthonormal for the mean over -half_range..half_range."""
     # Gauss-Legendre is exact to round-off here: 40 nodes or more for each turn of the fastest product.
     u, w = np.polynomial.legendre.leggauss(40 + int(40 * order * half_range / np.pi))
     q, r = np.linalg.qr((_harmonics(half_range * u, order) * np.sqrt(0.5 * w)).T)

@@ -1,0 +1,308 @@
+"""Measured deflections: the table in memory, reading it with every fault named, writing it back."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from importlib import resources
+from itertools import compress
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import measurement_columns as mc
+from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
+from robots import InputError, Robot
+
+BUNDLED: Final = MappingProxyType({"xr701": "xr701_gotlih.csv"})
+# Beyond these an arm is hardly a robot: the units are more likely wrong than the arm.
+LARGEST_DEFLECTION_M = 0.1
+STIFFNESS_RANGE_N_PER_M = (1e3, 1e9)
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """Deflection readings of n poses and loads; SI, base frame.
+
+    ``source`` and ``sha256`` name the file. ``q`` (n, dof) rad; ``wrench`` (n, 6) N, N m;
+    ``displacement`` (n, 6) m, rad, NaN = not read; ``point`` (n, 3) m in the flange frame, a NaN row =
+    the model's tool point; ``sigma`` (n,) m and ``step`` (n,), NaN = not given. ``row_numbers`` are lines
+    of the file (header = 1). ``extra`` keeps unknown columns as text, ``notes`` the warnings in words.
+
+    Raises
+    ------
+    InputError
+        A field has another length than ``q``, or ``q`` or ``wrench`` is not finite.
+    """
+
+    source: str
+    sha256: str
+    q: Array
+    wrench: Array
+    displacement: Array
+    point: Array
+    sigma: Array
+    pose: tuple[str, ...]
+    repeat: tuple[int | None, ...]
+    phase: tuple[str | None, ...]
+    step: Array
+    row_numbers: tuple[int, ...]
+    extra: dict[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.q)
+        widths = {"wrench": (6,), "displacement": (6,), "point": (3,), "sigma": (), "step": ()}
+        for name, width in widths.items():
+            shape = getattr(self, name).shape
+            if shape != (n, *width):
+                raise InputError(f"measurements: {name}", value=f"shape {shape}", allowed=f"{(n, *width)}")
+        columns = {name: getattr(self, name) for name in ("pose", "repeat", "phase", "row_numbers")}
+        for name, column in {**columns, **self.extra}.items():
+            if len(column) != n:
+                raise InputError(f"measurements: {name}", value=f"{len(column)} entries", allowed=f"{n}")
+        if self.q.ndim != 2 or not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all()):
+            raise InputError("measurements: q, wrench", allowed="finite numbers, (n, dof) and (n, 6)")
+
+    @property
+    def n(self) -> int:
+        """Number of readings."""
+        return len(self.q)
+
+    @property
+    def loads_N(self) -> Array:  # noqa: N802 - the unit's letter
+        """Magnitude of the force (n,), N; moments do not count."""
+        return np.asarray(np.linalg.norm(self.wrench[:, :3], axis=1), dtype=np.float64)
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Which components were read (n, 6)."""
+        return np.asarray(~np.isnan(self.displacement), dtype=np.bool_)
+
+    def select(self, mask: NDArray[np.bool_]) -> Measurements:
+        """Return the readings where ``mask`` (n,) is true; source, hash and notes stay."""
+        mask = np.asarray(mask)
+        if mask.dtype != np.bool_ or mask.shape != (self.n,):
+            raise InputError(
+                "mask of readings", value=f"{mask.dtype}, {mask.shape}", allowed=f"bool, ({self.n},)"
+            )
+        parts: dict[str, object] = {"extra": {k: tuple(compress(v, mask)) for k, v in self.extra.items()}}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                parts[item.name] = value[mask]
+            elif isinstance(value, tuple) and item.name != "notes":
+                parts[item.name] = tuple(compress(value, mask))
+        return replace(self, **parts)  # type: ignore[arg-type]
+
+    def pose_groups(self) -> dict[str, NDArray[np.intp]]:
+        """Row indices of each pose label, labels in order of first appearance."""
+        labels = np.array(self.pose, dtype=object)
+        return {label: np.flatnonzero(labels == label) for label in dict.fromkeys(self.pose)}
+
+
+def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = True) -> Measurements:
+    """Read a measurement table (CSV or XLSX, first sheet) for ``robot``.
+
+    Empty joint and load cells are faults, an empty reading is "not read"; wholly blank lines are skipped
+    with a note. With ``check_reach`` each pose must keep the robot's limits and couplings.
+
+    Raises
+    ------
+    InputErrors
+        Faults in the header or the rows, all of them, each with line, column, value and remedy.
+    InputError
+        The file as a whole cannot be read.
+    """
+    table = mc.read_table(Path(path))
+    faults = Faults(table.name)
+    columns = mc.find_columns(table, robot, faults)
+    header_fits = not faults.found
+    table = mc.drop_ragged(table, faults)
+    m = _assemble(table, columns, robot, faults)
+    if header_fits and m.n:
+        for check in (_check_readings, _check_labels, _check_duplicates):
+            check(m, faults)
+        if check_reach:
+            _check_reach(m, robot, faults)
+    faults.raise_if_any()
+    return replace(m, notes=(*_column_notes(table, columns, robot), *_plausibility_notes(m)))
+
+
+def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Measurements:
+    """Parse all cells; rows with a fault are recorded and left out, so that later checks see numbers only."""
+    cells = (table, columns)
+    q = mc.numbers(*cells, robot.coordinates, faults, missing=0.0)
+    wrench = mc.numbers(*cells, LOADS, faults, missing=0.0)
+    displacement = mc.numbers(*cells, DISPLACEMENTS, faults, empty="not read")
+    point = mc.numbers(*cells, POINT, faults, empty="the tool point")
+    sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
+    step = mc.numbers(*cells, ("step",), faults, empty="not known")[:, 0]
+    mc.check_words(table, columns, faults)
+    bad = {line for line, _ in faults.found}
+    good = np.array([line not in bad for line in table.lines], dtype=np.bool_)
+
+    def words(index: int | None) -> tuple[str, ...]:
+        return tuple(compress(mc.texts(table, index), good))
+
+    known = columns.known
+    return Measurements(
+        source=table.name, sha256=table.sha256, q=q[good], wrench=wrench[good],
+        displacement=displacement[good], point=point[good], sigma=sigma[good], step=step[good],
+        pose=words(known["pose"]) if "pose" in known else _labels(q[good]),
+        repeat=tuple(int(text) if text else None for text in words(known.get("repeat"))),
+        phase=tuple(text or None for text in words(known.get("phase"))),
+        row_numbers=tuple(compress(table.lines, good)),
+        extra={name: words(index) for name, index in columns.unknown.items()}, notes=(),
+    )  # fmt: skip
+
+
+def _joint_keys(q: Array) -> list[tuple[float, ...]]:
+    # 1e-9 rad is the robots' own tolerance for "the same angle"; adding 0.0 turns -0.0 into 0.0.
+    return [tuple(row) for row in (np.round(q, 9) + 0.0).tolist()]
+
+
+def _labels(q: Array) -> tuple[str, ...]:
+    found: dict[tuple[float, ...], str] = {}
+    return tuple(found.setdefault(key, f"P{len(found) + 1}") for key in _joint_keys(q))
+
+
+def _check_readings(m: Measurements, faults: Faults) -> None:
+    given = ~np.isnan(m.point)
+    for wrong, problem, allowed, remedy in (
+        (~m.used.any(axis=1), "no deflection was read", f"at least one of {', '.join(DISPLACEMENTS)}",
+         "fill in a reading or remove the row"),
+        (~m.wrench.any(axis=1), "the load is zero in every component", "a load other than 0",
+         "give the load, or remove the row: deflections are relative to the unloaded arm"),
+        (given.any(axis=1) & ~given.all(axis=1), f"columns {', '.join(POINT)}: the point is incomplete",
+         "three numbers, or three empty cells (the tool point)", "fill in the missing coordinate, 0 too"),
+    ):  # fmt: skip
+        for i in np.flatnonzero(wrong):
+            faults.add(m.row_numbers[i], problem, allowed=allowed, remedy=remedy)
+
+
+def _check_labels(m: Measurements, faults: Faults) -> None:
+    first: dict[str, tuple[int, tuple[float, ...]]] = {}
+    for line, label, key in zip(m.row_numbers, m.pose, _joint_keys(m.q), strict=True):
+        known_line, known_key = first.setdefault(label, (line, key))
+        if key != known_key:
+            faults.add(line, "column pose, the label stands for other joint angles before", value=label,
+                       allowed=f"the angles of row {known_line}",
+                       remedy="correct the angles, or give this pose a label of its own")  # fmt: skip
+
+
+def _check_duplicates(m: Measurements, faults: Faults) -> None:
+    # NaN never equals itself; inf cannot occur in a table, so it can stand for "not given" in a key.
+    settings = np.nan_to_num(np.column_stack([m.wrench, m.point, m.step]), nan=np.inf) + 0.0
+    seen: dict[object, list[int]] = {}
+    keys = zip(_joint_keys(m.q), map(tuple, settings.tolist()), m.repeat, m.phase, strict=True)
+    for i, key in enumerate(keys):
+        earlier = seen.setdefault(key, [])
+        for j in earlier:
+            both = m.used[i] & m.used[j]
+            if both.any():
+                same = np.array_equal(m.displacement[i, both], m.displacement[j, both])
+                problem = f"the reading {'repeats' if same else 'contradicts'} that of row {m.row_numbers[j]}"
+                faults.add(m.row_numbers[i], f"{problem} (same joints, load, point, repeat, phase and step)",
+                           allowed="each reading once",
+                           remedy="give each a number in the column repeat, or remove one")  # fmt: skip
+                break
+        earlier.append(i)
+
+
+def _check_reach(m: Measurements, robot: Robot, faults: Faults) -> None:
+    for i in np.flatnonzero(~robot.reachable(m.q)):
+        for problem in robot.violations(m.q[i]):
+            faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}", allowed="that range",
+                       remedy="correct the angles, or the limits in the model file")  # fmt: skip
+
+
+def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
+    for kind, group in (("joint", robot.coordinates), ("load", LOADS)):
+        if missing := [name for name in group if name not in columns.known]:
+            yield f"{kind} columns missing, taken as 0: {', '.join(missing)}"
+    if columns.unknown:
+        yield f"unknown columns, kept but not used: {', '.join(columns.unknown)}"
+    if table.blank:
+        yield f"blank lines skipped: {', '.join(map(str, table.blank))}"
+
+
+def _plausibility_notes(m: Measurements) -> Iterator[str]:
+    force, moved = m.wrench[:, :3], m.displacement[:, :3]
+    read = moved[~np.isnan(moved)]
+    if read.size and np.all(np.abs(read) > LARGEST_DEFLECTION_M):
+        yield f"every deflection is larger than {LARGEST_DEFLECTION_M * 1e3:g} mm: are the units right?"
+    loaded = force != 0.0
+    # Only where every loaded direction was read is the directional stiffness known.
+    work = np.where(loaded, force * moved, 0.0).sum(axis=1)
+    known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
+    stiffness = m.loads_N[known] ** 2 / np.abs(work[known])
+    lower, upper = STIFFNESS_RANGE_N_PER_M
+    odd = np.flatnonzero(known)[(stiffness < lower) | (stiffness > upper)]
+    if odd.size:
+        rows = ", ".join(str(m.row_numbers[i]) for i in odd[:10]) + (" ..." if odd.size > 10 else "")
+        limits = f"{lower / 1e3:g} to {upper / 1e3:g} N/mm"
+        yield f"{odd.size} reading(s) with a stiffness outside {limits}: are the units right? Rows {rows}"
+    against = int((work[known] < 0.0).sum())
+    if 2 * against > int(known.sum()):
+        yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "
+               "(a downward load has fz_N < 0 and gives dz_mm < 0)")  # fmt: skip
+
+
+def write_measurements(m: Measurements, path: str | Path, robot: Robot) -> None:
+    """Write the CSV contract, under a temporary name first; an existing file is replaced.
+
+    All joint and load columns are written, of the others those that hold something. Numbers carry 15
+    significant digits in the file's units, so what was read from such a file comes back the same.
+
+    Raises
+    ------
+    InputError
+        Not a ``.csv`` path, no such folder, or another robot's number of joints.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".csv" or not path.parent.is_dir():
+        raise InputError("measurement file to write", value=str(path), allowed="a .csv in an existing folder")
+    if m.q.shape[1] != robot.dof:
+        raise InputError("measurements: joints", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
+    columns = _text_columns(m, robot)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _text_columns(m: Measurements, robot: Robot) -> dict[str, tuple[str, ...]]:
+    def column(name: str, values: Array) -> tuple[str, ...]:
+        return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name)).tolist())
+
+    needed = ("pose", *robot.coordinates, *LOADS)
+    names = (*needed[1:], *DISPLACEMENTS, *POINT, "sigma_mm", "step")
+    values = np.column_stack([m.q, m.wrench, m.displacement, m.point, m.sigma, m.step]).T
+    columns = {"pose": m.pose} | {name: column(name, v) for name, v in zip(names, values, strict=True)}
+    columns["repeat"] = tuple("" if number is None else str(number) for number in m.repeat)
+    columns["phase"] = tuple(phase or "" for phase in m.phase)
+    return {name: cells for name, cells in columns.items() if name in needed or any(cells)} | m.extra
+
+
+def bundled_data(name: str) -> Path:
+    """Path of the measurements bundled for a robot, by the robot's name.
+
+    Raises
+    ------
+    InputError
+        No measurements are bundled for that name.
+    """
+    if name not in BUNDLED:
+        raise InputError("bundled measurements", value=name, allowed=", ".join(BUNDLED))
+    return Path(str(resources.files("doe").joinpath("data", BUNDLED[name])))

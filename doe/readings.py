@@ -1,0 +1,113 @@
+"""Readings as linear equations in the joint compliances: ``value = rest + influence . c + noise``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.measurements import Measurements
+from fem import ArmModel, spring_influence
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+COMPONENTS = ("dx", "dy", "dz", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Equations:
+    """m read components, one equation each.
+
+    ``influence`` (m, dof): displacement (m or rad) per unit compliance of each joint's axial spring;
+    ``rest`` (m,): displacement from all else; ``value`` (m,): what was read; ``sigma`` (m,): its standard
+    deviation; ``row`` (m,): reading it belongs to; ``component`` (m,): 0..5 as in COMPONENTS;
+    ``q`` (m, dof): pose; ``pose``: its label.
+    """
+
+    influence: Array
+    rest: Array
+    value: Array
+    sigma: Array
+    row: NDArray[np.int64]
+    component: NDArray[np.int64]
+    q: Array
+    pose: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def take(self, mask: NDArray[np.bool_]) -> Equations:
+        """The equations where ``mask`` (m,) is true."""
+        return Equations(
+            self.influence[mask], self.rest[mask], self.value[mask], self.sigma[mask], self.row[mask],
+            self.component[mask], self.q[mask], tuple(np.array(self.pose, dtype=object)[mask]),
+        )
+
+    def of_poses(self, poses: tuple[str, ...]) -> Equations:
+        """The equations of some poses."""
+        return self.take(np.isin(np.array(self.pose, dtype=str), poses))
+
+    def predict(self, compliances: Array) -> Array:
+        """Predicted readings (m,) for compliances (dof,) or (m, dof) in rad/(N m)."""
+        return np.asarray(self.rest + np.sum(self.influence * compliances, axis=1))
+
+
+def equations(model: ArmModel, data: Measurements, gauge_m: float) -> Equations:
+    """Set up the equations of all read components.
+
+    ``gauge_m`` is the standard deviation (m; for rotations the same number in rad) of readings that
+    carry no ``sigma_mm`` of their own.
+    """
+    tool = np.broadcast_to(model.robot.T_flange_tool[:3, 3], (data.n, 3))
+    point = np.where(np.isnan(data.point), tool, data.point)
+    influence, rest = spring_influence(model, data.q, data.wrench, point)
+    row, component = np.nonzero(data.used)
+    sigma = np.where(np.isnan(data.sigma), gauge_m, data.sigma)
+    return Equations(
+        influence=influence[row, :, component],
+        rest=rest[row, component],
+        value=data.displacement[row, component],
+        sigma=sigma[row],
+        row=row,
+        component=component,
+        q=data.q[row],
+        pose=tuple(data.pose[i] for i in row),
+    )
+
+
+def select_loads(data: Measurements, loads_N: tuple[float, ...]) -> Measurements:
+    """Readings at some load magnitudes (within 1 %, for a real weight is never its nominal one); () = all.
+
+    Raises
+    ------
+    InputError
+        No reading at one of the loads.
+    """
+    if not loads_N:
+        return data
+    keep = np.zeros(data.n, dtype=np.bool_)
+    for load in loads_N:
+        hit = np.abs(data.loads_N - load) <= 0.01 * abs(load)
+        if not hit.any():
+            present = ", ".join(f"{v:g}" for v in np.unique(np.round(data.loads_N, 6)))
+            raise InputError(f"{data.source}: load to calibrate on (N)", value=load, allowed=present)
+        keep |= hit
+    return data.select(keep)
+
+
+def check_poses(data: Measurements, poses: tuple[str, ...], where: str) -> None:
+    """Raise InputError if a pose label is not in the data."""
+    known = list(dict.fromkeys(data.pose))
+    for pose in poses:
+        if pose not in known:
+            raise InputError(
+                f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}"
+            )
+
+
+def rms_mm(error: Array, component: NDArray[np.int64]) -> float:
+    """RMS of the translational errors in mm (NaN if none was read)."""
+    linear = error[component < 3]
+    return float(np.sqrt(np.mean(linear**2)) * 1e3) if linear.size else float("nan")

@@ -1,0 +1,162 @@
+"""A calibration scheme as data: stages, levels, laws and the factorial, read from TOML."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+
+from robots import InputError, InputErrors, Robot
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SensitivityPlan(_Strict):
+    """Which springs are varied on which poses."""
+
+    joints: tuple[str, ...] = Field(min_length=1)
+    poses: tuple[str, ...] = Field(min_length=1)
+
+
+class Stage(_Strict):
+    """One parametric study: these springs, on these poses, with this many levels each."""
+
+    name: str
+    joints: tuple[str, ...] = Field(min_length=1, max_length=3)
+    poses: tuple[str, ...] = Field(min_length=1)
+    levels: int = Field(ge=2, le=100)
+
+
+class Law(_Strict):
+    """The joint coordinates a spring's regression depends on; ``symmetric_in`` adds mirrored points."""
+
+    joint: str
+    inputs: tuple[str, ...] = Field(min_length=1, max_length=3)
+    symmetric_in: str | None = None
+
+    @model_validator(mode="after")
+    def _symmetry_is_an_input(self) -> Self:
+        if self.symmetric_in is not None and self.symmetric_in not in self.inputs:
+            raise ValueError(f"symmetric_in {self.symmetric_in!r} is not one of the inputs")
+        return self
+
+
+class GlobalPlan(_Strict):
+    """Constant springs fitted to all readings at once."""
+
+    joints: tuple[str, ...] = Field(min_length=1)
+
+
+class Condition(_Strict):
+    """A factorial level at which other levels apply."""
+
+    coordinate: str
+    equals_deg: float
+
+
+class Adjustment(_Strict):
+    """Levels of one factor that replace the usual ones under a condition."""
+
+    when: Condition
+    coordinate: str
+    levels_deg: tuple[float, ...]
+
+
+class Factorial(_Strict):
+    """A full factorial with conditional levels; the first input varies slowest."""
+
+    inputs: tuple[str, ...]
+    levels_deg: tuple[tuple[float, ...], ...]
+    adjust: tuple[Adjustment, ...] = ()
+
+    @model_validator(mode="after")
+    def _levels_for_each_input(self) -> Self:
+        if len(self.levels_deg) != len(self.inputs) or any(len(row) == 0 for row in self.levels_deg):
+            raise ValueError("levels_deg needs one non-empty list for each input")
+        return self
+
+
+class Scheme(_Strict):
+    """A whole scheme file."""
+
+    schema_version: Literal["stiffarm-scheme/1"] = Field(alias="schema")
+    robot: str
+    title: str
+    source: str
+    loads_N: tuple[float, ...] = ()
+    gauge_mm: PositiveFloat = 0.01
+    low_Nm_per_rad: PositiveFloat
+    high_Nm_per_rad: PositiveFloat
+    initial_Nm_per_rad: PositiveFloat
+    regression_degree: int = Field(default=6, ge=0, le=10)
+    sensitivity: SensitivityPlan
+    stage: tuple[Stage, ...] = Field(min_length=1)
+    law: tuple[Law, ...]
+    constant: GlobalPlan = Field(alias="global")
+    factorial: Factorial
+
+    @model_validator(mode="after")
+    def _bounds_are_ordered(self) -> Self:
+        if not self.low_Nm_per_rad < self.high_Nm_per_rad:
+            raise ValueError("low_Nm_per_rad must be below high_Nm_per_rad")
+        missing = sorted({j for s in self.stage for j in s.joints} - {law.joint for law in self.law})
+        if missing:
+            raise ValueError(f"no [[law]] for {', '.join(missing)}")
+        return self
+
+    def check_against(self, robot: Robot) -> None:
+        """Raise InputError where the scheme names a joint or coordinate that the robot has not."""
+        joints = [
+            *self.sensitivity.joints, *self.constant.joints, *(law.joint for law in self.law),
+            *(joint for stage in self.stage for joint in stage.joints),
+        ]
+        for joint in joints:
+            if joint not in robot.joint_names:
+                raise InputError(
+                    f"scheme {self.title!r}: joint of {robot.name}", value=joint,
+                    allowed=", ".join(robot.joint_names),
+                )
+        for coordinate in [*self.factorial.inputs, *(name for law in self.law for name in law.inputs)]:
+            robot.coordinate_index(coordinate)
+
+
+def bundled_scheme(robot: str) -> Scheme | None:
+    """The scheme that comes with a bundled robot, or None."""
+    file = resources.files("doe").joinpath("schemes", f"{robot}.toml")
+    if not file.is_file():
+        return None
+    return parse_scheme(file.read_text(encoding="utf-8"), f"bundled scheme {robot}")
+
+
+def load_scheme(path: Path) -> Scheme:
+    """Read a scheme TOML.
+
+    Raises
+    ------
+    InputError
+        The file is missing, unreadable, or does not fit the schema (all faults at once).
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"scheme file {path} cannot be read ({error})") from error
+    return parse_scheme(text, str(path))
+
+
+def parse_scheme(text: str, where: str) -> Scheme:
+    """Parse and validate a scheme; ``where`` names it in messages."""
+    try:
+        return Scheme.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+    except ValidationError as error:
+        faults = [
+            InputError(f"{where}: {'.'.join(map(str, item['loc'])) or 'file'}: {item['msg']}")
+            for item in error.errors()
+        ]
+        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
