@@ -1,5 +1,6 @@
 """Experiments: measurement tables, designs, sensitivity, staged and global calibration."""
 
+from doe.calibrated import with_constant_springs, with_spring_laws
 from doe.comparison import (
     Prediction,
     constant_fit,
@@ -48,5 +49,7 @@ __all__ = [
     "sensitivity_study",
     "staged_left_out",
     "two_level_factorial",
+    "with_constant_springs",
+    "with_spring_laws",
     "write_measurements",
 ]

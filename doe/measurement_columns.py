@@ -89,10 +89,9 @@ def read_table(path: Path) -> RawTable:
         No such file, not a file, other suffix, empty, header only, or not readable as its suffix says.
     """
     allowed = f"a file ending in {' or '.join(SUFFIXES)}"
-    if not path.exists():
-        raise InputError("measurement file does not exist", value=str(path), remedy="check the path")
     if not path.is_file():
-        raise InputError("measurement path is not a file", value=str(path), allowed=allowed)
+        what = "measurement path is not a file" if path.exists() else "measurement file does not exist"
+        raise InputError(what, value=str(path), allowed=allowed, remedy="check the path")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(
@@ -186,7 +185,7 @@ def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
             meant.update(robot.coordinates)
             faults.add(1, f"{column} is not a joint coordinate of {robot.name}", value=name,
                        allowed=", ".join(robot.coordinates),
-                       remedy="choose the robot that was measured, or convert to its coordinates")  # fmt: skip
+                       remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
         else:
             unknown[name] = i
     _check_groups(robot, {*known, *meant}, faults)
@@ -252,8 +251,7 @@ def numbers(
     ``empty`` says what an empty cell means ("not read"); None makes an empty cell a fault.
     """
     out = np.full((len(table.rows), len(names)), missing)
-    allowed = f"a finite number{' above 0' if positive else ''}"
-    allowed += f", or an empty cell ({empty})" if empty else ""
+    allowed = "a finite number" + " above 0" * positive + (f", or an empty cell ({empty})" if empty else "")
     for k, name in enumerate(names):
         if name not in columns.known:
             continue

@@ -9,8 +9,6 @@ from dataclasses import dataclass, fields, replace
 from importlib import resources
 from itertools import compress
 from pathlib import Path
-from types import MappingProxyType
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +17,6 @@ from doe import measurement_columns as mc
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
 from robots import InputError, Robot
 
-BUNDLED: Final = MappingProxyType({"xr701": "xr701_gotlih.csv"})
 # Beyond these an arm is hardly a robot: the units are more likely wrong than the arm.
 LARGEST_DEFLECTION_M = 0.1
 STIFFNESS_RANGE_N_PER_M = (1e3, 1e9)
@@ -56,18 +53,14 @@ class Measurements:
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        n = len(self.q)
-        widths = {"wrench": (6,), "displacement": (6,), "point": (3,), "sigma": (), "step": ()}
-        for name, width in widths.items():
-            shape = getattr(self, name).shape
-            if shape != (n, *width):
-                raise InputError(f"measurements: {name}", value=f"shape {shape}", allowed=f"{(n, *width)}")
-        columns = {name: getattr(self, name) for name in ("pose", "repeat", "phase", "row_numbers")}
-        for name, column in {**columns, **self.extra}.items():
-            if len(column) != n:
-                raise InputError(f"measurements: {name}", value=f"{len(column)} entries", allowed=f"{n}")
         if self.q.ndim != 2 or not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all()):
             raise InputError("measurements: q, wrench", allowed="finite numbers, (n, dof) and (n, 6)")
+        widths = {"q": self.q.shape[1:], "wrench": (6,), "displacement": (6,), "point": (3,)}
+        own = {item.name: getattr(self, item.name) for item in fields(self)[2:-2]}
+        for name, column in {**self.extra, **own}.items():
+            shape, expected = np.shape(column), (self.n, *widths.get(name, ()))
+            if shape != expected:
+                raise InputError(f"measurements: {name}", value=f"shape {shape}", allowed=f"{expected}")
 
     @property
     def n(self) -> int:
@@ -88,9 +81,7 @@ class Measurements:
         """Return the readings where ``mask`` (n,) is true; source, hash and notes stay."""
         mask = np.asarray(mask)
         if mask.dtype != np.bool_ or mask.shape != (self.n,):
-            raise InputError(
-                "mask of readings", value=f"{mask.dtype}, {mask.shape}", allowed=f"bool, ({self.n},)"
-            )
+            raise InputError("mask", value=f"{mask.dtype} {mask.shape}", allowed=f"bool ({self.n},)")
         parts: dict[str, object] = {"extra": {k: tuple(compress(v, mask)) for k, v in self.extra.items()}}
         for item in fields(self):
             value = getattr(self, item.name)
@@ -123,8 +114,7 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
     faults = Faults(table.name)
     columns = mc.find_columns(table, robot, faults)
     header_fits = not faults.found
-    table = mc.drop_ragged(table, faults)
-    m = _assemble(table, columns, robot, faults)
+    m = _assemble(mc.drop_ragged(table, faults), columns, robot, faults)
     if header_fits and m.n:
         for check in (_check_readings, _check_labels, _check_duplicates):
             check(m, faults)
@@ -218,7 +208,8 @@ def _check_duplicates(m: Measurements, faults: Faults) -> None:
 def _check_reach(m: Measurements, robot: Robot, faults: Faults) -> None:
     for i in np.flatnonzero(~robot.reachable(m.q)):
         for problem in robot.violations(m.q[i]):
-            faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}", allowed="that range",
+            faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}",
+                       allowed=f"the limits of {robot.name}",
                        remedy="correct the angles, or the limits in the model file")  # fmt: skip
 
 
@@ -241,8 +232,7 @@ def _plausibility_notes(m: Measurements) -> Iterator[str]:
     # Only where every loaded direction was read is the directional stiffness known.
     work = np.where(loaded, force * moved, 0.0).sum(axis=1)
     known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
-    stiffness = m.loads_N[known] ** 2 / np.abs(work[known])
-    lower, upper = STIFFNESS_RANGE_N_PER_M
+    stiffness, (lower, upper) = m.loads_N[known] ** 2 / np.abs(work[known]), STIFFNESS_RANGE_N_PER_M
     odd = np.flatnonzero(known)[(stiffness < lower) | (stiffness > upper)]
     if odd.size:
         rows = ", ".join(str(m.row_numbers[i]) for i in odd[:10]) + (" ..." if odd.size > 10 else "")
@@ -303,6 +293,7 @@ def bundled_data(name: str) -> Path:
     InputError
         No measurements are bundled for that name.
     """
-    if name not in BUNDLED:
-        raise InputError("bundled measurements", value=name, allowed=", ".join(BUNDLED))
-    return Path(str(resources.files("doe").joinpath("data", BUNDLED[name])))
+    files = {"xr701": "xr701_gotlih.csv"}
+    if name not in files:
+        raise InputError("bundled measurements", value=name, allowed=", ".join(files))
+    return Path(str(resources.files("doe").joinpath("data", files[name])))

@@ -1,7 +1,8 @@
 """Vectors at many poses: ``(3, n)``, wrenches ``(6, n)``, rotations ``(3, 3, n)``, poses along the last axis.
 
-Each operation is then a few passes over contiguous memory, several times faster than one small product a
-pose, and the result at a pose does not depend on its neighbours. A trailing 1 instead of n broadcasts.
+Each operation is then a few passes over contiguous memory, several times faster than a small product for
+each pose. Axes between the first and the last hold several vectors a pose, ``(3, k, n)``; they broadcast
+against arrays without them, and a last axis of 1 broadcasts over the poses.
 """
 
 from __future__ import annotations
@@ -18,15 +19,27 @@ def poses_last(a: Array) -> Array:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Scalar products of ``a`` and ``b`` (k, n) -> (n,)."""
+    """Scalar products of ``a`` and ``b`` (i, ..., n) -> (..., n)."""
     return np.asarray(np.einsum("k...,k...->...", a, b))
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross products ``a x b`` of (3, n) arrays -> (3, n)."""
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+    """Cross products ``a x b``."""
+    out = np.empty((3, *np.broadcast_shapes(a.shape[1:], b.shape[1:])))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.multiply(a[i], b[j], out=out[k])
+        out[k] -= a[j] * b[i]
+    return out
+
+
+def scaled(a: Array, factor: Array) -> Array:
+    """``a`` (i, n) times the numbers ``factor`` (..., n) -> (i, ..., n)."""
+    return np.asarray(np.einsum("k...,...->k...", a, factor))
+
+
+def constant_times(matrix: Array, a: Array) -> Array:
+    """``matrix a`` with one constant matrix (k, i) for all of ``a`` (i, ..., n)."""
+    return np.asarray(matrix @ a.reshape(len(a), -1)).reshape(-1, *a.shape[1:])
 
 
 def to_base(R: Array, v: Array) -> Array:
@@ -39,6 +52,6 @@ def to_local(R: Array, v: Array) -> Array:
     return np.asarray(np.einsum("ij...,i...->j...", R, v))
 
 
-def rigid_rotation(R: Array, matrix: Array) -> Array:
+def times_constant(R: Array, matrix: Array) -> Array:
     """``R matrix``, the same constant 3x3 rotation behind each of ``R`` (3, 3, n)."""
     return np.asarray(np.matmul(matrix.T, R))

@@ -19,7 +19,7 @@ class BodyFrames:
 
     ``R`` (n, dof+1, 3, 3) and ``p`` (n, dof+1, 3): body 0 is the base, body i moves with joint i.
     ``R_flange`` (n, 3, 3), ``p_flange`` (n, 3). ``axis`` (n, dof, 3): the joint axes, unit vectors.
-    A joint's origin is the origin of its body.
+    A joint's origin is the origin of its body. The arrays are views whose poses are contiguous in memory.
     """
 
     R: Array
@@ -60,26 +60,33 @@ def forward_kinematics(robot: Robot, q: Array) -> BodyFrames:
     """Frames of every body and of the flange; q (n, dof) rad. Limits are not checked here."""
     q = as_poses(robot, q)
     n, dof = q.shape
-    theta = robot.sign * q + robot.offset
+    # Computed with the poses along the last axis: each step is then one pass over contiguous memory.
+    theta = np.ascontiguousarray((robot.sign * q + robot.offset).T)
     cos, sin = np.cos(theta), np.sin(theta)
-    R = np.empty((n, dof + 1, 3, 3))
-    p = np.empty((n, dof + 1, 3))
-    axis = np.empty((n, dof, 3))
-    R[:, 0], p[:, 0] = np.eye(3), 0.0
+    R = np.empty((dof + 1, 3, 3, n))
+    p = np.empty((dof + 1, 3, n))
+    axis = np.empty((dof, 3, n))
+    R[0], p[0] = np.eye(3)[:, :, None], 0.0
     for i in range(dof):
         pre = robot.T_pre[i]
-        p[:, i + 1] = p[:, i] + R[:, i] @ pre[:3, 3]
-        frame = R[:, i] @ pre[:3, :3]
-        x, y = frame[:, :, 0], frame[:, :, 1]
-        c, s = cos[:, i, None], sin[:, i, None]
+        p[i + 1] = p[i] + pre[:3, 3] @ R[i]
+        frame = _times(R[i], pre[:3, :3])
+        x, y = frame[:, 0], frame[:, 1]
         turned = np.empty_like(frame)
-        turned[:, :, 0] = c * x + s * y
-        turned[:, :, 1] = c * y - s * x
-        turned[:, :, 2] = axis[:, i] = frame[:, :, 2]
-        R[:, i + 1] = turned @ robot.R_post[i]
-    R_flange = R[:, dof] @ robot.T_last_flange[:3, :3]
-    p_flange = p[:, dof] + R[:, dof] @ robot.T_last_flange[:3, 3]
-    return BodyFrames(R, p, axis, R_flange, p_flange)
+        turned[:, 0] = cos[i] * x + sin[i] * y
+        turned[:, 1] = cos[i] * y - sin[i] * x
+        turned[:, 2] = axis[i] = frame[:, 2]
+        R[i + 1] = _times(turned, robot.R_post[i])
+    R_flange = _times(R[dof], robot.T_last_flange[:3, :3])
+    p_flange = p[dof] + robot.T_last_flange[:3, 3] @ R[dof]
+    return BodyFrames(*(np.moveaxis(a, -1, 0) for a in (R, p, axis, R_flange, p_flange)))
+
+
+def _times(R: Array, matrix: Array) -> Array:
+    """``R matrix`` for rotations R (3, 3, n), poses last, and one constant matrix (3, 3)."""
+    if np.array_equal(matrix, np.eye(3)):
+        return R
+    return np.asarray(matrix.T @ R)
 
 
 def tool_position(robot: Robot, frames: BodyFrames, point: Array | None = None) -> Array:

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import os
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from robots import InputError
+
+Array = NDArray[np.float64]
 
 # Okabe and Ito, "Color Universal Design" (2008): eight colours that the common kinds of colour
 # blindness keep apart.
@@ -42,7 +52,7 @@ SIZES_IN: Final = MappingProxyType(
 )
 """Figure sizes in inches by use; at ``DPI`` the last one is 1600 x 1200 pixels."""
 
-_STYLE: Final[dict[str, Any]] = {
+_STYLE: Final[dict[Any, Any]] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 10.0,
@@ -55,7 +65,7 @@ _STYLE: Final[dict[str, Any]] = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.grid": True,
-    "axes.prop_cycle": mpl.cycler(color=[c for name, c in OKABE_ITO.items() if name != "yellow"]),
+    "axes.prop_cycle": cycler(color=[c for name, c in OKABE_ITO.items() if name != "yellow"]),
     "grid.color": "#E3E5E8",
     "grid.linewidth": 0.7,
     "xtick.color": "#444444",
@@ -93,7 +103,7 @@ def house_style() -> Iterator[None]:
 def new_figure(
     size: str | tuple[float, float] = "single", rows: int = 1, cols: int = 1, **subplots: Any
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with its axes in this project's style, without any pyplot state.
+    """Make a figure with its axes in this project's style, without any pyplot state.
 
     Parameters
     ----------
@@ -138,5 +148,142 @@ def save_png(figure: Figure, path: Path) -> None:
 
 
 def png_base64(path: Path) -> str:
-    """A picture's bytes as base64 text, for ``src="data:image/png;base64,..."`` in a report."""
+    """Return a picture's bytes as base64 text, for ``src="data:image/png;base64,..."`` in a report."""
     return base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Parallel projection; ``towards`` points from the scene to the eye, z stays upright."""
+
+    towards: Array
+
+    @property
+    def axes(self) -> Array:
+        """Rows: right, up, towards the eye."""
+        towards = self.towards / np.linalg.norm(self.towards)
+        right = np.cross([0.0, 0.0, 1.0], towards)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(towards, right), towards])
+
+    def __call__(self, points: Array) -> Array:
+        """Project (..., 3) to right, up and nearness."""
+        return np.asarray(points @ self.axes.T)
+
+
+def headings(figure: Figure, title: str, subtitle: str) -> None:
+    """Write a title and a line of facts at the top left, broken where they are too long."""
+    heading, lines = textwrap.fill(title, 85), textwrap.fill(subtitle, 125)
+    figure.text(0.03, 0.975, heading, size=15, weight="bold", va="top")
+    figure.text(0.03, 0.975 - 0.032 * (1 + heading.count("\n")), lines, size=10, color="#555555", va="top")
+
+
+def colour_ticks(values: Array, colour_range: tuple[float, float] | None) -> Array:
+    """Ticks of a colour bar; its ends are the given range or the 2nd and 98th percentile, rounded outward.
+
+    Raises
+    ------
+    InputError
+        The range is not two ascending finite numbers.
+    """
+    low, high = np.percentile(values, [2.0, 98.0]) if colour_range is None else colour_range
+    if not (np.isfinite([low, high]).all() and low < high) and colour_range is not None:
+        raise InputError("colour range (N/mm)", value=str(colour_range), allowed="two ascending numbers")
+    if high - low < 1e-6 * high:
+        low, high = 0.95 * low, 1.05 * high
+    inner = np.asarray(MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high), dtype=np.float64)
+    step = float(inner[1] - inner[0])
+    if colour_range is None:
+        low, high = np.floor(5.0 * low / step) * step / 5.0, np.ceil(5.0 * high / step) * step / 5.0
+    # Ends keep their labels; a tick too near to one would run into it.
+    inner = inner[(inner > low + 0.35 * step) & (inner < high - 0.35 * step)]
+    return np.array([low, *inner, high])
+
+
+def colour_bar(figure: Figure, norm: Normalize, ticks: Array, values: Array) -> None:
+    """Draw the bar of structural stiffness (N/mm); ends that cut values off say so ("≥ 700")."""
+    below, above = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(
+        (below, above), "both"
+    )
+    axes = figure.add_axes((0.872, 0.20, 0.022, 0.56))
+    bar = figure.colorbar(ScalarMappable(norm, STIFFNESS_COLOURS), cax=axes, extend=extend, ticks=ticks)
+    labels = [f"{t:.6g}" for t in ticks]
+    labels[0] = f"≤ {labels[0]}" if below else labels[0]
+    labels[-1] = f"≥ {labels[-1]}" if above else labels[-1]
+    bar.ax.set_yticklabels(labels)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label("structural stiffness (N/mm)", size=11, labelpad=10)
+    for y, text, side in ((1.065, "stiff", "bottom"), (-0.065, "soft", "top")):
+        axes.text(0.5, y, text, transform=axes.transAxes, ha="center", va=side, size=10, color="#555555")
+
+
+def box_ticks(points: Array) -> list[Array]:
+    """Ticks along x, y, z with one round step for all; the outer ones bound the points (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    nice = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(0.0, float((high - low).max()))
+    step = float(nice[1] - nice[0])
+    first = np.floor(low / step)
+    last = np.maximum(np.ceil(high / step), first + 1.0)
+    return [np.arange(a, b + 0.5) * step for a, b in zip(first, last, strict=True)]
+
+
+def frame_axes(figure: Figure, camera: Camera, ticks: Sequence[Array], *, flat: bool) -> Axes:
+    """Add axes of the picture plane in mm that hold the box spanned by ``ticks`` (along x, y, z).
+
+    ``flat`` is for a view along Y: ordinary ticks along X and Z; otherwise the box is drawn in space.
+    """
+    axes = figure.add_axes((0.075, 0.075, 0.755, 0.80) if flat else (0.01, 0.015, 0.83, 0.87))
+    corners = np.array(list(itertools.product(*[t[[0, -1]] for t in ticks])))
+    outer = camera(corners)[:, :2]
+    low, high = outer.min(axis=0), outer.max(axis=0)
+    pad = (high - low) * (np.array([0.02, 0.02]) if flat else np.array([0.055, 0.05]))
+    size = figure.get_size_inches() * [axes.get_position().width, axes.get_position().height]
+    half = 0.5 * (high - low) + pad
+    half = np.maximum(half, half[::-1] * size / size[::-1])
+    (u0, v0), (u1, v1) = 0.5 * (low + high) - half, 0.5 * (low + high) + half
+    axes.set(xlim=(u0, u1), ylim=(v0, v1), autoscale_on=False)
+    if flat:
+        axes.set(xlabel="X (mm)", ylabel="Z (mm)")
+        axes.locator_params(nbins=9, steps=[1, 2, 5, 10])
+        axes.axhline(0.0, color=FAINT, linewidth=1.2, zorder=0.9)
+    else:
+        axes.set_axis_off()
+        _draw_box(axes, camera, ticks)
+    return axes
+
+
+def _draw_box(axes: Axes, camera: Camera, ticks: Sequence[Array]) -> None:
+    """Floor and the two far walls as grids, ticks at the near edges, for an eye at +x, -y, +z."""
+    (x0, x1), (y0, y1), (z0, z1) = (t[[0, -1]] for t in ticks)
+    lines = [[(x, y0, z0), (x, y1, z0), (x, y1, z1)] for x in ticks[0]]
+    lines += [[(x1, y, z0), (x0, y, z0), (x0, y, z1)] for y in ticks[1]]
+    lines += [[(x0, y0, z), (x0, y1, z), (x1, y1, z)] for z in ticks[2]]
+    flat = [camera(np.array(line))[:, :2] for line in lines]
+    axes.add_collection(LineCollection(flat, colors="#DDE0E4", linewidths=0.7, zorder=0.5), autolim=False)
+    edges = [[(x0, y0, z1), (x0, y0, z0), (x1, y0, z0), (x1, y1, z0)]]
+    flat = [camera(np.array(edge))[:, :2] for edge in edges]
+    axes.add_collection(LineCollection(flat, colors="#8A9097", linewidths=0.9, zorder=0.6), autolim=False)
+    size = max(x1 - x0, z1 - z0)
+    edges_of = (
+        ("X (mm)", ticks[0], [(x, y0, z0) for x in ticks[0]], (-0.25, -1.0)),
+        ("Y (mm)", ticks[1], [(x1, y, z0) for y in ticks[1]], (1.0, -0.35)),
+        ("Z (mm)", ticks[2], [(x0, y0, z) for z in ticks[2]], (-1.0, 0.0)),
+    )
+    for name, numbers, places, outward in edges_of:
+        out = 0.022 * size * np.array(outward)
+        spots = camera(np.array(places))[:, :2]
+        for number, spot in zip(numbers, spots + 1.5 * out, strict=True):
+            axes.text(
+                spot[0],
+                spot[1],
+                f"{number:g}".replace("-", "−"),
+                ha="center",
+                va="center",
+                size=9,
+                color="#444444",
+            )
+        along = spots[-1] - spots[0]
+        turn = float(np.degrees(np.arctan2(along[1], along[0])))
+        spot = spots[[0, -1]].mean(axis=0) + 4.4 * out
+        axes.text(spot[0], spot[1], name, ha="center", va="center", size=10, rotation=turn)

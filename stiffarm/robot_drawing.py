@@ -6,7 +6,8 @@ the base plate and the hubs are drawing only and enter no computation.
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from types import MappingProxyType
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import trimesh
@@ -21,6 +22,17 @@ from robots.schema import BoxSection, Link, TubeSection
 Array = NDArray[np.float64]
 Role = Literal["base", "link", "joint", "parallelogram", "flange", "tool"]
 
+# All near grey: colour in the picture means stiffness and nothing else.
+ROBOT_COLOURS: Final = MappingProxyType(
+    {
+        "base": "#A3A9B0",
+        "link": "#D3D6DA",
+        "joint": "#6F757D",
+        "parallelogram": "#93A5A8",
+        "flange": "#3C4147",
+        "tool": "#3C4147",
+    }
+)
 M_TO_MM = 1e3
 _COINCIDENT_M = 1e-6
 _ROUND = 32  # sides of a circle
@@ -72,7 +84,7 @@ def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> 
     bodies += _parallelogram(description, robot, frames)
     bodies += _flange_and_tool(description, robot, frames)
     for body in bodies:
-        body.mesh.apply_scale(M_TO_MM)
+        body.mesh.vertices *= M_TO_MM
     return bodies
 
 
@@ -89,9 +101,10 @@ def _direction(vector: Array) -> Array:
 
 def _cylinder(centre: Array, axis: Array, radius: float, length: float) -> trimesh.Trimesh:
     half = 0.5 * length * _direction(axis)
-    return trimesh.creation.cylinder(
+    mesh: trimesh.Trimesh = trimesh.creation.cylinder(
         radius=radius, sections=_ROUND, segment=np.stack([centre - half, centre + half])
     )
+    return mesh
 
 
 def _profile(centre: Array, normal: Array, up: Array, outline: _Outline) -> Array:
@@ -121,7 +134,8 @@ def _rounded_end(centre: Array, axis: Array, along: Array, outline: _Outline, up
 
 
 def _hull(*parts: Array) -> trimesh.Trimesh:
-    return trimesh.convex.convex_hull(np.vstack(parts))
+    mesh: trimesh.Trimesh = trimesh.convex.convex_hull(np.vstack(parts))
+    return mesh
 
 
 def _mixed(a: _Outline, b: _Outline, t: float) -> _Outline:
@@ -166,14 +180,16 @@ def _link(robot: Robot, frames: BodyFrames, link: Link) -> list[DrawnBody]:
 
 
 def _base_plate(description: ModelDescription) -> list[DrawnBody]:
-    radius = 0.68 * max((_outline(k.section).width for k in description.link if k.body == "base"), default=0.3)
+    radius = 0.68 * max(
+        (_outline(k.section).width for k in description.link if k.body == "base"), default=0.3
+    )
     thickness = 0.04
     plate = _cylinder(np.array([0.0, 0.0, 0.5 * thickness]), np.array([0.0, 0.0, 1.0]), radius, thickness)
     return [DrawnBody("base plate", plate, "joint")]
 
 
 def _size_at(description: ModelDescription, robot: Robot, frames: BodyFrames, joint: int) -> _Outline:
-    """The larger outline of the links that meet at a joint; of the nearest link before it if none do."""
+    """Return the larger outline of the links that meet at a joint."""
     here = frames.p[0, joint + 1]
     met: list[_Outline] = []
     for link in description.link:
@@ -196,11 +212,11 @@ def _arrival(robot: Robot, frames: BodyFrames, joint: int) -> Array:
         step = here - frames.p[0, j]
         if np.linalg.norm(step) > _COINCIDENT_M:
             return _direction(step)
-    return frames.axis[0, joint]
+    return np.asarray(frames.axis[0, joint])
 
 
 def _joints(description: ModelDescription, robot: Robot, frames: BodyFrames) -> list[DrawnBody]:
-    """A hub for each joint across the arm, a collar for each joint along it."""
+    """Make a hub for each joint across the arm, a collar for each joint along it."""
     hubs = []
     for joint, name in enumerate(robot.joint_names):
         axis, centre = frames.axis[0, joint], frames.p[0, joint + 1]
@@ -233,7 +249,9 @@ def _parallelogram(description: ModelDescription, robot: Robot, frames: BodyFram
         )
 
     rod = _cylinder(
-        0.5 * (crank_pin + lever_pin), lever_pin - crank_pin, 0.5 * bar.width,
+        0.5 * (crank_pin + lever_pin),
+        lever_pin - crank_pin,
+        0.5 * bar.width,
         float(np.linalg.norm(lever_pin - crank_pin)),
     )
     pins = [_cylinder(x, axis, 0.28 * crank.height, 1.5 * crank.width) for x in (crank_pin, lever_pin)]

@@ -80,9 +80,8 @@ def fit(
     Raises
     ------
     InputError
-        More terms than runs, a compliance that is not finite or not positive, an angle that is not finite,
-        runs outside of the domain, an input that is the same in all runs, held-out runs that were fitted
-        too, or poses that leave terms undetermined.
+        More terms than runs, a compliance that is not finite and positive, runs outside of the domain, an
+        input that never varies, held-out runs that were fitted too, or poses that leave terms undetermined.
     """
     if target not in TARGETS:
         raise InputError("fit: target", value=target, allowed=", ".join(TARGETS))
@@ -91,13 +90,11 @@ def fit(
     coefficients, condition = _solve(functions, Q, y, target)
     predicted = functions.evaluate(Q_test, coefficients)
     # A fit that overflows is refused by Surrogate, because its figures are not finite.
-    with np.errstate(over="ignore", under="ignore"):
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         error = np.abs((np.exp(predicted) if target == "log-compliance" else predicted) / y_test - 1.0)
         rms, p95 = float(np.sqrt(np.mean(error**2))), float(np.quantile(error, 0.95))
-    figures = ErrorFigures(
-        basis, functions.degree, target, functions.n_terms, len(y), len(y_test), rms, p95, float(error.max()),
-        condition,
-    )  # fmt: skip
+    size, worst = (functions.n_terms, len(y), len(y_test)), float(error.max())
+    figures = ErrorFigures(basis, functions.degree, target, *size, rms, p95, worst, condition)
     return Surrogate(
         **{f.name: getattr(scope, f.name) for f in fields(Scope)},
         basis=functions,
@@ -111,10 +108,9 @@ def fit(
 def compare(
     candidates: Sequence[Candidate], Q: Array, y: Array, *, scope: Scope, Q_test: Array, y_test: Array
 ) -> list[Comparison]:
-    """Fit several candidates on the same runs; the best held-out RMS error first.
+    """Fit several candidates on the same runs (arrays as in `fit`); the best held-out RMS error first.
 
-    A candidate that cannot be fitted (more terms than runs, say) comes last, with the reason. Arrays as
-    in `fit`.
+    A candidate that cannot be fitted (more terms than runs, say) comes last, with the reason.
 
     Raises
     ------
@@ -208,8 +204,7 @@ def _shape(u: Array, density: Density, rng: np.random.Generator) -> Array:
     if density == "arcsine":
         return np.asarray(0.5 - 0.5 * np.cos(np.pi * u))
     if density == "boundary":
-        n, k = u.shape
-        at_limit = np.argsort(rng.random((n, k)), axis=1) < rng.integers(1, k + 1, n)[:, None]
+        at_limit = np.argsort(rng.random(u.shape)) < rng.integers(1, u.shape[1] + 1, (len(u), 1))
         return np.asarray(np.where(at_limit, np.round(u), u))
     return u
 
@@ -260,8 +255,7 @@ def _runs(scope: Scope, Q: Array, y: Array, what: str) -> tuple[Array, Array]:
     Q, y = scope.poses(Q, what), np.asarray(y, dtype=np.float64)
     if len(Q) == 0 or y.shape != (len(Q),):
         raise InputError(
-            f"{what}: {len(Q)} poses and compliances of shape {y.shape}",
-            allowed="one compliance for each pose, at least one",
+            f"{what}: {len(Q)} poses, compliances {y.shape}", allowed="one for each pose, at least one"
         )
     bad = np.flatnonzero(~(np.isfinite(y) & (y > 0.0)))
     if len(bad):

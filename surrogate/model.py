@@ -44,8 +44,8 @@ class Couplings:
     def __post_init__(self) -> None:
         for name in ("matrix", "lower", "upper"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
-        c = len(self.names)
-        if self.matrix.ndim != 2 or {len(self.matrix), len(self.lower), len(self.upper)} != {c}:
+        sizes = {len(self.names), len(self.matrix), len(self.lower), len(self.upper)}
+        if self.matrix.ndim != 2 or len(sizes) != 1:
             raise InputError("couplings", allowed="one name, row, lower and upper bound for each")
         if not np.isfinite(self.matrix).all() or not np.all(self.lower <= self.upper):
             raise InputError("couplings", allowed="finite factors, and lower bounds not above upper ones")
@@ -76,7 +76,7 @@ class Scope:
     Raises
     ------
     InputError
-        Counts that differ, a name given twice, an empty or non-finite range, a direction not of length 1.
+        Counts that differ, a name given twice, an empty range, a direction not of length 1.
     """
 
     robot: str
@@ -129,16 +129,15 @@ class Scope:
     def faults(self, Q: Array) -> list[str]:
         """Say what is wrong with the first few poses outside of the domain or the couplings, in degrees."""
         inside, kept = self.inside(Q), self.couplings.kept(Q)
-        rows = np.flatnonzero(~(inside.all(axis=1) & kept.all(axis=1)))[:_ROWS_SHOWN]
         out = []
-        for i in rows:
+        for i in np.flatnonzero(~(inside.all(axis=1) & kept.all(axis=1)))[:_ROWS_SHOWN]:
             for j in np.flatnonzero(~inside[i]):
                 out.append(f"row {i + 1}: {self.inputs[j]} = {_range(Q[i, j], self.lower[j], self.upper[j])}")
             for j in np.flatnonzero(~kept[i]):
                 c, factors = self.couplings, self.couplings.matrix[j]
                 terms = " ".join(f"{f:+g} {n}" for f, n in zip(factors, self.inputs, strict=True) if f != 0.0)
-                value = float(factors @ Q[i])
-                out.append(f"row {i + 1}: {c.names[j]}: {terms} = {_range(value, c.lower[j], c.upper[j])}")
+                shown = _range(factors @ Q[i], c.lower[j], c.upper[j])
+                out.append(f"row {i + 1}: {c.names[j]}: {terms} = {shown}")
         return out
 
 
@@ -190,9 +189,7 @@ class Surrogate(Scope):
         if self.basis.n_inputs != len(self.inputs):
             raise InputError("surrogate: basis", allowed=f"one of {len(self.inputs)} inputs")
         if self.coefficients.shape != (self.basis.n_terms,):
-            raise InputError(
-                f"surrogate: {self.coefficients.size} coefficients", allowed=f"{self.basis.n_terms}, as terms"
-            )
+            raise InputError(f"surrogate: {self.coefficients.size} coefficients", allowed="one for each term")
         if not np.isfinite(self.coefficients).all():
             raise InputError("surrogate: coefficients", value="NaN or infinity", allowed="finite numbers")
         figures = [value for value in vars(self.errors).values() if isinstance(value, float)]
@@ -286,7 +283,7 @@ def _between(values: Array, lower: Array, upper: Array) -> Flags:
 
 
 def _frozen(values: Array) -> Array:
-    """Make a read-only copy, so that a frozen dataclass is frozen all the way down."""
+    # A read-only copy: a frozen dataclass is then frozen all the way down.
     out = np.array(values, dtype=np.float64)
     out.flags.writeable = False
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -137,7 +138,6 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
     InputError
         The name does not end in .vtu, or the folder does not exist or cannot be written.
     """
-    from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
@@ -147,12 +147,12 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
         raise InputError("map folder", value=str(path.parent), allowed="an existing folder one may write to")
     grid = vtkUnstructuredGrid()
     points = vtkPoints()
-    points.SetData(numpy_to_vtk(stiffness_map.positions * M_TO_MM, deep=True))
+    points.SetData(_numpy_support().numpy_to_vtk(stiffness_map.positions * M_TO_MM, deep=True))
     grid.SetPoints(points)
     types, cells = _vtk_cells(stiffness_map)
     grid.SetCells(types, cells)
     for name, values in stiffness_map.point_arrays.items():
-        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array = _numpy_support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)
         array.SetName(name)
         grid.GetPointData().AddArray(array)
     grid.GetPointData().SetActiveScalars(STIFFNESS_ARRAY)
@@ -185,7 +185,6 @@ def read_vtu(path: Path) -> VtuContents:
     InputError
         The file is missing, is no .vtu file, or mixes quads and hexahedra.
     """
-    from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
     _require_vtu(path)
@@ -197,20 +196,24 @@ def read_vtu(path: Path) -> VtuContents:
     grid = reader.GetOutput()
     if reader.GetErrorCode() != 0 or grid.GetPoints() is None:
         raise InputError("map file is damaged", value=str(path), remedy="write the map again")
+    to_numpy = _numpy_support().vtk_to_numpy
     point_data, field_data = grid.GetPointData(), grid.GetFieldData()
     arrays = [point_data.GetArray(i) for i in range(point_data.GetNumberOfArrays())]
     texts = [field_data.GetAbstractArray(i) for i in range(field_data.GetNumberOfArrays())]
     return VtuContents(
-        points_mm=np.array(vtk_to_numpy(grid.GetPoints().GetData()), dtype=np.float64),
-        point_arrays={a.GetName(): np.array(vtk_to_numpy(a), dtype=np.float64) for a in arrays},
+        points_mm=np.array(to_numpy(grid.GetPoints().GetData()), dtype=np.float64),
+        point_arrays={a.GetName(): np.array(to_numpy(a), dtype=np.float64) for a in arrays},
         metadata={t.GetName(): t.GetValue(0) for t in texts if t.IsA("vtkStringArray")},
         cells=_numpy_cells(grid, path),
     )
 
 
+def _numpy_support() -> Any:
+    return importlib.import_module("vtkmodules.util.numpy_support")  # has no type hints
+
+
 def _vtk_cells(stiffness_map: StiffnessMap) -> tuple[Any, Any]:
     """VTK cell types and cell array: the map's cells, then a vertex for each point outside them."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON, VTK_QUAD, VTK_VERTEX, vtkCellArray
 
     n = len(stiffness_map.positions)
@@ -223,19 +226,18 @@ def _vtk_cells(stiffness_map: StiffnessMap) -> tuple[Any, Any]:
     kinds[:m] = VTK_QUAD if corners == 4 else VTK_HEXAHEDRON
     array = vtkCellArray()
     array.SetData(
-        numpy_to_vtkIdTypeArray(offsets.astype(np.int64), deep=True),
-        numpy_to_vtkIdTypeArray(connectivity, deep=True),
+        _numpy_support().numpy_to_vtkIdTypeArray(offsets.astype(np.int64), deep=True),
+        _numpy_support().numpy_to_vtkIdTypeArray(connectivity, deep=True),
     )
-    return numpy_to_vtk(kinds, deep=True), array
+    return _numpy_support().numpy_to_vtk(kinds, deep=True), array
 
 
 def _numpy_cells(grid: Any, path: Path) -> Indices | None:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
 
     if grid.GetNumberOfCells() == 0:
         return None
-    offsets = vtk_to_numpy(grid.GetCells().GetOffsetsArray())
-    connectivity = vtk_to_numpy(grid.GetCells().GetConnectivityArray())
+    offsets = _numpy_support().vtk_to_numpy(grid.GetCells().GetOffsetsArray())
+    connectivity = _numpy_support().vtk_to_numpy(grid.GetCells().GetConnectivityArray())
     sizes = np.diff(offsets)
     corners = np.unique(sizes[sizes > 1])
     if corners.size == 0:

@@ -171,7 +171,7 @@ def test_xr701_flange_by_hand(
 
 
 def test_xr701_reach_grows_over_poses_5_41_77() -> None:
-    poses = np.radians([[0, -35, 40, 0, 0, 0], [0, 5, 77.5, 0, 0, 0], [0, 45, 115, 0, 0, 0]])
+    poses = np.radians([[0.0, -35.0, 40.0, 0, 0, 0], [0.0, 5.0, 77.5, 0, 0, 0], [0.0, 45.0, 115.0, 0, 0, 0]])
     x = forward_kinematics(load_robot("xr701"), poses).p_flange[:, 0]
     assert x[0] < x[1] < x[2]
 

@@ -95,7 +95,7 @@ def test_without_couplings_every_corner_of_the_limits_is_reachable(name: str) ->
     assert robot.reachable(np.array(list(itertools.product(*robot.limits)))).all()
 
 
-@pytest.mark.parametrize("q2_deg", [-35.0, -33.3, -20.0, -7.1, -1.0 / 3.0])
+@pytest.mark.parametrize("q2_deg", [-35.0, -33.3, -30.7, -76.0 / 3.0, -20.0])
 def test_a_pose_on_the_coupled_limit_is_reachable(q2_deg: float) -> None:
     robot = load_robot("xr701")
     q3real_deg = 180.0 + q2_deg - forearm_limits_deg()[0]

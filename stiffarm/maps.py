@@ -1,0 +1,58 @@
+"""Writing a stiffness map: the .vtu and the pictures from both viewpoints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robots import ModelDescription, Robot
+from stiffarm.outputs import OutputFolder
+from stiffarm.payloads import number
+from stiffarm.rendering import render_map
+from stiffarm.robot_drawing import draw_robot
+from surrogate import StiffnessMap, write_vtu
+
+VIEWS = ("oblique", "side")
+
+
+def middle_pose(robot: Robot) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """A pose to draw the robot in: mid-range, moved towards zero, as far as it can be taken."""
+    q = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
+    middle = robot.limits.mean(axis=1)
+    for share in np.linspace(0.0, 1.0, 21):
+        trial = (1.0 - share) * q + share * middle
+        if robot.reachable(trial[None])[0]:
+            return np.asarray(trial)
+    return np.asarray(middle)
+
+
+def write(
+    made: StiffnessMap, description: ModelDescription, robot: Robot, folder: OutputFolder, pictures: bool = True
+) -> dict[str, Any]:
+    """Write ``stiffness_map.vtu`` and the PNGs; returns file names and figures."""
+    write_vtu(made, folder.path("stiffness_map.vtu"))
+    files, messages = ["stiffness_map.vtu"], []
+    if pictures:
+        pose = middle_pose(robot)
+        bodies = draw_robot(description, robot, pose)
+        shown = ", ".join(f"{n.removesuffix('_deg')} {v:g}" for n, v in zip(robot.coordinates, np.degrees(pose), strict=True))
+        for view in VIEWS:
+            name = f"stiffness_map_{view}.png"
+            picture = render_map(
+                made, bodies, folder.path(name), view=view, title=f"{description.title}: structural stiffness",
+                subtitle=f"vertical load; stiffness from {made.metadata.get('stiffness_from', 'the model')}; robot drawn at {shown} deg",
+            )
+            files.append(name)
+            if picture.message and picture.message not in messages and picture.renderer != "pyvista":
+                messages.append(picture.message)
+    stiffness = made.stiffness * 1e-3
+    return {
+        "files": files,
+        "points": len(stiffness),
+        "cells": 0 if made.cells is None else len(made.cells),
+        "stiffness_N_per_mm": {
+            "min": number(float(stiffness.min())), "median": number(float(np.median(stiffness))), "max": number(float(stiffness.max())),
+        },
+        "messages": messages,
+    }

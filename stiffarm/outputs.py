@@ -1,0 +1,119 @@
+"""Output folders that are never half-written and never lose what stood there before."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime as dt
+import hashlib
+import json
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from robots import InputError
+
+_PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
+
+
+class OutputFolder:
+    """A folder of results, written whole or not at all.
+
+    Everything is written into a hidden folder inside the target; on success the files move into place and
+    files of the same name go to ``previous/<time>/`` first. On an error or Ctrl-C the hidden folder is
+    removed and the target stays as it was.
+    """
+
+    def __init__(self, target: Path, command: list[str], inputs: Mapping[str, Path | str], seed: int | None) -> None:
+        self.target = target
+        self._command, self._inputs, self._seed = command, inputs, seed
+        self._timings: dict[str, float] = {}
+        self._started = time.monotonic()
+        self._created = not target.exists()
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+            self.stage = target / f".partial-{os.getpid()}"
+            self.stage.mkdir()
+        except OSError as error:
+            raise InputError(
+                f"output folder {target} cannot be written ({error.strerror or error})",
+                remedy="choose another folder with --out",
+            ) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self.write_json("run.json", self._provenance())
+                self._publish()
+        finally:
+            shutil.rmtree(self.stage, ignore_errors=True)
+            if kind is not None and self._created:
+                with contextlib.suppress(OSError):
+                    self.target.rmdir()
+
+    @contextlib.contextmanager
+    def timed(self, step: str) -> Iterator[None]:
+        """Record how long a step took, for run.json."""
+        start = time.monotonic()
+        yield
+        self._timings[step] = round(time.monotonic() - start, 3)
+
+    def path(self, name: str) -> Path:
+        """Where to write a file of this name; sub-folders are made."""
+        path = self.stage / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a text file."""
+        self.path(name).write_text(text, encoding="utf-8")
+
+    def write_json(self, name: str, content: Mapping[str, Any]) -> None:
+        """Write a JSON file."""
+        self.write_text(name, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+    def _provenance(self) -> dict[str, Any]:
+        return {
+            "schema": "stiffarm-run/1",
+            "command": self._command,
+            "finished_utc": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
+            "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
+            "platform": f"{sys.platform} {platform.machine()}",
+            "inputs_sha256": {name: _digest(item) for name, item in self._inputs.items()},
+            "seed": self._seed,
+            "timings_s": self._timings | {"total": round(time.monotonic() - self._started, 3)},
+        }
+
+    def _publish(self) -> None:
+        backup = _free_name(self.target / "previous", dt.datetime.now(dt.UTC).strftime("%Y%m%d-%H%M%S"))
+        for new in sorted(p for p in self.stage.rglob("*") if p.is_file()):
+            name = new.relative_to(self.stage)
+            place = self.target / name
+            if place.exists():
+                (backup / name).parent.mkdir(parents=True, exist_ok=True)
+                place.replace(backup / name)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            new.replace(place)
+
+
+def _free_name(folder: Path, stem: str) -> Path:
+    path, n = folder / stem, 1
+    while path.exists():
+        path, n = folder / f"{stem}-{n}", n + 1
+    return path
+
+
+def _digest(item: Path | str) -> str:
+    """SHA-256 of a file; a text that is a hash already stays as it is."""
+    return hashlib.sha256(item.read_bytes()).hexdigest() if isinstance(item, Path) else item

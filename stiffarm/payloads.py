@@ -1,0 +1,152 @@
+"""Results as JSON-ready dictionaries: keys with units, null where there is no number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from doe import PoseEffects, SpringEstimate
+from stiffarm.steps import FactorialRuns, RigidJoints, Variant
+from surrogate import QueryResult, Surrogate, Trained
+
+
+def number(value: float, digits: int = 6) -> float | None:
+    """A JSON number with that many significant digits; None for NaN and infinity."""
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None
+
+
+def spring_key(joint: str) -> str:
+    """``k2_Nm_per_rad`` for joint ``j2``."""
+    return f"k{joint.removeprefix('j')}_Nm_per_rad"
+
+
+def estimate(spring: SpringEstimate) -> dict[str, Any]:
+    """A constant spring with its interval; no plain number where the data do not determine it."""
+    identified = spring.status != "not identified"
+    return {
+        "k_Nm_per_rad": number(spring.stiffness) if identified else None,
+        "interval95_Nm_per_rad": [number(v) for v in spring.interval],
+        "status": spring.status,
+    }
+
+
+def variant(result: Variant) -> dict[str, Any]:
+    """A calibrated variant."""
+    out: dict[str, Any] = {
+        "scheme": result.scheme,
+        "robot": result.description.name,
+        "load_path": result.model.load_path,
+        "links": result.model.link_kind,
+        "readings": len(result.system),
+        "parameters": result.parameters,
+        "rms_mm": number(result.rms_mm),
+        "left_one_pose_out_rms_mm": number(result.left_out.rms_mm),
+        "left_out_not_predicted": result.left_out.skipped,
+        "remarks": list(result.remarks),
+        "poses": _poses(result),
+    }
+    if result.constant is not None:
+        out["residual_sd_mm"] = number(result.constant.sigma_m * 1e3)
+        out["degrees_of_freedom"] = result.constant.degrees_of_freedom
+        out["springs"] = {s.joint: estimate(s) for s in result.constant.springs}
+        out |= {
+            spring_key(s.joint): estimate(s)["k_Nm_per_rad"] for s in result.constant.springs
+        }
+    if result.staged is not None:
+        out["stages"] = {name: [_pose_fit(fit) for fit in fits] for name, fits in result.staged.fits.items()}
+        out["laws"] = {joint: law.model_dump(mode="json") for joint, law in result.staged.laws.items()}
+    return out
+
+
+def _poses(result: Variant) -> list[dict[str, Any]]:
+    names = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+    return [
+        {
+            "pose": result.system.pose[i],
+            "component": names[result.system.component[i]],
+            "measured": number(result.system.value[i] * 1e3),
+            "simulated": number(result.predicted_mm[i]),
+            "left_out_error": number(result.left_out.error_m[i] * 1e3),
+        }
+        for i in range(len(result.system))
+    ]
+
+
+def _pose_fit(fit: Any) -> dict[str, Any]:
+    return {
+        "pose": fit.pose,
+        **{spring_key(joint): number(k) for joint, k in zip(fit.joints, fit.stiffness, strict=True)},
+        "error_mm": number(fit.error_mm),
+        "matched_within_gauge": fit.matched,
+        "runs": fit.runs,
+        "rounds": fit.rounds,
+        "equivalent_range_Nm_per_rad": {
+            joint: [number(a), number(b)] for joint, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
+        },
+        "remarks": list(fit.remarks),
+    }
+
+
+def effects(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
+    """Sensitivity effects by pose."""
+    return [
+        {
+            "pose": e.pose,
+            "effect_mm": {joint: number(v) for joint, v in zip(e.joints, e.effect_mm, strict=True)},
+            "share": {joint: number(v) for joint, v in zip(e.joints, e.share, strict=True)},
+            "ranking": list(e.ranking),
+        }
+        for e in results
+    ]
+
+
+def rigid(result: RigidJoints) -> dict[str, Any]:
+    """The rigid-joint model against the readings."""
+    return {
+        "poses": list(result.pose),
+        "measured_mm": [number(v) for v in result.measured_mm],
+        "simulated_mm": [number(v) for v in result.simulated_mm],
+        "factor_measured_over_simulated": [number(v) for v in result.factor],
+        "median_factor": number(float(np.median(result.factor))),
+    }
+
+
+def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
+    """Held-out error figures."""
+    e = surrogate.errors
+    return {
+        "basis": e.basis, "degree_or_order": e.degree, "target": e.target, "terms": e.n_terms,
+        "runs_fitted": e.n_train, "runs_held_out": e.n_test, "rms_relative_error": number(e.rms_relative),
+        "p95_relative_error": number(e.p95_relative), "max_relative_error": number(e.max_relative),
+        "condition_number": number(e.condition_number),
+    }
+
+
+def trained(result: Trained) -> dict[str, Any]:
+    """All surrogates of a training, best first."""
+    return {"best": result.best.basis.name, "surrogates": [surrogate_errors(s) for s in result.surrogates]}
+
+
+def factorial(runs: FactorialRuns) -> dict[str, Any]:
+    """The factorial runs as columns."""
+    columns = {name: [number(v) for v in runs.poses_deg[:, i]] for i, name in enumerate(runs.inputs)}
+    return columns | {"stiffness_N_per_mm": [number(v) for v in runs.stiffness_N_per_mm]}
+
+
+def query_rows(surrogate: Surrogate, poses_deg: Any, labels: Sequence[str], result: QueryResult) -> list[dict[str, Any]]:
+    """Query answers, one row a pose."""
+    return [
+        {
+            "pose": label,
+            **{name: number(v) for name, v in zip(surrogate.inputs, row, strict=True)},
+            "stiffness_N_per_mm": number(result.stiffness_N_per_mm[i]),
+            "relative_error_rms": number(result.relative_error[i]),
+            "max_relative_error_seen": number(surrogate.errors.max_relative),
+            "inside_domain": bool(result.inside_domain[i]),
+            "reachable": bool(result.reachable[i]),
+        }
+        for i, (label, row) in enumerate(zip(labels, poses_deg, strict=True))
+    ]

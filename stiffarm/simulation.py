@@ -1,0 +1,83 @@
+"""The ``simulate`` command: one pose, or every reading of a table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements
+from fem import ArmModel, deflection, deflection_by_part
+from stiffarm import steps
+from stiffarm.console import say, show_table
+from stiffarm.inputs import WRENCH_NAMES, ModelInput
+from stiffarm.payloads import number
+
+Array = NDArray[np.float64]
+
+NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+
+
+def _head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
+    rigid = [j.name for j in model.joints if not j.axial.compliance(np.zeros((1, model.robot.dof))).any()]
+    return {
+        "robot": given.robot.name, "links": model.link_kind, "load_path": model.load_path,
+        "rigid_joints": rigid_joints, "joints_without_spring": rigid,
+    }
+
+
+def of_pose(given: ModelInput, q: Array, wrench: Array, rigid_joints: bool) -> dict[str, Any]:
+    """Displacement and directional stiffness at one pose, split by part."""
+    model = given.model.with_rigid_joints() if rigid_joints else given.model
+    d = deflection(model, q[None], wrench)[0]
+    parts = deflection_by_part(model, q[None], wrench)
+    force = wrench[:3]
+    along = float(d[:3] @ force) / float(force @ force) if force.any() else float("nan")
+    return _head(given, model, rigid_joints) | {
+        "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
+        "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
+        "displacement": {n: number(v * 1e3) for n, v in zip(NAMES, d, strict=True)},
+        "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
+        "by_part": {
+            name: {n: number(v * 1e3) for n, v in zip(NAMES, part[0], strict=True)} for name, part in parts.items()
+        },
+    }
+
+
+def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
+    """Simulated against measured for every reading."""
+    model = given.model.with_rigid_joints() if rigid_joints else given.model
+    d = steps.simulate(model, data)
+    rows: list[dict[str, Any]] = []
+    for i in range(data.n):
+        row: dict[str, Any] = {"line": data.row_numbers[i], "pose": data.pose[i], "load_N": number(float(data.loads_N[i]))}
+        for k in np.flatnonzero(data.used[i]):
+            row[f"{NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
+            row[f"{NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
+        rows.append(row)
+    linear = data.used[:, :3]
+    error = (d - data.displacement)[:, :3][linear]
+    return _head(given, model, rigid_joints) | {
+        "notes": list(data.notes), "rms_mm": number(float(np.sqrt(np.mean(error**2))) * 1e3), "readings": rows,
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Tables for people."""
+    if result["joints_without_spring"] and not result["rigid_joints"]:
+        say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid (calibrate first?)")
+    if "readings" in result:
+        columns = list(dict.fromkeys(key for row in result["readings"] for key in row))
+        show_table(
+            f"{result['robot']}: measured and simulated (RMS difference {result['rms_mm']:.3f} mm)", columns,
+            [["-" if row.get(c) is None else str(row[c]) for c in columns] for row in result["readings"]],
+        )
+        return
+    show_table(
+        f"{result['robot']}: displacement of the tool point", ["part", *NAMES],
+        [[name, *(f"{part[n]:+.4f}" for n in NAMES)] for name, part in result["by_part"].items()]
+        + [["total", *(f"{result['displacement'][n]:+.4f}" for n in NAMES)]],
+    )
+    k = result["stiffness_N_per_mm"]
+    say("stiffness along the force: " + ("none (no force, or a rigid model)" if k is None else f"{k:.1f} N/mm"))
