@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.constant import ConstantFit, fit_constant
+from doe.constant import MIXED, ConstantFit, blind_directions, fit_constant
 from doe.measurements import Measurements
 from doe.readings import Equations, equations, rms_mm
 from doe.scheme import Scheme
@@ -48,6 +48,7 @@ def constant_fit(
 def leave_one_pose_out(system: Equations, refit: Callable[[str], Array]) -> Prediction:
     """Predict each pose from all the others; ``refit(pose)`` gives compliances (m, dof) fitted without it."""
     error = np.full(len(system), np.nan)
+    predicted = np.ones(len(system), dtype=np.bool_)
     skipped: dict[str, str] = {}
     for pose in dict.fromkeys(system.pose):
         mine = np.array(system.pose, dtype=object) == pose
@@ -55,21 +56,29 @@ def leave_one_pose_out(system: Equations, refit: Callable[[str], Array]) -> Pred
             error[mine] = (system.predict(refit(pose)) - system.value)[mine]
         except InputError as reason:
             skipped[pose] = str(reason)
-    predicted = np.isfinite(error)
+            predicted &= ~mine
     return Prediction(error, rms_mm(error[predicted], system.component[predicted]), skipped)
 
 
 def constant_left_out(
     model: ArmModel, system: Equations, joints: tuple[str, ...], bounds: tuple[float, float]
 ) -> Prediction:
-    """Leave-one-pose-out prediction of constant springs."""
+    """Leave-one-pose-out prediction of constant springs.
+
+    A pose that alone determines a spring is not predicted: a value the rest made up would not be a test.
+    """
     fixed = model_compliances(model, system.q)
+    columns = [model.robot.joint_names.index(joint) for joint in joints]
+    A = system.influence[:, columns] / system.sigma[:, None]
 
     def refit(pose: str) -> Array:
         rest = np.array(system.pose, dtype=object) != pose
         fit = fit_constant(system.take(rest), joints, model.robot.joint_names, fixed[rest], bounds)
+        blind, mine = blind_directions(A[rest]), A[~rest]
+        if np.any(np.abs(mine @ blind.T) > MIXED * np.abs(mine).max()):
+            unknown = [s.joint for s in fit.springs if s.status == "not identified"]
+            raise InputError(f"without pose {pose} the readings do not determine {', '.join(unknown)}")
         full = fixed.copy()
-        columns = [model.robot.joint_names.index(joint) for joint in joints]
         full[:, columns] = fit.compliance[columns]
         return full
 

@@ -19,7 +19,7 @@ from robots import InputError, Robot
 
 # Beyond these an arm is hardly a robot: the units are more likely wrong than the arm.
 LARGEST_DEFLECTION_M = 0.1
-STIFFNESS_RANGE_N_PER_M = (1e3, 1e9)
+STIFFNESS_N_PER_MM = (1.0, 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +93,10 @@ class Measurements:
 
     def pose_groups(self) -> dict[str, NDArray[np.intp]]:
         """Row indices of each pose label, labels in order of first appearance."""
-        labels = np.array(self.pose, dtype=object)
-        return {label: np.flatnonzero(labels == label) for label in dict.fromkeys(self.pose)}
+        groups: dict[str, list[int]] = {label: [] for label in self.pose}
+        for i, label in enumerate(self.pose):
+            groups[label].append(i)
+        return {label: np.array(rows, dtype=np.intp) for label, rows in groups.items()}
 
 
 def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = True) -> Measurements:
@@ -153,8 +155,8 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
 
 
 def _joint_keys(q: Array) -> list[tuple[float, ...]]:
-    # 1e-9 rad is the robots' own tolerance for "the same angle"; adding 0.0 turns -0.0 into 0.0.
-    return [tuple(row) for row in (np.round(q, 9) + 0.0).tolist()]
+    # 1e-9 rad is the robots' own tolerance for "the same angle".
+    return [tuple(row) for row in np.round(q, 9).tolist()]
 
 
 def _labels(q: Array) -> tuple[str, ...]:
@@ -188,7 +190,7 @@ def _check_labels(m: Measurements, faults: Faults) -> None:
 
 def _check_duplicates(m: Measurements, faults: Faults) -> None:
     # NaN never equals itself; inf cannot occur in a table, so it can stand for "not given" in a key.
-    settings = np.nan_to_num(np.column_stack([m.wrench, m.point, m.step]), nan=np.inf) + 0.0
+    settings = np.nan_to_num(np.column_stack([m.wrench, m.point, m.step]), nan=np.inf)
     seen: dict[object, list[int]] = {}
     keys = zip(_joint_keys(m.q), map(tuple, settings.tolist()), m.repeat, m.phase, strict=True)
     for i, key in enumerate(keys):
@@ -209,8 +211,7 @@ def _check_reach(m: Measurements, robot: Robot, faults: Faults) -> None:
     for i in np.flatnonzero(~robot.reachable(m.q)):
         for problem in robot.violations(m.q[i]):
             faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}",
-                       allowed=f"the limits of {robot.name}",
-                       remedy="correct the angles, or the limits in the model file")  # fmt: skip
+                       allowed=f"the limits of {robot.name}", remedy="correct the pose")  # fmt: skip
 
 
 def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
@@ -232,12 +233,11 @@ def _plausibility_notes(m: Measurements) -> Iterator[str]:
     # Only where every loaded direction was read is the directional stiffness known.
     work = np.where(loaded, force * moved, 0.0).sum(axis=1)
     known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
-    stiffness, (lower, upper) = m.loads_N[known] ** 2 / np.abs(work[known]), STIFFNESS_RANGE_N_PER_M
+    stiffness, (lower, upper) = 1e-3 * m.loads_N[known] ** 2 / np.abs(work[known]), STIFFNESS_N_PER_MM
     odd = np.flatnonzero(known)[(stiffness < lower) | (stiffness > upper)]
     if odd.size:
         rows = ", ".join(str(m.row_numbers[i]) for i in odd[:10]) + (" ..." if odd.size > 10 else "")
-        limits = f"{lower / 1e3:g} to {upper / 1e3:g} N/mm"
-        yield f"{odd.size} reading(s) with a stiffness outside {limits}: are the units right? Rows {rows}"
+        yield f"{odd.size} reading(s), stiffness outside {lower:g} to {upper:g} N/mm: are the units right? Rows {rows}"
     against = int((work[known] < 0.0).sum())
     if 2 * against > int(known.sum()):
         yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "

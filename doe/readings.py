@@ -39,14 +39,30 @@ class Equations:
         return len(self.value)
 
     def take(self, mask: NDArray[np.bool_]) -> Equations:
-        """The equations where ``mask`` (m,) is true."""
+        """Keep the equations where ``mask`` (m,) is true."""
         return Equations(
-            self.influence[mask], self.rest[mask], self.value[mask], self.sigma[mask], self.row[mask],
-            self.component[mask], self.q[mask], tuple(np.array(self.pose, dtype=object)[mask]),
+            self.influence[mask],
+            self.rest[mask],
+            self.value[mask],
+            self.sigma[mask],
+            self.row[mask],
+            self.component[mask],
+            self.q[mask],
+            tuple(np.array(self.pose, dtype=object)[mask]),
         )
 
     def of_poses(self, poses: tuple[str, ...]) -> Equations:
-        """The equations of some poses."""
+        """Keep the equations of some poses.
+
+        Raises
+        ------
+        InputError
+            There is no equation of one of them.
+        """
+        for pose in poses:
+            if pose not in self.pose:
+                known = ", ".join(dict.fromkeys(self.pose))
+                raise InputError("pose", value=pose, allowed=f"one that was read: {known}")
         return self.take(np.isin(np.array(self.pose, dtype=str), poses))
 
     def predict(self, compliances: Array) -> Array:
@@ -78,7 +94,7 @@ def equations(model: ArmModel, data: Measurements, gauge_m: float) -> Equations:
 
 
 def select_loads(data: Measurements, loads_N: tuple[float, ...]) -> Measurements:
-    """Readings at some load magnitudes (within 1 %, for a real weight is never its nominal one); () = all.
+    """Select readings by load magnitude (within 1 %, for a real weight is never its nominal one); () = all.
 
     Raises
     ------

@@ -5,15 +5,24 @@ from __future__ import annotations
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
 from robots import InputError, InputErrors, Robot
 
+# With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
+FEWEST_LEVELS = 4
+
+# pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
+_WORDS = {
+    "missing": ("this key is missing", "add it"),
+    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
+}
+
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class SensitivityPlan(_Strict):
@@ -29,7 +38,7 @@ class Stage(_Strict):
     name: str
     joints: tuple[str, ...] = Field(min_length=1, max_length=3)
     poses: tuple[str, ...] = Field(min_length=1)
-    levels: int = Field(ge=2, le=100)
+    levels: int = Field(ge=FEWEST_LEVELS, le=100)
 
 
 class Law(_Strict):
@@ -64,7 +73,7 @@ class Adjustment(_Strict):
 
     when: Condition
     coordinate: str
-    levels_deg: tuple[float, ...]
+    levels_deg: tuple[float, ...] = Field(min_length=1)
 
 
 class Factorial(_Strict):
@@ -78,6 +87,17 @@ class Factorial(_Strict):
     def _levels_for_each_input(self) -> Self:
         if len(self.levels_deg) != len(self.inputs) or any(len(row) == 0 for row in self.levels_deg):
             raise ValueError("levels_deg needs one non-empty list for each input")
+        if len(set(self.inputs)) < len(self.inputs):
+            raise ValueError("an input is named twice")
+        for rule in self.adjust:
+            if rule.coordinate not in self.inputs:
+                raise ValueError(f"adjust: coordinate {rule.coordinate!r} is not one of the inputs")
+            # Levels are filled in from the first input on, so a rule can only look back.
+            if rule.when.coordinate not in self.inputs[: self.inputs.index(rule.coordinate)]:
+                condition = rule.when.coordinate
+                raise ValueError(
+                    f"adjust: when.coordinate {condition!r} is not an input before {rule.coordinate!r}"
+                )
         return self
 
 
@@ -88,11 +108,11 @@ class Scheme(_Strict):
     robot: str
     title: str
     source: str
-    loads_N: tuple[float, ...] = ()
+    loads_N: tuple[float, ...] = ()  # noqa: N815
     gauge_mm: PositiveFloat = 0.01
-    low_Nm_per_rad: PositiveFloat
-    high_Nm_per_rad: PositiveFloat
-    initial_Nm_per_rad: PositiveFloat
+    low_Nm_per_rad: PositiveFloat  # noqa: N815
+    high_Nm_per_rad: PositiveFloat  # noqa: N815
+    initial_Nm_per_rad: PositiveFloat  # noqa: N815
     regression_degree: int = Field(default=6, ge=0, le=10)
     sensitivity: SensitivityPlan
     stage: tuple[Stage, ...] = Field(min_length=1)
@@ -101,32 +121,48 @@ class Scheme(_Strict):
     factorial: Factorial
 
     @model_validator(mode="after")
-    def _bounds_are_ordered(self) -> Self:
+    def _parts_fit_together(self) -> Self:
         if not self.low_Nm_per_rad < self.high_Nm_per_rad:
             raise ValueError("low_Nm_per_rad must be below high_Nm_per_rad")
         missing = sorted({j for s in self.stage for j in s.joints} - {law.joint for law in self.law})
         if missing:
             raise ValueError(f"no [[law]] for {', '.join(missing)}")
+        for kind, names in (
+            ("calibrated in two stages", [joint for stage in self.stage for joint in stage.joints]),
+            ("given two laws", [law.joint for law in self.law]),
+            ("the name of two stages", [stage.name for stage in self.stage]),
+        ):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"{', '.join(twice)}: {kind}")
         return self
 
     def check_against(self, robot: Robot) -> None:
         """Raise InputError where the scheme names a joint or coordinate that the robot has not."""
         joints = [
-            *self.sensitivity.joints, *self.constant.joints, *(law.joint for law in self.law),
+            *self.sensitivity.joints,
+            *self.constant.joints,
+            *(law.joint for law in self.law),
             *(joint for stage in self.stage for joint in stage.joints),
         ]
         for joint in joints:
             if joint not in robot.joint_names:
                 raise InputError(
-                    f"scheme {self.title!r}: joint of {robot.name}", value=joint,
+                    f"scheme {self.title!r}: joint of {robot.name}",
+                    value=joint,
                     allowed=", ".join(robot.joint_names),
                 )
         for coordinate in [*self.factorial.inputs, *(name for law in self.law for name in law.inputs)]:
-            robot.coordinate_index(coordinate)
+            if coordinate not in robot.coordinates:
+                raise InputError(
+                    f"scheme {self.title!r}: joint coordinate of {robot.name}",
+                    value=coordinate,
+                    allowed=", ".join(robot.coordinates),
+                )
 
 
 def bundled_scheme(robot: str) -> Scheme | None:
-    """The scheme that comes with a bundled robot, or None."""
+    """Return the scheme that comes with a bundled robot, or None."""
     file = resources.files("doe").joinpath("schemes", f"{robot}.toml")
     if not file.is_file():
         return None
@@ -153,10 +189,19 @@ def parse_scheme(text: str, where: str) -> Scheme:
     try:
         return Scheme.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+        raise InputError(
+            f"{where} is not valid TOML ({error})", remedy="mend the file at that line"
+        ) from error
     except ValidationError as error:
-        faults = [
-            InputError(f"{where}: {'.'.join(map(str, item['loc'])) or 'file'}: {item['msg']}")
-            for item in error.errors()
-        ]
+        faults = [_fault(where, item) for item in error.errors()]
         raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+
+
+def _fault(where: str, item: Any) -> InputError:
+    message, remedy = _WORDS.get(
+        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
+    )
+    value = item["input"]
+    shown = value if isinstance(value, str | int | float | list) else None
+    place = ".".join(map(str, item["loc"])) or "file"
+    return InputError(f"{where}: {place}: {message}", value=shown, remedy=remedy)

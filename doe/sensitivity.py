@@ -45,10 +45,13 @@ def sensitivity_study(
     Raises
     ------
     InputError
-        Bounds out of order, or a pose without a Z reading's equation.
+        Bounds out of order, an unknown joint, or a pose without a Z reading's equation.
     """
     if not 0.0 < low < high:
         raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
+    for joint in joints:
+        if joint not in joint_names:
+            raise InputError("joint of the sensitivity study", value=joint, allowed=", ".join(joint_names))
     design = two_level_factorial(len(joints))
     columns = [joint_names.index(name) for name in joints]
     compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)
@@ -60,7 +63,8 @@ def sensitivity_study(
             raise InputError(f"pose {pose} has no Z reading", remedy="the sensitivity study needs dz_mm")
         index = vertical[np.argmax(np.abs(one.value[vertical]))]
         runs = (one.rest[index] + compliance @ one.influence[index, columns]) * 1e3
-        effect = np.array([runs[design[:, k] > 0].mean() - runs[design[:, k] < 0].mean() for k in range(len(joints))])
+        # Half the runs have a factor high, half low: the contrast over half their number is the effect.
+        effect = design.T @ runs / (len(runs) / 2)
         total = np.abs(effect).sum()
         share = np.abs(effect) / total if total > 0.0 else np.zeros_like(effect)
         out.append(PoseEffects(pose, joints, effect, share, runs))

@@ -56,7 +56,9 @@ def fit_law(robot: Robot, points: SpringPoints, degree: int, source: str) -> Log
         raise InputError(f"regression of {points.joint}: no calibrated point")
     if not (np.isfinite(points.stiffness).all() and (points.stiffness > 0.0).all()):
         raise InputError(
-            f"regression of {points.joint}: stiffness", value=points.stiffness.tolist(), allowed="positive, finite"
+            f"regression of {points.joint}: stiffness",
+            value=points.stiffness.tolist(),
+            allowed="positive, finite",
         )
     limits = robot.limits[[robot.coordinate_index(name) for name in points.inputs]]
     centre, half = limits.mean(axis=1), np.ptp(limits, axis=1) / 2.0

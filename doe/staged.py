@@ -53,8 +53,13 @@ class StagedResult:
 
 
 def calibrate_staged(
-    model: ArmModel, data: Measurements, scheme: Scheme, *, spacing: str = "log",
-    skip_poses: tuple[str, ...] = (), progress: Progress | None = None,
+    model: ArmModel,
+    data: Measurements,
+    scheme: Scheme,
+    *,
+    spacing: str = "log",
+    skip_poses: tuple[str, ...] = (),
+    progress: Progress | None = None,
 ) -> StagedResult:
     """Run the scheme's stages on the readings (already selected by load).
 
@@ -69,6 +74,7 @@ def calibrate_staged(
     scheme.check_against(model.robot)
     for stage in scheme.stage:
         check_poses(data, stage.poses, f"scheme {scheme.title!r}, {stage.name}")
+    check_poses(data, skip_poses, "poses to leave out")
     system = equations(model, data, scheme.gauge_mm * 1e-3)
     springs: dict[str, SpringLaw] = {
         joint: ConstantSpring(scheme.initial_Nm_per_rad) for stage in scheme.stage for joint in stage.joints
@@ -103,8 +109,14 @@ def _compliances(model: ArmModel, q: Array) -> Array:
 
 
 def _run_stage(
-    model: ArmModel, system: Equations, scheme: Scheme, stage: Stage, poses: tuple[str, ...],
-    springs: dict[str, SpringLaw], spacing: str, progress: Progress | None,
+    model: ArmModel,
+    system: Equations,
+    scheme: Scheme,
+    stage: Stage,
+    poses: tuple[str, ...],
+    springs: dict[str, SpringLaw],
+    spacing: str,
+    progress: Progress | None,
 ) -> tuple[PoseFit, ...]:
     columns = [model.robot.joint_names.index(joint) for joint in stage.joints]
     current = model.with_springs(springs)
@@ -114,9 +126,15 @@ def _run_stage(
         fixed = _compliances(current, one.q[:1])[0]
         out.append(
             fit_pose(
-                one, fixed, columns, stage.joints, stage.levels,
-                (scheme.low_Nm_per_rad, scheme.high_Nm_per_rad), scheme.gauge_mm * 1e-3,
-                scheme.initial_Nm_per_rad, spacing,
+                one,
+                fixed,
+                columns,
+                stage.joints,
+                stage.levels,
+                (scheme.low_Nm_per_rad, scheme.high_Nm_per_rad),
+                scheme.gauge_mm * 1e-3,
+                scheme.initial_Nm_per_rad,
+                spacing,
             )
         )
         if progress is not None:
@@ -145,7 +163,12 @@ def _held_points(
 
 
 def _points(
-    model: ArmModel, system: Equations, law: Law, fits: tuple[PoseFit, ...], spring: int, held: Array,
+    model: ArmModel,
+    system: Equations,
+    law: Law,
+    fits: tuple[PoseFit, ...],
+    spring: int,
+    held: Array,
     scheme: Scheme,
 ) -> SpringPoints:
     columns = [model.robot.coordinate_index(name) for name in law.inputs]

@@ -42,7 +42,8 @@ def element_flexibility(mesh: BeamMesh) -> Array:
     length, _ = element_axes(mesh)
     s, weight = _quadrature(len(length))
     dimensions = (
-        mesh.dimensions[:, None, 0] * (1.0 - s)[None, :, None] + mesh.dimensions[:, None, 1] * s[None, :, None]
+        mesh.dimensions[:, None, 0] * (1.0 - s)[None, :, None]
+        + mesh.dimensions[:, None, 1] * s[None, :, None]
     )
     p = section_properties(mesh.kind, dimensions, mesh.poissons_ratio)
     E, G = mesh.youngs_modulus, mesh.youngs_modulus / (2.0 * (1.0 + mesh.poissons_ratio))

@@ -27,7 +27,9 @@ class Superelement:
     flexibility: Array
 
 
-def condense(name: str, interfaces: tuple[str, ...], points: Array, K: sp.csc_array, nodes: Array) -> Superelement:
+def condense(
+    name: str, interfaces: tuple[str, ...], points: Array, K: sp.csc_array, nodes: Array
+) -> Superelement:
     """Condense a free stiffness matrix to the freedoms of the interface ``nodes`` (six each).
 
     The flexibility comes from a solve with the root clamped, not from inverting the condensed
@@ -51,4 +53,6 @@ def condense(name: str, interfaces: tuple[str, ...], points: Array, K: sp.csc_ar
 
 def _factor(K: sp.csc_array) -> SuperLU:
     # MMD on A'+A with symmetric mode: the default COLAMD ordering is 6 times slower on such matrices.
-    return splu(sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return splu(
+        sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )

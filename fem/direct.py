@@ -7,16 +7,23 @@ eliminated, not penalised. Slower than :mod:`fem.statics` and independent of its
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem import beam
+from fem.inputs import as_points, as_wrenches
 from fem.model import ArmModel, LinkPart
 from robots.kinematics import as_poses, forward_kinematics, tool_position
 
 Array = NDArray[np.float64]
+
+# Systems solved at once; measured best among 16 to 1024 (benchmarks/fast_path.py), and 1e5 of them would
+# fill 2 GB.
+CHUNK = 256
 
 
 @dataclass(frozen=True)
@@ -45,36 +52,60 @@ class _System:
     def matrix(self) -> Array:
         K = np.zeros((self.n, self.size, self.size))
         for freedoms, block in self.blocks:
-            K[:, freedoms[:, None], freedoms] += block
+            # Freedoms come in a few runs of consecutive numbers; slices add faster than index arrays.
+            cuts = [0, *(np.flatnonzero(np.diff(freedoms) != 1) + 1), len(freedoms)]
+            runs = [(slice(i, j), slice(freedoms[i], freedoms[j - 1] + 1)) for i, j in pairwise(cuts)]
+            for (rows, to_rows), (columns, to_columns) in product(runs, runs):
+                K[:, to_rows, to_columns] += block[:, rows, columns]
         return K
 
 
-def compliance_direct(model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True) -> Array:
+def compliance_direct(
+    model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True
+) -> Array:
     """Cartesian compliance (n, 6, 6) at the tool point by direct stiffness.
 
-    ``condensed=False`` assembles every beam element instead of the superelements. Same units and frame
-    as :func:`fem.statics.compliance`.
+    ``condensed=False`` assembles every beam element instead of the superelements. Same units, frame and
+    errors as :func:`fem.statics.compliance`, except that a flat parallelogram is not looked for.
     """
-    K, G = assemble_direct(model, q, point, condensed=condensed)
-    loads = np.swapaxes(G, 1, 2)
-    return np.asarray(G @ np.linalg.solve(K, loads))
+    q = as_poses(model.robot, q)
+    points = as_points(point, len(q))
+    out = np.empty((len(q), 6, 6))
+    for rows in _batches(len(q)):
+        at = None if points is None else points[rows]
+        K, G = assemble_direct(model, q[rows], at, condensed=condensed)
+        out[rows] = G @ np.linalg.solve(K, np.swapaxes(G, 1, 2))
+    return out
 
 
 def deflection_direct(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> Array:
-    """Tool displacement (n, 6) under a wrench (6,) or (n, 6), by direct stiffness."""
-    K, G = assemble_direct(model, q, point)
-    w = np.broadcast_to(wrench, (len(K), 6))
-    load = np.einsum("nik,ni->nk", G, w)
-    return np.asarray(np.einsum("nik,nk->ni", G, np.linalg.solve(K, load[:, :, None])[:, :, 0]))
+    """Tool displacement (n, 6) under a wrench (6,) or (n, 6), by direct stiffness.
+
+    Same arguments, units and errors as :func:`fem.statics.deflection`, except that a flat parallelogram
+    is not looked for.
+    """
+    q = as_poses(model.robot, q)
+    points, loads = as_points(point, len(q)), as_wrenches(wrench, len(q))
+    out = np.empty((len(q), 6))
+    for rows in _batches(len(q)):
+        K, G = assemble_direct(model, q[rows], None if points is None else points[rows])
+        load = np.swapaxes(G, 1, 2) @ loads[rows, :, None]
+        out[rows] = (G @ np.linalg.solve(K, load))[:, :, 0]
+    return out
+
+
+def _batches(n: int) -> Iterator[slice]:
+    for start in range(0, n, CHUNK):
+        yield slice(start, min(start + CHUNK, n))
 
 
 def assemble_direct(
     model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True
 ) -> tuple[Array, Array]:
-    """System matrix (n, m, m) and the tool's displacement as (n, 6, m) times the unknowns."""
-    q = as_poses(model.robot, q)
+    """Assemble the system matrix (n, m, m) and the tool's displacement as (n, 6, m) times the unknowns."""
     frames = forward_kinematics(model.robot, q)
     tool = tool_position(model.robot, frames, point)
+    rotations = np.ascontiguousarray(frames.R)
     system = _System(len(q))
     links = {link.body: link for link in model.links}
     p = model.robot.parallelogram if model.bar is not None else None
@@ -82,13 +113,13 @@ def assemble_direct(
     at = np.zeros((len(q), 3))
     crank_node = pin_node = None
     for body in range(model.robot.dof + 1):
-        R, origin = frames.R[:, body], frames.p[:, body]
+        R, origin = rotations[:, body], frames.p[:, body]
         tip = frames.p_flange if body == model.robot.dof else frames.p[:, body + 1]
         if body > 0:
             node = _carry(node, origin - at)
             joint = body - 1
             if p is not None and joint == p.crank_about:
-                R_crank = frames.R[:, p.driven + 1]
+                R_crank = rotations[:, p.driven + 1]
                 turned = _turn(system, model, frames.axis[:, p.driven], node, p.driven, q)
                 crank_node = _crank(system, model, turned, R_crank, condensed)
             free = p is not None and joint == p.driven
@@ -108,7 +139,7 @@ def assemble_direct(
 
 
 def _carry(node: _Node, r: Array) -> _Node:
-    """The displacement at a point rigidly connected, r (n, 3) away: u + theta x r."""
+    """Displace a point rigidly connected, r (n, 3) away: u + theta x r."""
     X = np.zeros((len(r), 6, 6))
     X[:] = np.eye(6)
     X[:, 0, 4], X[:, 0, 5] = r[:, 2], -r[:, 1]
@@ -127,7 +158,7 @@ def _relative(system: _System, node: _Node, directions: Array, stiffness: Array)
 def _turn(
     system: _System, model: ArmModel, axis: Array, node: _Node, joint: int, q: Array, *, free: bool = False
 ) -> _Node:
-    """The joint's rotation about its axis, with its spring (or free, as a parallelogram's elbow is)."""
+    """Turn about the joint's axis against its spring (or freely, as a parallelogram's elbow does)."""
     compliance = model.joints[joint].axial.compliance(q)
     if not free and not compliance.any():
         return node
@@ -144,12 +175,12 @@ def _other_directions(system: _System, model: ArmModel, R: Array, node: _Node, j
     directions = np.zeros((len(R), 6, 5))
     directions[:, :3, :3] = R
     directions[:, 3:, 3:] = R[:, :, :2]
-    return _relative(system, node, directions[:, :, kept], np.broadcast_to(1.0 / other[kept], (len(R), kept.size)))
+    return _relative(
+        system, node, directions[:, :, kept], np.broadcast_to(1.0 / other[kept], (len(R), kept.size))
+    )
 
 
-def _flexible(
-    system: _System, link: LinkPart, root: _Node, R: Array, condensed: bool
-) -> dict[str, _Node]:
+def _flexible(system: _System, link: LinkPart, root: _Node, R: Array, condensed: bool) -> dict[str, _Node]:
     """Add a link's stiffness between its root and new nodes; returns the nodes of its other interfaces."""
     if condensed:
         K, names = link.element.stiffness, dict.fromkeys(link.element.interfaces)
@@ -169,9 +200,7 @@ def _flexible(
     return {name: nodes[i] for name, i in index.items() if name != "root"}
 
 
-def _crank(
-    system: _System, model: ArmModel, node: _Node, R: Array, condensed: bool
-) -> _Node:
+def _crank(system: _System, model: ArmModel, node: _Node, R: Array, condensed: bool) -> _Node:
     assert model.bar is not None and model.robot.parallelogram is not None  # noqa: S101, PT018
     if model.bar.crank is None:
         return _carry(node, R @ model.robot.parallelogram.pin)
@@ -179,7 +208,10 @@ def _crank(
 
 
 def _bar(system: _System, model: ArmModel, crank: _Node, pin: _Node, span: Array) -> None:
-    """The bar's force N as an unknown: elongation u . (u_pin - u_crank) + c N = 0, pushed ends apart."""
+    """Add the bar's force N as an unknown: its elongation u . (u_pin - u_crank) is c N.
+
+    ``span``: from crank pin to forearm pin.
+    """
     assert model.bar is not None  # noqa: S101
     u = span / np.linalg.norm(span, axis=1)[:, None]
     force = system.new(1)

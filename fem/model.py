@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Literal
 
 import numpy as np
@@ -67,7 +68,7 @@ class ArmModel:
     bar: BarPart | None
 
     def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
-        """A copy with other laws about the joint axes; numbers are N m/rad.
+        """Copy with other laws about the joint axes; numbers are N m/rad.
 
         Raises
         ------
@@ -77,16 +78,17 @@ class ArmModel:
         unknown = sorted(set(springs) - set(self.robot.joint_names))
         if unknown:
             raise InputError("joint", value=unknown[0], allowed=", ".join(self.robot.joint_names))
-        laws = {name: ConstantSpring(s) if isinstance(s, float | int) else s for name, s in springs.items()}
+        laws: dict[str, SpringLaw] = {
+            name: ConstantSpring(float(s)) if isinstance(s, Real | int | float) else s
+            for name, s in springs.items()
+        }
         return replace(
             self, joints=tuple(replace(j, axial=laws[j.name]) if j.name in laws else j for j in self.joints)
         )
 
     def with_rigid_joints(self) -> ArmModel:
-        """A copy in which no joint gives way."""
-        return replace(
-            self, joints=tuple(replace(j, axial=RIGID, other=np.zeros(5)) for j in self.joints)
-        )
+        """Copy with joints that do not give way."""
+        return replace(self, joints=tuple(replace(j, axial=RIGID, other=np.zeros(5)) for j in self.joints))
 
 
 def build_model(
@@ -102,7 +104,8 @@ def build_model(
     Raises
     ------
     InputError
-        Unknown kind of links, or a parallelogram asked of a robot without one.
+        Unknown kind of links, a parallelogram asked of a robot without one, or a link named like another
+        part (a joint, "bar" or "crank").
     """
     if links not in LINK_KINDS:
         raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))
@@ -113,6 +116,14 @@ def build_model(
     if path == "parallelogram" and robot.parallelogram is None:
         raise InputError(
             f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram"
+        )
+    taken = {*robot.joint_names, "bar", "crank"} & {link.name for link in description.link}
+    if taken:
+        raise InputError(
+            f"link name of {robot.name}",
+            value=min(taken),
+            allowed="a name no joint has, and neither bar nor crank",
+            remedy="rename the link: deflections are reported by part",
         )
     parts: tuple[LinkPart, ...] = ()
     if links == "beam":

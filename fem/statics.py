@@ -103,9 +103,7 @@ def directional_stiffness(
     axis = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
     norm = np.linalg.norm(axis)
     if axis.shape != (3,) or not 0.0 < norm < np.inf:
-        raise InputError(
-            "load direction", value=axis.tolist(), allowed="three finite numbers, not all zero"
-        )
+        raise InputError("load direction", value=axis.tolist(), allowed="three finite numbers, not all zero")
     unit = np.concatenate([axis / norm, np.zeros(3)])
     along = deflection(model, q, unit, point) @ unit
     if not (along > 0.0).all():

@@ -27,7 +27,7 @@ FLAT_SINE = 1e-3
 
 @dataclass(frozen=True)
 class Along:
-    """What follows a single force or torque: ``s = column (row . w)``; row (6, n), column (s, n) or (1, 1)."""
+    """What follows one force or torque: ``s = column (row . w)``; row (6, n), column (s, n) or (1, 1)."""
 
     row: Array
     column: Array
@@ -126,7 +126,7 @@ class Transfer:
 
 @dataclass(frozen=True)
 class _Arm:
-    """Geometry at n poses, poses last: bodies' R (b, 3, 3, n), p (b, 3, n), joint axes (dof, 3, n), tool (3, n)."""
+    """Geometry at n poses: bodies' R (b, 3, 3, n) and p (b, 3, n), joint axes (dof, 3, n), tool (3, n)."""
 
     model: ArmModel
     R: Array
@@ -137,14 +137,17 @@ class _Arm:
 
 @dataclass(frozen=True)
 class _Loop:
-    """The parallelogram: bar direction ``u``, its pin on the forearm (3, n), force N = row . w, row (6, n)."""
+    """The parallelogram: bar direction ``u`` and pin on the forearm (3, n), bar force N = row . w, row (6, n).
+
+    u points from the crank to the forearm; N is positive when the bar pushes.
+    """
 
     u: Array
     pin: Array
     row: Array
 
     def at(self, R: Array, point: Array, sign: float = 1.0) -> Along:
-        """The bar's force at the forearm's pin as a wrench at ``point`` in local axes."""
+        """Move the bar's force on the forearm to ``point``: a wrench in local axes."""
         wrench = [to_local(R, self.u), to_local(R, cross(self.pin - point, self.u))]
         return Along(self.row, sign * np.concatenate(wrench))
 
@@ -168,9 +171,7 @@ def transfers(
     for joint in model.joints:
         compliance = joint.axial.compliance(q)
         if compliance.any():
-            yield Transfer(
-                joint.name, compliance, along=_axial(arm, loop, joint.joint), joint=joint.joint
-            )
+            yield Transfer(joint.name, compliance, along=_axial(arm, loop, joint.joint), joint=joint.joint)
         if joint.other.any():
             yield _other_directions(arm, loop, joint.joint)
     if loop is None or model.bar is None:
@@ -187,7 +188,7 @@ def transfers(
 def axial_transfers(
     model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0
 ) -> Iterator[tuple[int, Along]]:
-    """Each joint's index with the torque about its axis, rigid joints too; arguments as in :func:`transfers`."""
+    """Torque about each joint's axis with the joint's index, rigid joints too; see :func:`transfers`."""
     arm = _arm(model, frames, tool)
     loop = _loop(arm, first)
     for joint in model.joints:
@@ -195,9 +196,7 @@ def axial_transfers(
 
 
 def _arm(model: ArmModel, frames: BodyFrames, tool: Array) -> _Arm:
-    return _Arm(
-        model, poses_last(frames.R), poses_last(frames.p), poses_last(frames.axis), poses_last(tool)
-    )
+    return _Arm(model, poses_last(frames.R), poses_last(frames.p), poses_last(frames.axis), poses_last(tool))
 
 
 def _loop(arm: _Arm, first: int) -> _Loop | None:
@@ -251,7 +250,7 @@ def _axial(arm: _Arm, loop: _Loop | None, joint: int) -> Along:
 
 
 def _other_directions(arm: _Arm, loop: _Loop | None, joint: int) -> Transfer:
-    """The joint's translations and tilts, in the axes of the joint's frame turned with it."""
+    """Let the joint translate and tilt, in the axes of its frame turned with it."""
     part, robot = arm.model.joints[joint], arm.model.robot
     R = times_constant(arm.R[joint + 1], robot.R_post[joint].T)
     origin = arm.p[joint + 1]

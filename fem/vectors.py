@@ -33,7 +33,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def scaled(a: Array, factor: Array) -> Array:
-    """``a`` (i, n) times the numbers ``factor`` (..., n) -> (i, ..., n)."""
+    """Multiply ``a`` (i, n) by the numbers ``factor`` (..., n) -> (i, ..., n)."""
     return np.asarray(np.einsum("k...,...->k...", a, factor))
 
 

@@ -14,7 +14,7 @@ from robots.schema import Link, Material
 Array = NDArray[np.float64]
 
 # Tapered force-based elements are exact but for the quadrature of 1/EI; four a segment keep that
-# error below 1e-6 for the bundled links (tests/fem/test_beam_links.py measures it).
+# error below 1e-6 for the bundled links (tests/fem/test_beam.py measures it).
 ELEMENTS_PER_SEGMENT = 4
 
 
@@ -75,8 +75,15 @@ def link_beam_mesh(
     if robot.parallelogram is not None and body == robot.parallelogram.driven + 1:
         lever = robot.parallelogram.pin
     return _polyline_mesh(
-        f"{description.name}: link {link.name}", path, start, end, link.section.kind, np.array(link.beam_up),
-        description.materials[link.material], elements_per_segment, lever,
+        f"{description.name}: link {link.name}",
+        path,
+        start,
+        end,
+        link.section.kind,
+        np.array(link.beam_up),
+        description.materials[link.material],
+        elements_per_segment,
+        lever,
     )
 
 
@@ -91,15 +98,28 @@ def crank_beam_mesh(
     axis = robot.R_post[robot.parallelogram.driven].T[:, 2]
     path = np.vstack([np.zeros(3), robot.parallelogram.pin])
     return _polyline_mesh(
-        f"{description.name}: crank", path, dimensions, dimensions, p.crank.kind,
-        np.cross(axis, robot.parallelogram.pin), description.materials[p.crank_material],
-        elements_per_segment, None,
+        f"{description.name}: crank",
+        path,
+        dimensions,
+        dimensions,
+        p.crank.kind,
+        np.cross(axis, robot.parallelogram.pin),
+        description.materials[p.crank_material],
+        elements_per_segment,
+        None,
     )
 
 
 def _polyline_mesh(
-    name: str, path: Array, start: Array, end: Array, kind: SectionKind, up: Array, material: Material,
-    per_segment: int, lever: Array | None,
+    name: str,
+    path: Array,
+    start: Array,
+    end: Array,
+    kind: SectionKind,
+    up: Array,
+    material: Material,
+    per_segment: int,
+    lever: Array | None,
 ) -> BeamMesh:
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     path = np.vstack([path[:1], path[1:][lengths > 1e-9]])
@@ -124,6 +144,13 @@ def _polyline_mesh(
         dimensions = np.concatenate([dimensions, np.broadcast_to(start, (per_segment, 2, len(start)))])
         interfaces["pin"] = len(nodes) - 1
     return BeamMesh(
-        name, nodes, elements, kind, dimensions, up, material.youngs_modulus.si, material.poissons_ratio.si,
+        name,
+        nodes,
+        elements,
+        kind,
+        dimensions,
+        up,
+        material.youngs_modulus.si,
+        material.poissons_ratio.si,
         interfaces,
     )

@@ -31,7 +31,7 @@ class SectionProperties:
 
 
 def section_dimensions(section: BoxSection | TubeSection) -> Array:
-    """The section's dimensions in m: (width, height, wall) of a box, (diameter, wall) of a tube."""
+    """Return the dimensions in m: (width, height, wall) of a box, (diameter, wall) of a tube."""
     if isinstance(section, BoxSection):
         return np.array([section.width.si, section.height.si, section.wall.si])
     return np.array([section.diameter.si, section.wall.si])
@@ -67,9 +67,14 @@ def _cowper_box(flange: Array, web: Array, nu: float) -> Array:
     """Shear coefficient of a thin-walled box of even wall, shear along the webs."""
     m = n = flange / web
     return np.asarray(
-        10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
+        10.0
+        * (1.0 + nu)
+        * (1.0 + 3.0 * m) ** 2
         / (
-            12.0 + 72.0 * m + 150.0 * m**2 + 90.0 * m**3
+            12.0
+            + 72.0 * m
+            + 150.0 * m**2
+            + 90.0 * m**3
             + nu * (11.0 + 66.0 * m + 135.0 * m**2 + 90.0 * m**3)
             + 10.0 * n**2 * ((3.0 + nu) * m + 3.0 * m**2)
         )
@@ -81,7 +86,10 @@ def _tube(diameter: Array, wall: Array, nu: float) -> SectionProperties:
     area = np.pi / 4.0 * (diameter**2 - inner**2)
     second = np.pi / 64.0 * (diameter**4 - inner**4)
     m = inner / diameter
-    cowper = 6.0 * (1.0 + nu) * (1.0 + m**2) ** 2 / (
-        (7.0 + 6.0 * nu) * (1.0 + m**2) ** 2 + (20.0 + 12.0 * nu) * m**2
+    cowper = (
+        6.0
+        * (1.0 + nu)
+        * (1.0 + m**2) ** 2
+        / ((7.0 + 6.0 * nu) * (1.0 + m**2) ** 2 + (20.0 + 12.0 * nu) * m**2)
     )
     return SectionProperties(area, area * cowper, area * cowper, 2.0 * second, second, second)

@@ -9,29 +9,49 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from robots import InputError, bundled_names, load_description
+from doe import bundled_scheme
+from robots import InputError, bundled_names, content_hash, load_description
 from stiffarm import __version__, inputs, payloads, steps
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.outputs import OutputFolder
 
 app = typer.Typer(
-    name="stiffarm", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    name="stiffarm",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
     help="How stiff is my robot arm, here, in this pose, and why does the model say something else than my gauge?",
 )
 
-ModelArg = Annotated[str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`) or a model TOML")]
-DataArg = Annotated[
-    Path | None, typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one")
+ModelArg = Annotated[
+    str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`) or a model TOML")
 ]
-Links = Annotated[str | None, typer.Option("--links", help="beam or rigid; default: as calibrated, else beam")]
-LoadPathOpt = Annotated[str | None, typer.Option("--load-path", help="parallelogram or serial; default: the model's")]
+DataArg = Annotated[
+    Path | None,
+    typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one"),
+]
+Links = Annotated[
+    str | None, typer.Option("--links", help="beam or rigid; default: as calibrated, else beam")
+]
+LoadPathOpt = Annotated[
+    str | None, typer.Option("--load-path", help="parallelogram or serial; default: the model's")
+]
 Out = Annotated[Path | None, typer.Option("--out", help="folder for results")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 Debug = Annotated[bool, typer.Option("--debug", help="show tracebacks")]
-Joints = Annotated[str | None, typer.Option("--joints", help="joints, as in j2,j3; default: the scheme's or all that matter")]
-Loads = Annotated[str | None, typer.Option("--loads", help="force magnitudes in N, as in 150,650, or all; default: the scheme's, else all")]
+Joints = Annotated[
+    str | None, typer.Option("--joints", help="joints, as in j2,j3; default: the scheme's or all that matter")
+]
+Loads = Annotated[
+    str | None,
+    typer.Option(
+        "--loads", help="force magnitudes in N, as in 150,650, or all; default: the scheme's, else all"
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", help="of the random numbers")]
-SchemeFile = Annotated[Path | None, typer.Option("--scheme-file", help="calibration scheme TOML; default: the bundled one")]
+SchemeFile = Annotated[
+    Path | None, typer.Option("--scheme-file", help="calibration scheme TOML; default: the bundled one")
+]
 
 
 def _command() -> list[str]:
@@ -43,13 +63,14 @@ def _folder(out: Path, files: dict[str, Path | str], seed: int | None = None) ->
 
 
 def _model_hash(given: inputs.ModelInput) -> str:
-    return steps.content_hash(given.description)
+    return content_hash(given.description)
 
 
 @app.command()
 def robots(
     name: Annotated[str | None, typer.Argument(help="show one robot in detail")] = None,
-    as_json: Json = False, debug: Debug = False,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """List the bundled robots, or show one with its figures and their sources."""
     with user_errors(debug):
@@ -59,23 +80,37 @@ def robots(
                 emit_json(description.model_dump(mode="json", by_alias=True, exclude_none=True))
                 return
             show_table(
-                f"{description.title}: joints", ["joint", "coordinate", "limits (deg)", "stiffness"],
-                [[j.name, j.coordinate, f"{j.limits.value[0]:g} to {j.limits.value[1]:g}", _spring_text(j)]  # type: ignore[index]
-                 for j in description.joint],
+                f"{description.title}: joints",
+                ["joint", "coordinate", "limits (deg)", "stiffness"],
+                [
+                    [j.name, j.coordinate, f"{j.limits.value[0]:g} to {j.limits.value[1]:g}", _spring_text(j)]  # type: ignore[index]
+                    for j in description.joint
+                ],
             )
             for coupling in description.coupling:
                 terms = " ".join(f"{t.factor:+g} {t.coordinate}" for t in coupling.terms)
                 low, high = np.degrees(coupling.limits.si_array)
                 offset = 0.0 if coupling.offset is None else np.degrees(coupling.offset.si)
-                say(f"coupled limit {coupling.name}: {low:g} <= {offset:g} {terms} <= {high:g} deg ({coupling.limits.source})")
+                say(
+                    f"coupled limit {coupling.name}: {low:g} <= {offset:g} {terms} <= {high:g} deg ({coupling.limits.source})"
+                )
             for note in description.notes:
                 say(f"note: {note}")
             return
         found = [load_description(bundled) for bundled in bundled_names()]
         if as_json:
-            emit_json({"robots": [{"name": d.name, "title": d.title, "joints": len(d.joint), "load_path": d.load_path} for d in found]})
+            emit_json(
+                {
+                    "robots": [
+                        {"name": d.name, "title": d.title, "joints": len(d.joint), "load_path": d.load_path}
+                        for d in found
+                    ]
+                }
+            )
             return
-        show_table("Bundled robots", ["name", "title", "load path"], [[d.name, d.title, d.load_path] for d in found])
+        show_table(
+            "Bundled robots", ["name", "title", "load path"], [[d.name, d.title, d.load_path] for d in found]
+        )
 
 
 def _spring_text(joint: Any) -> str:
@@ -88,11 +123,20 @@ def _spring_text(joint: Any) -> str:
 
 @app.command()
 def simulate(
-    model: ModelArg, data: DataArg = None,
-    pose: Annotated[str | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; the rest is 0")] = None,
-    load: Annotated[str, typer.Option("--load", help="wrench at the tool point, as in fz_N=-650")] = "fz_N=-650",
+    model: ModelArg,
+    data: DataArg = None,
+    pose: Annotated[
+        str | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; the rest is 0")
+    ] = None,
+    load: Annotated[
+        str, typer.Option("--load", help="wrench at the tool point, as in fz_N=-650")
+    ] = "fz_N=-650",
     rigid_joints: Annotated[bool, typer.Option("--rigid-joints", help="only the links give way")] = False,
-    links: Links = None, load_path: LoadPathOpt = None, out: Out = None, as_json: Json = False, debug: Debug = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Deflection of the tool point: for one pose and load, or for every reading of a measurement table."""
     with user_errors(debug):
@@ -102,7 +146,9 @@ def simulate(
         if pose is not None and data is not None:
             raise InputError("simulate takes a pose or a measurement table, not both")
         result = (
-            simulation.of_pose(given, inputs.parse_pose(given.robot, pose), inputs.parse_load(load), rigid_joints)
+            simulation.of_pose(
+                given, inputs.parse_pose(given.robot, pose), inputs.parse_load(load), rigid_joints
+            )
             if pose is not None
             else simulation.of_table(given, inputs.read_data(given.robot, model, data), rigid_joints)
         )
@@ -117,18 +163,23 @@ def simulate(
 
 @app.command()
 def sensitivity(
-    model: ModelArg, data: DataArg = None,
+    model: ModelArg,
+    data: DataArg = None,
     poses: Annotated[str | None, typer.Option("--poses", help="pose labels, as in 5,41,77")] = None,
     joints: Joints = None,
     low: Annotated[float, typer.Option(help="low level, N m/rad")] = 1e5,
     high: Annotated[float, typer.Option(help="high level, N m/rad")] = 1e6,
-    links: Links = None, load_path: LoadPathOpt = None, out: Out = None, as_json: Json = False, debug: Debug = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Two-level factorial of the joint springs: effects with signs, ranked."""
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path)
         table = inputs.read_data(given.robot, model, data)
-        scheme = inputs.bundled_scheme(given.robot.name)
+        scheme = bundled_scheme(given.robot.name)
         chosen = inputs.parse_names(joints, given.robot.joint_names, "--joints")
         labels = inputs.parse_names(poses, tuple(dict.fromkeys(table.pose)), "--poses")
         chosen = chosen or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
@@ -138,8 +189,12 @@ def sensitivity(
             labels = planned or tuple(dict.fromkeys(table.pose))
         effects = steps.sensitivity(given, table, chosen, labels, low, high)
         result = {
-            "robot": given.robot.name, "load_path": given.model.load_path, "links": given.model.link_kind,
-            "low_Nm_per_rad": low, "high_Nm_per_rad": high, "effects": payloads.effects(effects),
+            "robot": given.robot.name,
+            "load_path": given.model.load_path,
+            "links": given.model.link_kind,
+            "low_Nm_per_rad": low,
+            "high_Nm_per_rad": high,
+            "effects": payloads.effects(effects),
         }
         if out is not None:
             from stiffarm.figures_calibration import sensitivity_figure
@@ -160,14 +215,22 @@ def sensitivity(
 
 @app.command()
 def calibrate(
-    model: ModelArg, data: DataArg = None,
-    scheme: Annotated[str, typer.Option("--scheme", help="staged (published) or global (constant springs)")] = "staged",
-    joints: Joints = None, loads: Loads = None,
+    model: ModelArg,
+    data: DataArg = None,
+    scheme: Annotated[
+        str, typer.Option("--scheme", help="staged (published) or global (constant springs)")
+    ] = "staged",
+    joints: Joints = None,
+    loads: Loads = None,
     spacing: Annotated[str, typer.Option("--spacing", help="of the levels: log or linear")] = "log",
     low: Annotated[float, typer.Option(help="first lower bound, N m/rad (global)")] = 1e5,
     high: Annotated[float, typer.Option(help="first upper bound, N m/rad (global)")] = 1e6,
-    scheme_file: SchemeFile = None, links: Links = None, load_path: LoadPathOpt = None,
-    out: Out = None, as_json: Json = False, debug: Debug = False,
+    scheme_file: SchemeFile = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Fit the joint springs to measured deflections; writes a new model TOML into --out."""
     with user_errors(debug):
@@ -197,8 +260,14 @@ def calibrate(
 
 
 def _calibrated(
-    given: inputs.ModelInput, table: Any, scheme: str, joints: str | None, loads: str | None, spacing: str,
-    bounds: tuple[float, float], scheme_file: Path | None,
+    given: inputs.ModelInput,
+    table: Any,
+    scheme: str,
+    joints: str | None,
+    loads: str | None,
+    spacing: str,
+    bounds: tuple[float, float],
+    scheme_file: Path | None,
 ) -> steps.Variant:
     chosen_loads = inputs.parse_loads(loads)
     if scheme == "staged":
@@ -206,30 +275,49 @@ def _calibrated(
         used = plan.loads_N if chosen_loads is None else chosen_loads
         say(f"loads used: {', '.join(f'{v:g} N' for v in used) or 'all'}")
         return steps.calibrate_by_stages(given, table, plan, used, spacing, progress=say)
-    bundled = inputs.bundled_scheme(given.robot.name)
+    bundled = bundled_scheme(given.robot.name)
     same_data = bundled is not None and table.sha256 == steps.bundled_sha256(given.robot.name)
     if chosen_loads is None:
         chosen_loads = bundled.loads_N if bundled is not None and same_data else ()
     say(f"loads used: {', '.join(f'{v:g} N' for v in chosen_loads) or 'all'}")
     names = inputs.parse_names(joints, given.robot.joint_names, "--joints")
     if names is None:
-        names = bundled.constant.joints if bundled is not None and same_data else steps.springs_seen(given, table)
+        names = (
+            bundled.constant.joints if bundled is not None and same_data else steps.springs_seen(given, table)
+        )
     return steps.calibrate_constant(given, table, names, chosen_loads, bounds)
 
 
 def _show_variant(result: steps.Variant) -> None:
     if result.constant is not None:
         show_table(
-            f"Constant springs, {result.model.load_path} load path", ["joint", "k (N m/rad)", "95 % interval", "status"],
-            [[s.joint, "-" if np.isnan(s.stiffness) else f"{s.stiffness:.3g}", _interval(s.interval), s.status]
-             for s in result.constant.springs],
+            f"Constant springs, {result.model.load_path} load path",
+            ["joint", "k (N m/rad)", "95 % interval", "status"],
+            [
+                [
+                    s.joint,
+                    "-" if np.isnan(s.stiffness) else f"{s.stiffness:.3g}",
+                    _interval(s.interval),
+                    s.status,
+                ]
+                for s in result.constant.springs
+            ],
         )
     if result.staged is not None:
         show_table(
-            f"Staged scheme, {result.model.load_path} load path", ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
-            [[stage, fit.pose, ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
-              f"{fit.error_mm:+.3f}", str(fit.runs)]
-             for stage, fits in result.staged.fits.items() for fit in fits],
+            f"Staged scheme, {result.model.load_path} load path",
+            ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
+            [
+                [
+                    stage,
+                    fit.pose,
+                    ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
+                    f"{fit.error_mm:+.3f}",
+                    str(fit.runs),
+                ]
+                for stage, fits in result.staged.fits.items()
+                for fit in fits
+            ],
         )
     for remark in result.remarks:
         say(f"note: {remark}")
@@ -248,14 +336,23 @@ def _interval(interval: tuple[float, float]) -> str:
 
 @app.command()
 def fit(
-    model: ModelArg, out: Annotated[Path, typer.Option("--out", help="folder for the surrogate")],
+    model: ModelArg,
+    out: Annotated[Path, typer.Option("--out", help="folder for the surrogate")],
     basis: Annotated[str, typer.Option(help="best, polynomial or trigonometric")] = "best",
     degree: Annotated[int, typer.Option(help="total degree of the polynomial", min=1, max=12)] = 6,
-    order: Annotated[int, typer.Option(help="order of the trigonometric basis in each angle", min=1, max=4)] = 2,
+    order: Annotated[
+        int, typer.Option(help="order of the trigonometric basis in each angle", min=1, max=4)
+    ] = 2,
     runs: Annotated[int, typer.Option(help="model runs to fit on", min=1, max=1_000_000)] = 4096,
-    over: Annotated[str | None, typer.Option("--inputs", help="joint coordinates, as in q2_deg,q3real_deg")] = None,
+    over: Annotated[
+        str | None, typer.Option("--inputs", help="joint coordinates, as in q2_deg,q3real_deg")
+    ] = None,
     direction: Annotated[str, typer.Option(help="load direction in base axes")] = "0,0,-1",
-    links: Links = None, load_path: LoadPathOpt = None, seed: Seed = 0, as_json: Json = False, debug: Debug = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Learn a surrogate from joint angles to structural stiffness, judged on runs it has not seen."""
     with user_errors(debug):
@@ -264,11 +361,21 @@ def fit(
         if basis not in ("best", "polynomial", "trigonometric"):
             raise InputError("--basis", value=basis, allowed="best, polynomial, trigonometric")
         given = inputs.read_model(model, links, load_path)
-        names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
+        names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(
+            given.model
+        )
         with _folder(out, {"model": _model_hash(given)}, seed) as folder, progress("model runs") as bar:
             trained = steps.learn(
-                given.description, given.model, names, seed, basis=basis,  # type: ignore[arg-type]
-                degree=degree, order=order, runs=runs, direction=_direction(direction), progress=bar,
+                given.description,
+                given.model,
+                names,
+                seed,
+                basis=basis,  # type: ignore[arg-type]
+                degree=degree,
+                order=order,
+                runs=runs,
+                direction=_direction(direction),
+                progress=bar,
             )
             for one in trained.surrogates:
                 save_surrogate(one, folder.path(f"surrogate_{one.basis.name}.json"))
@@ -294,9 +401,18 @@ def _direction(text: str) -> tuple[float, float, float]:
 
 def _show_surrogates(content: dict[str, Any]) -> None:
     show_table(
-        "Relative error of compliance on runs kept out", ["basis", "terms", "RMS", "95 %", "worst"],
-        [[f"{s['basis']} {s['degree_or_order']}", str(s["terms"]), f"{s['rms_relative_error']:.2e}",
-          f"{s['p95_relative_error']:.2e}", f"{s['max_relative_error']:.2e}"] for s in content["surrogates"]],
+        "Relative error of compliance on runs kept out",
+        ["basis", "terms", "RMS", "95 %", "worst"],
+        [
+            [
+                f"{s['basis']} {s['degree_or_order']}",
+                str(s["terms"]),
+                f"{s['rms_relative_error']:.2e}",
+                f"{s['p95_relative_error']:.2e}",
+                f"{s['max_relative_error']:.2e}",
+            ]
+            for s in content["surrogates"]
+        ],
     )
 
 
@@ -304,9 +420,15 @@ def _show_surrogates(content: dict[str, Any]) -> None:
 def query(
     surrogate_file: Annotated[Path, typer.Argument(metavar="SURROGATE", help="surrogate.json")],
     table: Annotated[Path | None, typer.Argument(metavar="[POSES]", help="CSV with joint columns")] = None,
-    pose: Annotated[list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; may be repeated")] = None,
-    extrapolate: Annotated[bool, typer.Option("--extrapolate", help="answer outside the fitted domain too, flagged")] = False,
-    out: Out = None, as_json: Json = False, debug: Debug = False,
+    pose: Annotated[
+        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; may be repeated")
+    ] = None,
+    extrapolate: Annotated[
+        bool, typer.Option("--extrapolate", help="answer outside the fitted domain too, flagged")
+    ] = False,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Structural stiffness at poses, from a surrogate, with its error."""
     with user_errors(debug):
@@ -320,8 +442,11 @@ def query(
         answer = ask(learned, np.radians(degrees), extrapolate=extrapolate)
         rows = payloads.query_rows(learned, degrees, labels, answer)
         content = {
-            "robot": learned.robot, "load_direction": list(learned.load_direction), "fixed_deg": dict(learned.fixed_deg),
-            "errors": payloads.surrogate_errors(learned), "answers": rows,
+            "robot": learned.robot,
+            "load_direction": list(learned.load_direction),
+            "fixed_deg": dict(learned.fixed_deg),
+            "errors": payloads.surrogate_errors(learned),
+            "answers": rows,
         }
         if out is not None:
             import pandas as pd
@@ -333,10 +458,18 @@ def query(
             emit_json(content)
         else:
             show_table(
-                f"Structural stiffness of {learned.robot}", ["pose", *learned.inputs, "N/mm", "rel. error (RMS)", "in domain"],
-                [[r["pose"], *(f"{r[n]:g}" for n in learned.inputs), f"{r['stiffness_N_per_mm']:.2f}",
-                  "unknown" if r["relative_error_rms"] is None else f"{r['relative_error_rms']:.1e}",
-                  "yes" if r["inside_domain"] and r["reachable"] else "NO"] for r in rows],
+                f"Structural stiffness of {learned.robot}",
+                ["pose", *learned.inputs, "N/mm", "rel. error (RMS)", "in domain"],
+                [
+                    [
+                        r["pose"],
+                        *(f"{r[n]:g}" for n in learned.inputs),
+                        f"{r['stiffness_N_per_mm']:.2f}",
+                        "unknown" if r["relative_error_rms"] is None else f"{r['relative_error_rms']:.1e}",
+                        "yes" if r["inside_domain"] and r["reachable"] else "NO",
+                    ]
+                    for r in rows
+                ],
             )
 
 
@@ -349,19 +482,34 @@ def _query_poses(
         return inputs.read_pose_table(names, table)
     values = [inputs.parse_pairs(text, "--pose", names) for text in pose or ()]
     remarks = [
-        f"pose {i + 1}: {name} is not given and taken as 0" for i, v in enumerate(values) for name in names if name not in v
+        f"pose {i + 1}: {name} is not given and taken as 0"
+        for i, v in enumerate(values)
+        for name in names
+        if name not in v
     ]
-    return np.array([[v.get(name, 0.0) for name in names] for v in values]), [str(i + 1) for i in range(len(values))], remarks
+    return (
+        np.array([[v.get(name, 0.0) for name in names] for v in values]),
+        [str(i + 1) for i in range(len(values))],
+        remarks,
+    )
 
 
 @app.command("map")
 def map_command(
-    model: ModelArg, out: Annotated[Path, typer.Option("--out", help="folder for the map")],
-    surrogate_file: Annotated[Path | None, typer.Option("--surrogate", help="take the stiffness from this surrogate")] = None,
+    model: ModelArg,
+    out: Annotated[Path, typer.Option("--out", help="folder for the map")],
+    surrogate_file: Annotated[
+        Path | None, typer.Option("--surrogate", help="take the stiffness from this surrogate")
+    ] = None,
     points: Annotated[int, typer.Option(help="values of each swept coordinate", min=2, max=200)] = 21,
-    layers: Annotated[str | None, typer.Option("--layers", help="values in deg of the coordinate that leaves the plane")] = None,
+    layers: Annotated[
+        str | None, typer.Option("--layers", help="values in deg of the coordinate that leaves the plane")
+    ] = None,
     pictures: Annotated[bool, typer.Option(help="also draw PNGs")] = True,
-    links: Links = None, load_path: LoadPathOpt = None, as_json: Json = False, debug: Debug = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """The 3-D stiffness map as a .vtu for ParaView, with pictures."""
     with user_errors(debug):
@@ -371,7 +519,9 @@ def map_command(
         given = inputs.read_model(model, links, load_path)
         learned = None if surrogate_file is None else load_surrogate(surrogate_file)
         if learned is not None and learned.robot != given.robot.name:
-            raise InputError(f"surrogate {surrogate_file} is of robot", value=learned.robot, allowed=given.robot.name)
+            raise InputError(
+                f"surrogate {surrogate_file} is of robot", value=learned.robot, allowed=given.robot.name
+            )
         files: dict[str, Path | str] = {"model": _model_hash(given)}
         if surrogate_file is not None:
             files["surrogate"] = surrogate_file
@@ -394,16 +544,26 @@ def _layers(text: str | None) -> tuple[float, ...] | None:
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError as error:
-        raise InputError("--layers", value=text, allowed="degrees separated by commas, as in -90,0,90") from error
+        raise InputError(
+            "--layers", value=text, allowed="degrees separated by commas, as in -90,0,90"
+        ) from error
 
 
 @app.command()
 def run(
-    model: Annotated[str, typer.Argument(metavar="[MODEL]", help="a robot with a bundled or given scheme")] = "xr701",
-    data: DataArg = None, scheme_file: SchemeFile = None, links: Links = None,
+    model: Annotated[
+        str, typer.Argument(metavar="[MODEL]", help="a robot with a bundled or given scheme")
+    ] = "xr701",
+    data: DataArg = None,
+    scheme_file: SchemeFile = None,
+    links: Links = None,
     out: Annotated[Path, typer.Option("--out", help="folder for results")] = Path("out"),
-    points: Annotated[int, typer.Option(help="values of each swept coordinate of the map", min=2, max=200)] = 21,
-    seed: Seed = 0, as_json: Json = False, debug: Debug = False,
+    points: Annotated[
+        int, typer.Option(help="values of each swept coordinate of the map", min=2, max=200)
+    ] = 21,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """The whole chain: data, first model, sensitivity, calibration, surrogate, maps, report."""
     with user_errors(debug):
@@ -422,7 +582,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+    ] = False,
 ) -> None:
     pass
 

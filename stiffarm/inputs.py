@@ -45,6 +45,13 @@ def read_model(name: str, links: str | None, load_path: str | None) -> ModelInpu
     return ModelInput(description, robot_from(description), build_model(description, kind, path))
 
 
+def with_load_path(given: ModelInput, load_path: LoadPath) -> ModelInput:
+    """The same model with another load path."""
+    return ModelInput(
+        given.description, given.robot, build_model(given.description, given.model.link_kind, load_path)
+    )
+
+
 def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
     """The measurement table given, or the one bundled with the robot."""
     if file is None:
@@ -87,7 +94,9 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            faults.append(InputError(f"{option}: {name}", value=number, allowed="a finite number, as in q2_deg=5"))
+            faults.append(
+                InputError(f"{option}: {name}", value=number, allowed="a finite number, as in q2_deg=5")
+            )
         elif name in out:
             faults.append(InputError(f"{option}: {name} is given twice"))
         else:
@@ -141,7 +150,9 @@ def parse_loads(text: str | None) -> tuple[float, ...] | None:
     try:
         loads = tuple(float(part) for part in text.split(","))
     except ValueError as error:
-        raise InputError("--loads", value=text, allowed="'all' or force magnitudes in N, as in 150,650") from error
+        raise InputError(
+            "--loads", value=text, allowed="'all' or force magnitudes in N, as in 150,650"
+        ) from error
     if not all(math.isfinite(v) and v > 0.0 for v in loads):
         raise InputError("--loads", value=text, allowed="force magnitudes greater than 0 N")
     return loads
@@ -160,7 +171,9 @@ def read_pose_table(names: tuple[str, ...], file: Path) -> tuple[Array, list[str
     if not file.is_file():
         raise InputError("pose table", value=str(file), allowed="an existing CSV file")
     try:
-        table = pd.read_csv(file, dtype=str, keep_default_na=False, encoding="utf-8-sig", skipinitialspace=True)
+        table = pd.read_csv(
+            file, dtype=str, keep_default_na=False, encoding="utf-8-sig", skipinitialspace=True
+        )
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"pose table {file} cannot be read ({error})") from error
     table.columns = [str(c).strip() for c in table.columns]
@@ -181,8 +194,14 @@ def read_pose_table(names: tuple[str, ...], file: Path) -> tuple[Array, list[str
             except ValueError:
                 values[i, j] = math.nan
             if not math.isfinite(values[i, j]):
-                faults.append(InputError(f"{file}, line {i + 2}, column {name}", value=cell, allowed="a finite number"))
+                faults.append(
+                    InputError(f"{file}, line {i + 2}, column {name}", value=cell, allowed="a finite number")
+                )
     if faults:
         raise faults[0] if len(faults) == 1 else InputErrors(str(file), faults)
-    labels = [str(v) for v in table["pose"]] if "pose" in table.columns else [str(i + 1) for i in range(len(table))]
+    labels = (
+        [str(v) for v in table["pose"]]
+        if "pose" in table.columns
+        else [str(i + 1) for i in range(len(table))]
+    )
     return values, labels, remarks

@@ -266,11 +266,11 @@ def _draw_box(axes: Axes, camera: Camera, ticks: Sequence[Array]) -> None:
     axes.add_collection(LineCollection(flat, colors="#8A9097", linewidths=0.9, zorder=0.6), autolim=False)
     size = max(x1 - x0, z1 - z0)
     edges_of = (
-        ("X (mm)", ticks[0], [(x, y0, z0) for x in ticks[0]], (-0.25, -1.0)),
-        ("Y (mm)", ticks[1], [(x1, y, z0) for y in ticks[1]], (1.0, -0.35)),
-        ("Z (mm)", ticks[2], [(x0, y0, z) for z in ticks[2]], (-1.0, 0.0)),
+        ("X (mm)", ticks[0], [(x, y0, z0) for x in ticks[0]], (-0.25, -1.0), "center"),
+        ("Y (mm)", ticks[1], [(x1, y, z0) for y in ticks[1]], (0.5, -0.35), "left"),
+        ("Z (mm)", ticks[2], [(x0, y0, z) for z in ticks[2]], (-0.5, 0.0), "right"),
     )
-    for name, numbers, places, outward in edges_of:
+    for name, numbers, places, outward, side in edges_of:
         out = 0.022 * size * np.array(outward)
         spots = camera(np.array(places))[:, :2]
         for number, spot in zip(numbers, spots + 1.5 * out, strict=True):
@@ -278,12 +278,12 @@ def _draw_box(axes: Axes, camera: Camera, ticks: Sequence[Array]) -> None:
                 spot[0],
                 spot[1],
                 f"{number:g}".replace("-", "−"),
-                ha="center",
+                ha=side,
                 va="center",
                 size=9,
                 color="#444444",
             )
         along = spots[-1] - spots[0]
         turn = float(np.degrees(np.arctan2(along[1], along[0])))
-        spot = spots[[0, -1]].mean(axis=0) + 4.4 * out
+        spot = spots[[0, -1]].mean(axis=0) + (4.4 if side == "center" else 9.0) * out
         axes.text(spot[0], spot[1], name, ha="center", va="center", size=10, rotation=turn)

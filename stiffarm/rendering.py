@@ -1,8 +1,8 @@
 """Pictures of a stiffness map with the robot in it, from two viewpoints, with or without OpenGL.
 
-Frame, labels and colour bar are drawn by matplotlib in the plane of a parallel projection; only what
-stands between them (points and robot) comes from pyvista or, without OpenGL, from a small z-buffer in
-numpy (mplot3d cannot sort points among triangles). ``STIFFARM_NO_GL=1`` forces the latter.
+Matplotlib draws frame, labels and colour bar around a parallel projection; points and robot come from
+pyvista or, without OpenGL or with ``STIFFARM_NO_GL=1``, from a z-buffer in numpy (mplot3d cannot sort
+points among triangles).
 """
 
 from __future__ import annotations

@@ -224,8 +224,7 @@ def _joints(description: ModelDescription, robot: Robot, frames: BodyFrames) -> 
         if abs(axis @ _arrival(robot, frames, joint)) < _TRANSVERSE:
             mesh = _cylinder(centre, axis, 0.40 * size.height, 1.16 * size.width)
         else:
-            across = float(np.hypot(size.width, size.height)) if joint == 0 else 1.12 * size.width
-            mesh = _cylinder(centre, axis, 0.5 * min(across, 1.2 * size.width), 0.16 * size.width)
+            mesh = _cylinder(centre, axis, 0.54 * size.width, 0.14 * size.width)
         hubs.append(DrawnBody(name, mesh, "joint"))
     return hubs
 

@@ -513,6 +513,14 @@ def test_duplicate_rows(reading: str, verb: str, table: Write, xr701: Robot) -> 
     assert "a number in the column repeat" in fault
 
 
+def test_each_surplus_row_is_reported_once(table: Write, xr701: Robot) -> None:
+    found = faults(table(HEADER, ROW, ROW, ROW), xr701)
+    assert places(found, r"row \d+, the reading repeats that of row \d+") == [
+        "row 3, the reading repeats that of row 2",
+        "row 4, the reading repeats that of row 2",
+    ]
+
+
 @pytest.mark.parametrize(
     ("column", "first", "second"),
     [
@@ -565,7 +573,7 @@ def odd_notes(m: Measurements) -> tuple[str, ...]:
     ("rows", "words"),
     [
         (["5,77.5,-650,-188", "0,77.5,-650,-190"], "larger than 100 mm"),
-        (["5,77.5,-0.65,-1.88"], "1 reading(s) with a stiffness outside 1 to 1e+06 N/mm"),
+        (["5,77.5,-0.65,-1.88"], "1 reading(s), stiffness outside 1 to 1e+06 N/mm"),
         (["5,77.5,-650,-0.00001", ROW.replace("5,", "0,", 1)], "Rows 2"),
         (
             ["5,77.5,-650,1.88", "0,77.5,-650,1.9", "1,77.5,-650,-1.9"],
