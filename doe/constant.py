@@ -111,8 +111,8 @@ def fit_constant(
     The intervals are those of the profile likelihood with Student's t: a value belongs to it if, with the
     best values of all the other springs, the sum of squares rises by less than the residual variance times
     t(0.975)^2. They hold for independent errors of the relative sizes ``system.sigma``; away from the bounds
-    they are the classical ones. A spring at its bound is counted as fitted in the residual variance, which makes
-    them wider rather than narrower.
+    they are the classical ones. A spring at its bound is counted as fitted in the residual variance, so that
+    they are wider rather than narrower.
 
     Raises
     ------

@@ -211,7 +211,7 @@ def _check_reach(m: Measurements, robot: Robot, faults: Faults) -> None:
     for i in np.flatnonzero(~robot.reachable(m.q)):
         for problem in robot.violations(m.q[i]):
             faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}",
-                       allowed=f"the limits of {robot.name}", remedy="correct the pose")  # fmt: skip
+                       allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
 
 
 def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
@@ -237,7 +237,7 @@ def _plausibility_notes(m: Measurements) -> Iterator[str]:
     odd = np.flatnonzero(known)[(stiffness < lower) | (stiffness > upper)]
     if odd.size:
         rows = ", ".join(str(m.row_numbers[i]) for i in odd[:10]) + (" ..." if odd.size > 10 else "")
-        yield f"{odd.size} reading(s), stiffness outside {lower:g} to {upper:g} N/mm: are the units right? Rows {rows}"
+        yield f"{odd.size} reading(s), stiffness outside {lower:g} to {upper:g} N/mm: the units? Rows {rows}"
     against = int((work[known] < 0.0).sum())
     if 2 * against > int(known.sum()):
         yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "

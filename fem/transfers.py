@@ -137,7 +137,7 @@ class _Arm:
 
 @dataclass(frozen=True)
 class _Loop:
-    """The parallelogram: bar direction ``u`` and pin on the forearm (3, n), bar force N = row . w, row (6, n).
+    """The parallelogram: bar direction ``u``, its pin on the forearm (3, n), force N = row . w, row (6, n).
 
     u points from the crank to the forearm; N is positive when the bar pushes.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots import ModelDescription, Robot
 from stiffarm.outputs import OutputFolder
@@ -16,15 +17,13 @@ from surrogate import StiffnessMap, write_vtu
 VIEWS = ("oblique", "side")
 
 
-def middle_pose(robot: Robot) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """A pose to draw the robot in: mid-range, moved towards zero, as far as it can be taken."""
-    q = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
+def middle_pose(robot: Robot) -> NDArray[np.float64]:
+    """A pose to draw the robot in: mid-range, moved towards zero until it can be taken."""
+    zero = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
     middle = robot.limits.mean(axis=1)
-    for share in np.linspace(0.0, 1.0, 21):
-        trial = (1.0 - share) * q + share * middle
-        if robot.reachable(trial[None])[0]:
-            return np.asarray(trial)
-    return np.asarray(middle)
+    trials = middle + np.linspace(0.0, 1.0, 21)[:, None] * (zero - middle)
+    reachable = np.flatnonzero(robot.reachable(trials))
+    return np.asarray(trials[reachable[0] if reachable.size else 0])
 
 
 def write(
@@ -40,7 +39,7 @@ def write(
         for view in VIEWS:
             name = f"stiffness_map_{view}.png"
             picture = render_map(
-                made, bodies, folder.path(name), view=view, title=f"{description.title}: structural stiffness",
+                made, bodies, folder.path(name), view=view, title=f"Structural stiffness of the {description.title.split(' (')[0]}",
                 subtitle=f"vertical load; stiffness from {made.metadata.get('stiffness_from', 'the model')}; robot drawn at {shown} deg",
             )
             files.append(name)

@@ -136,8 +136,7 @@ def save_png(figure: Figure, path: Path) -> None:
     InputError
         The folder does not exist.
     """
-    if not path.parent.is_dir():
-        raise InputError("picture folder", value=str(path.parent), allowed="an existing folder")
+    require_folder(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with house_style():
@@ -145,6 +144,12 @@ def save_png(figure: Figure, path: Path) -> None:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def require_folder(path: Path) -> None:
+    """Raise InputError unless the folder that a picture shall go to exists."""
+    if not path.parent.is_dir():
+        raise InputError("picture folder", value=str(path.parent), allowed="an existing folder")
 
 
 def png_base64(path: Path) -> str:
@@ -274,15 +279,8 @@ def _draw_box(axes: Axes, camera: Camera, ticks: Sequence[Array]) -> None:
         out = 0.022 * size * np.array(outward)
         spots = camera(np.array(places))[:, :2]
         for number, spot in zip(numbers, spots + 1.5 * out, strict=True):
-            axes.text(
-                spot[0],
-                spot[1],
-                f"{number:g}".replace("-", "−"),
-                ha=side,
-                va="center",
-                size=9,
-                color="#444444",
-            )
+            label = f"{number:g}".replace("-", "−")
+            axes.text(spot[0], spot[1], label, ha=side, va="center", size=9, color="#444444")
         along = spots[-1] - spots[0]
         turn = float(np.degrees(np.arctan2(along[1], along[0])))
         spot = spots[[0, -1]].mean(axis=0) + (4.4 if side == "center" else 9.0) * out

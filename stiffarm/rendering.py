@@ -128,6 +128,7 @@ def render_map(
     works, message = (False, "matplotlib was asked for") if renderer == "matplotlib" else gl_available()
     if renderer == "pyvista" and not works:
         raise InputError("renderer", value=renderer, allowed="matplotlib", remedy=message)
+    style.require_folder(path)
     points = stiffness_map.positions * M_TO_MM
     values = stiffness_map.stiffness * N_PER_M_TO_N_PER_MM
     # Half a micrometre: rounding must not decide whether the section itself is shown.
@@ -235,7 +236,7 @@ def _known_window() -> Iterator[None]:
 def _z_buffer_image(scene: _Scene, window: _Window) -> Image:
     """Do the same without OpenGL: every pixel keeps the nearest of what is drawn over it."""
     depth = np.full((window.height, window.width), -np.inf)
-    image = np.zeros((window.height, window.width, 4))
+    image = np.zeros((window.height, window.width, 4), dtype=np.uint8)
     for body in scene.bodies:
         mesh = body.mesh.smooth_shaded
         corners = window.pixels(scene.camera(np.asarray(mesh.vertices)))[mesh.faces]
@@ -244,41 +245,40 @@ def _z_buffer_image(scene: _Scene, window: _Window) -> Image:
         for triangle, normal in zip(corners, normals, strict=True):
             _fill(image, depth, triangle, normal, colour)
     _balls(image, depth, scene, window)
-    return np.round(255.0 * image).astype(np.uint8)
+    return image
 
 
-def _fill(image: Array, depth: Array, corners: Array, normals: Array, colour: Array) -> None:
+def _fill(image: Image, depth: Array, corners: Array, normals: Array, colour: Array) -> None:
     """Fill one triangle (3 corners, in pixels and nearness), shading between its corners' normals."""
-    (ax, ay, _), (bx, by, _), (cx, cy, _) = corners
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
     area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
     low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(int), 0)
     high = np.minimum(np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1, depth.shape[::-1])
-    # Rows count downward, so a face turned to the eye runs clockwise.
+    # Rows count downward, so a face turned to the eye has a negative area.
     if area >= 0.0 or (low >= high).any():
         return
     x, y = np.arange(low[0], high[0]), np.arange(low[1], high[1])[:, None]
     b = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
     c = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
-    weights = np.stack([1.0 - b - c, b, c], axis=-1)
-    z = weights @ corners[:, 2]
+    z = az + b * (bz - az) + c * (cz - az)
     box = slice(low[1], high[1]), slice(low[0], high[0])
-    seen = (weights.min(axis=-1) >= -1e-9) & (z > depth[box])
+    seen = (b >= -1e-9) & (c >= -1e-9) & (b + c <= 1.0 + 1e-9) & (z > depth[box])
     depth[box][seen] = z[seen]
-    normal = weights[seen] @ normals
+    edge_b, edge_c = normals[1] - normals[0], normals[2] - normals[0]
+    normal = normals[0] + b[seen, None] * edge_b + c[seen, None] * edge_c
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    image[box][seen] = _shaded(colour, normal, ambient=_AMBIENT_BODY)
+    image[box][seen] = _shaded(colour, normal, _AMBIENT_BODY)
 
 
-def _balls(image: Array, depth: Array, scene: _Scene, window: _Window) -> None:
+def _balls(image: Image, depth: Array, scene: _Scene, window: _Window) -> None:
     """Draw points as balls; of those on one spot only the nearest, which hides the others."""
     flat = window.pixels(scene.camera(scene.points))
     radius = scene.radius_mm * window.pixels_per_mm
     nearest = np.argsort(-flat[:, 2], kind="stable")
     _, first = np.unique(np.round(2.0 * flat[nearest, :2] / radius), axis=0, return_index=True)
     drawn = nearest[first]
-    reach = int(np.ceil(radius))
-    dx, dy = (g.ravel() / radius for g in np.meshgrid(*[np.arange(-reach, reach + 1)] * 2))
-    dx, dy = (g[np.hypot(dx, dy) < 1.0] for g in (dx, dy))
+    reach = np.arange(-np.ceil(radius), np.ceil(radius) + 1) / radius
+    dx, dy = (g[np.hypot(reach, reach[:, None]) < 1.0] for g in np.meshgrid(reach, reach))
     normal = np.stack([dx, -dy, np.sqrt(1.0 - dx**2 - dy**2)], axis=1)
     column = np.round(flat[drawn, 0, None] + radius * dx).astype(int)
     row = np.round(flat[drawn, 1, None] + radius * dy).astype(int)
@@ -286,15 +286,15 @@ def _balls(image: Array, depth: Array, scene: _Scene, window: _Window) -> None:
     inside = (column >= 0) & (column < depth.shape[1]) & (row >= 0) & (row < depth.shape[0])
     point, pixel = np.nonzero(inside)
     row, column, z = row[inside], column[inside], z[inside]
-    # Of repeated indices the last assignment stays, so the nearest comes last.
     order = np.flatnonzero(z > depth[row, column])
+    # Of repeated indices the last assignment stays, so the nearest comes last.
     order = order[np.argsort(z[order], kind="stable")]
-    colours = _shaded(scene.colours[drawn[point[order]]], normal[pixel[order]], ambient=_AMBIENT_BALL)
+    colours = _shaded(scene.colours[drawn[point[order]]], normal[pixel[order]], _AMBIENT_BALL)
     image[row[order], column[order]] = colours
 
 
-def _shaded(colour: Array, normal: Array, ambient: float) -> Array:
+def _shaded(colour: Array, normal: Array, ambient: float) -> Image:
     """RGBA of surfaces with unit normals (n, 3) in the camera's axes."""
     light = sum(strength * np.clip(normal @ np.array(where), 0.0, 1.0) for where, strength in _LIGHTS)
     rgb = np.clip(colour * (ambient + _DIFFUSE * np.asarray(light))[:, None], 0.0, 1.0)
-    return np.concatenate([rgb, np.ones((len(rgb), 1))], axis=1)
+    return np.concatenate([255.0 * rgb + 0.5, np.full((len(rgb), 1), 255.0)], axis=1).astype(np.uint8)
