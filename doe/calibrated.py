@@ -15,7 +15,10 @@ SOURCE_KEY = "calibrated"
 
 
 def with_constant_springs(
-    description: ModelDescription, model: ArmModel, fit: ConstantFit, data: Measurements,
+    description: ModelDescription,
+    model: ArmModel,
+    fit: ConstantFit,
+    data: Measurements,
     loads_N: tuple[float, ...],
 ) -> ModelDescription:
     """The description with constant springs; one that no reading moves keeps what it had."""
@@ -33,8 +36,13 @@ def with_constant_springs(
 
 
 def with_spring_laws(
-    description: ModelDescription, model: ArmModel, laws: Mapping[str, LogPolynomialLaw], data: Measurements,
-    loads_N: tuple[float, ...], rms_mm: float, remarks: tuple[str, ...],
+    description: ModelDescription,
+    model: ArmModel,
+    laws: Mapping[str, LogPolynomialLaw],
+    data: Measurements,
+    loads_N: tuple[float, ...],
+    rms_mm: float,
+    remarks: tuple[str, ...],
 ) -> ModelDescription:
     """The description with angle-dependent springs of the staged scheme."""
     springs = {joint: law.model_copy(update={"source": SOURCE_KEY}) for joint, law in laws.items()}
@@ -42,9 +50,14 @@ def with_spring_laws(
 
 
 def _calibrated(
-    description: ModelDescription, model: ArmModel,
-    springs: Mapping[str, RotationalStiffness | LogPolynomialLaw], scheme: str, data: Measurements,
-    loads_N: tuple[float, ...], rms_mm: float, remarks: tuple[str, ...],
+    description: ModelDescription,
+    model: ArmModel,
+    springs: Mapping[str, RotationalStiffness | LogPolynomialLaw],
+    scheme: str,
+    data: Measurements,
+    loads_N: tuple[float, ...],
+    rms_mm: float,
+    remarks: tuple[str, ...],
 ) -> ModelDescription:
     joints: list[Joint] = [
         joint.model_copy(update={"stiffness": springs[joint.name]}) if joint.name in springs else joint
@@ -57,8 +70,14 @@ def _calibrated(
             "load_path": model.load_path,
             "sources": {**description.sources, SOURCE_KEY: source},
             "calibration": Calibration(
-                scheme=scheme, load_path=model.load_path, links=model.link_kind, data=data.source,
-                data_sha256=data.sha256, rms_mm=rms_mm, loads_N=loads_N, notes=remarks,
+                scheme=scheme,
+                load_path=model.load_path,
+                links=model.link_kind,
+                data=data.source,
+                data_sha256=data.sha256,
+                rms_mm=rms_mm,
+                loads_N=loads_N,
+                notes=remarks,
             ),
         }
     )

@@ -93,9 +93,11 @@ def fit_pose(
         grids = [_levels(a, b, levels, spacing) for a, b in zip(low, high, strict=True)]
         k = level_grid(grids)
         error = np.sqrt(np.mean((base + (1.0 / k) @ A.T) ** 2, axis=1))
-        score = (np.maximum(error, gauge_m) / gauge_m) ** 2
+        score = (error / gauge_m) ** 2
         if len(columns) > 1:
-            score += TIE_WEIGHT / 4.0**round_number * np.sum(np.log(k / start) ** 2, axis=1)
+            # All matches are equally good, and the nearest to the start is taken.
+            tie = TIE_WEIGHT / 4.0**round_number * np.sum(np.log(k / start) ** 2, axis=1)
+            score = np.maximum(score, 1.0) + tie
         runs += len(k)
         index = int(np.argmin(score))
         best_k, best_error = k[index], float(error[index])

@@ -40,7 +40,7 @@ def element_axes(mesh: BeamMesh) -> tuple[Array, Array]:
 def element_flexibility(mesh: BeamMesh) -> Array:
     """Tip flexibility (m, 6, 6) of each element clamped at its first node, local axes."""
     length, _ = element_axes(mesh)
-    s, weight = _quadrature(len(length))
+    s, weight = _quadrature()
     dimensions = (
         mesh.dimensions[:, None, 0] * (1.0 - s)[None, :, None]
         + mesh.dimensions[:, None, 1] * s[None, :, None]
@@ -56,10 +56,10 @@ def element_flexibility(mesh: BeamMesh) -> Array:
     )
 
 
-def _quadrature(n: int) -> tuple[Array, Array]:
+def _quadrature() -> tuple[Array, Array]:
     """Points and weights on [0, 1] of one element, from scikit-fem."""
     basis = Basis(MeshLine(np.array([0.0, 1.0])), ElementLineP1(), intorder=QUADRATURE_ORDER)
-    return np.asarray(basis.global_coordinates().value[0, 0]), np.asarray(basis.dx[0])
+    return np.asarray(basis.global_coordinates()[0, 0]), np.asarray(basis.dx[0])
 
 
 def _section_forces(length: Array, s: Array) -> Array:

@@ -27,7 +27,11 @@ def middle_pose(robot: Robot) -> NDArray[np.float64]:
 
 
 def write(
-    made: StiffnessMap, description: ModelDescription, robot: Robot, folder: OutputFolder, pictures: bool = True
+    made: StiffnessMap,
+    description: ModelDescription,
+    robot: Robot,
+    folder: OutputFolder,
+    pictures: bool = True,
 ) -> dict[str, Any]:
     """Write ``stiffness_map.vtu`` and the PNGs; returns file names and figures."""
     write_vtu(made, folder.path("stiffness_map.vtu"))
@@ -35,11 +39,18 @@ def write(
     if pictures:
         pose = middle_pose(robot)
         bodies = draw_robot(description, robot, pose)
-        shown = ", ".join(f"{n.removesuffix('_deg')} {v:g}" for n, v in zip(robot.coordinates, np.degrees(pose), strict=True))
+        shown = ", ".join(
+            f"{n.removesuffix('_deg')} {v:g}"
+            for n, v in zip(robot.coordinates, np.degrees(pose), strict=True)
+        )
         for view in VIEWS:
             name = f"stiffness_map_{view}.png"
             picture = render_map(
-                made, bodies, folder.path(name), view=view, title=f"Structural stiffness of the {description.title.split(' (')[0]}",
+                made,
+                bodies,
+                folder.path(name),
+                view=view,
+                title=f"Structural stiffness of the {description.title.split(' (')[0]}",
                 subtitle=f"vertical load; stiffness from {made.metadata.get('stiffness_from', 'the model')}; robot drawn at {shown} deg",
             )
             files.append(name)
@@ -51,7 +62,9 @@ def write(
         "points": len(stiffness),
         "cells": 0 if made.cells is None else len(made.cells),
         "stiffness_N_per_mm": {
-            "min": number(float(stiffness.min())), "median": number(float(np.median(stiffness))), "max": number(float(stiffness.max())),
+            "min": number(float(stiffness.min())),
+            "median": number(float(np.median(stiffness))),
+            "max": number(float(stiffness.max())),
         },
         "messages": messages,
     }

@@ -52,9 +52,7 @@ def variant(result: Variant) -> dict[str, Any]:
         out["residual_sd_mm"] = number(result.constant.sigma_m * 1e3)
         out["degrees_of_freedom"] = result.constant.degrees_of_freedom
         out["springs"] = {s.joint: estimate(s) for s in result.constant.springs}
-        out |= {
-            spring_key(s.joint): estimate(s)["k_Nm_per_rad"] for s in result.constant.springs
-        }
+        out |= {spring_key(s.joint): estimate(s)["k_Nm_per_rad"] for s in result.constant.springs}
     if result.staged is not None:
         out["stages"] = {name: [_pose_fit(fit) for fit in fits] for name, fits in result.staged.fits.items()}
         out["laws"] = {joint: law.model_dump(mode="json") for joint, law in result.staged.laws.items()}
@@ -118,16 +116,29 @@ def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
     """Held-out error figures."""
     e = surrogate.errors
     return {
-        "basis": e.basis, "degree_or_order": e.degree, "target": e.target, "terms": e.n_terms,
-        "runs_fitted": e.n_train, "runs_held_out": e.n_test, "rms_relative_error": number(e.rms_relative),
-        "p95_relative_error": number(e.p95_relative), "max_relative_error": number(e.max_relative),
+        "basis": e.basis,
+        "degree_or_order": e.degree,
+        "target": e.target,
+        "terms": e.n_terms,
+        "runs_fitted": e.n_train,
+        "runs_held_out": e.n_test,
+        "rms_relative_error": number(e.rms_relative),
+        "p95_relative_error": number(e.p95_relative),
+        "max_relative_error": number(e.max_relative),
         "condition_number": number(e.condition_number),
     }
 
 
 def trained(result: Trained) -> dict[str, Any]:
     """All surrogates of a training, best first."""
-    return {"best": result.best.basis.name, "surrogates": [surrogate_errors(s) for s in result.surrogates]}
+    rows = []
+    for s in result.surrogates:
+        rms, worst = result.interior_error(s.basis.name)
+        rows.append(
+            surrogate_errors(s)
+            | {"interior_rms_relative_error": number(rms), "interior_max_relative_error": number(worst)}
+        )
+    return {"best": result.best.basis.name, "surrogates": rows}
 
 
 def factorial(runs: FactorialRuns) -> dict[str, Any]:
@@ -136,7 +147,9 @@ def factorial(runs: FactorialRuns) -> dict[str, Any]:
     return columns | {"stiffness_N_per_mm": [number(v) for v in runs.stiffness_N_per_mm]}
 
 
-def query_rows(surrogate: Surrogate, poses_deg: Any, labels: Sequence[str], result: QueryResult) -> list[dict[str, Any]]:
+def query_rows(
+    surrogate: Surrogate, poses_deg: Any, labels: Sequence[str], result: QueryResult
+) -> list[dict[str, Any]]:
     """Query answers, one row a pose."""
     return [
         {

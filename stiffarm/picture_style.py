@@ -272,7 +272,7 @@ def _draw_box(axes: Axes, camera: Camera, ticks: Sequence[Array]) -> None:
     size = max(x1 - x0, z1 - z0)
     edges_of = (
         ("X (mm)", ticks[0], [(x, y0, z0) for x in ticks[0]], (-0.25, -1.0), "center"),
-        ("Y (mm)", ticks[1], [(x1, y, z0) for y in ticks[1]], (0.5, -0.35), "left"),
+        ("Y (mm)", ticks[1], [(x1, y, z0) for y in ticks[1]], (0.7, -0.2), "left"),
         ("Z (mm)", ticks[2], [(x0, y0, z) for z in ticks[2]], (-0.5, 0.0), "right"),
     )
     for name, numbers, places, outward, side in edges_of:
@@ -283,5 +283,5 @@ def _draw_box(axes: Axes, camera: Camera, ticks: Sequence[Array]) -> None:
             axes.text(spot[0], spot[1], label, ha=side, va="center", size=9, color="#444444")
         along = spots[-1] - spots[0]
         turn = float(np.degrees(np.arctan2(along[1], along[0])))
-        spot = spots[[0, -1]].mean(axis=0) + (4.4 if side == "center" else 9.0) * out
+        spot = spots[[0, -1]].mean(axis=0) + {"center": 4.4, "left": 7.5, "right": 11.0}[side] * out
         axes.text(spot[0], spot[1], name, ha="center", va="center", size=10, rotation=turn)

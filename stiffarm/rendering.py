@@ -66,9 +66,7 @@ def gl_available() -> tuple[bool, str]:
     Without an OpenGL library VTK dies with a segmentation fault, so a subprocess tries it, once in the
     life of this process. ``STIFFARM_NO_GL=1`` answers no without trying.
 
-    Returns
-    -------
-    (yes, the render window's class) or (no, what is missing and how to get it)
+    Returns (yes, the render window's class) or (no, what is missing and how to get it).
     """
     if os.environ.get(NO_GL_VARIABLE, "") not in ("", "0"):
         return False, f"off-screen OpenGL is switched off by {NO_GL_VARIABLE}; pictures come from matplotlib"
@@ -283,14 +281,14 @@ def _balls(image: Image, depth: Array, scene: _Scene, window: _Window) -> None:
     column = np.round(flat[drawn, 0, None] + radius * dx).astype(int)
     row = np.round(flat[drawn, 1, None] + radius * dy).astype(int)
     z = flat[drawn, 2, None] + scene.radius_mm * normal[:, 2]
-    inside = (column >= 0) & (column < depth.shape[1]) & (row >= 0) & (row < depth.shape[0])
+    inside = (column >= 0) & (column < window.width) & (row >= 0) & (row < window.height)
     point, pixel = np.nonzero(inside)
     row, column, z = row[inside], column[inside], z[inside]
     order = np.flatnonzero(z > depth[row, column])
     # Of repeated indices the last assignment stays, so the nearest comes last.
     order = order[np.argsort(z[order], kind="stable")]
-    colours = _shaded(scene.colours[drawn[point[order]]], normal[pixel[order]], _AMBIENT_BALL)
-    image[row[order], column[order]] = colours
+    base = scene.colours[drawn[point[order]]]
+    image[row[order], column[order]] = _shaded(base, normal[pixel[order]], _AMBIENT_BALL)
 
 
 def _shaded(colour: Array, normal: Array, ambient: float) -> Image:

@@ -94,7 +94,12 @@ def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] |
 
 
 def sensitivity(
-    given: ModelInput, data: Measurements, joints: tuple[str, ...], poses: tuple[str, ...], low: float, high: float
+    given: ModelInput,
+    data: Measurements,
+    joints: tuple[str, ...],
+    poses: tuple[str, ...],
+    low: float,
+    high: float,
 ) -> list[PoseEffects]:
     """Two-level factorial of the springs at the poses."""
     system = equations(given.model, data, DEFAULT_GAUGE_mm * 1e-3).of_poses(poses)
@@ -102,37 +107,63 @@ def sensitivity(
 
 
 def calibrate_by_stages(
-    given: ModelInput, data: Measurements, scheme: Scheme, loads: tuple[float, ...], spacing: str = "log",
+    given: ModelInput,
+    data: Measurements,
+    scheme: Scheme,
+    loads: tuple[float, ...],
+    spacing: str = "log",
     progress: Callable[[str], None] | None = None,
 ) -> Variant:
     """The published staged scheme, with its left-out prediction."""
     used = select_loads(data, loads)
     result = calibrate_staged(given.model, used, scheme, spacing=spacing, progress=progress)
     remarks = tuple(
-        f"{stage}, pose {fit.pose}: {remark}" for stage, fits in result.fits.items() for fit in fits for remark in fit.remarks
+        f"{stage}, pose {fit.pose}: {remark}"
+        for stage, fits in result.fits.items()
+        for fit in fits
+        for remark in fit.remarks
     )
     return Variant(
-        name=f"staged, {given.model.load_path}", scheme="staged",
-        description=with_spring_laws(given.description, given.model, result.laws, used, loads, result.rms_mm, remarks),
-        model=result.model, system=result.system, residual_m=result.residual_m, rms_mm=result.rms_mm,
-        parameters=result.parameters, left_out=staged_left_out(given.model, used, scheme, result, spacing),
-        remarks=remarks, staged=result,
+        name=f"staged, {given.model.load_path}",
+        scheme="staged",
+        description=with_spring_laws(
+            given.description, given.model, result.laws, used, loads, result.rms_mm, remarks
+        ),
+        model=result.model,
+        system=result.system,
+        residual_m=result.residual_m,
+        rms_mm=result.rms_mm,
+        parameters=result.parameters,
+        left_out=staged_left_out(given.model, used, scheme, result, spacing),
+        remarks=remarks,
+        staged=result,
     )
 
 
 def calibrate_constant(
-    given: ModelInput, data: Measurements, joints: tuple[str, ...], loads: tuple[float, ...],
-    bounds: tuple[float, float] = DEFAULT_BOUNDS_Nm_per_rad, gauge_mm: float = DEFAULT_GAUGE_mm,
+    given: ModelInput,
+    data: Measurements,
+    joints: tuple[str, ...],
+    loads: tuple[float, ...],
+    bounds: tuple[float, float] = DEFAULT_BOUNDS_Nm_per_rad,
+    gauge_mm: float = DEFAULT_GAUGE_mm,
 ) -> Variant:
     """Constant springs on all readings at once, with their left-out prediction."""
     used = select_loads(data, loads)
     fit, system = constant_fit(given.model, used, joints, bounds, gauge_mm * 1e-3)
     description = with_constant_springs(given.description, given.model, fit, used, loads)
     return Variant(
-        name=f"constant, {given.model.load_path}", scheme="global", description=description,
-        model=build_model(description, given.model.link_kind), system=system, residual_m=fit.residual_m,
-        rms_mm=fit.rms_mm, parameters=sum(s.status != "not identified" for s in fit.springs),
-        left_out=constant_left_out(given.model, system, joints, bounds), remarks=fit.remarks, constant=fit,
+        name=f"constant, {given.model.load_path}",
+        scheme="global",
+        description=description,
+        model=build_model(description, given.model.link_kind),
+        system=system,
+        residual_m=fit.residual_m,
+        rms_mm=fit.rms_mm,
+        parameters=sum(s.status != "not identified" for s in fit.springs),
+        left_out=constant_left_out(given.model, system, joints, bounds),
+        remarks=fit.remarks,
+        constant=fit,
     )
 
 
@@ -169,20 +200,37 @@ def factorial_runs(model: ArmModel, scheme: Scheme) -> FactorialRuns:
     """Structural stiffness (vertical load) over the scheme's adjusted full factorial."""
     q = factorial_poses(model.robot, scheme.factorial)
     columns = [model.robot.coordinate_index(name) for name in scheme.factorial.inputs]
-    return FactorialRuns(scheme.factorial.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)
+    return FactorialRuns(
+        scheme.factorial.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3
+    )
 
 
 def learn(
-    description: ModelDescription, model: ArmModel, inputs: tuple[str, ...], seed: int, *,
-    basis: BasisChoice = "best", degree: int = 6, order: int = 2, runs: int = 4096,
-    fixed_deg: dict[str, float] | None = None, direction: tuple[float, float, float] = (0.0, 0.0, -1.0),
+    description: ModelDescription,
+    model: ArmModel,
+    inputs: tuple[str, ...],
+    seed: int,
+    *,
+    basis: BasisChoice = "best",
+    degree: int = 6,
+    order: int = 2,
+    runs: int = 4096,
+    fixed_deg: dict[str, float] | None = None,
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0),
     progress: Progress | None = None,
 ) -> Trained:
     """Train a surrogate of a model's structural stiffness."""
     scope = scope_of(model.robot, content_hash(description), inputs, direction=direction, fixed_deg=fixed_deg)
     return train(
-        model, scope, np.random.default_rng(seed), basis=basis, degree=degree, order=order, runs=runs,
-        notes=(f"{model.link_kind} links, {model.load_path} load path",), progress=progress,
+        model,
+        scope,
+        np.random.default_rng(seed),
+        basis=basis,
+        degree=degree,
+        order=order,
+        runs=runs,
+        notes=(f"{model.link_kind} links, {model.load_path} load path",),
+        progress=progress,
     )
 
 
@@ -193,8 +241,12 @@ def default_inputs(model: ArmModel) -> tuple[str, ...]:
 
 
 def stiffness_map(
-    description: ModelDescription, model: ArmModel, points: int, learned: Surrogate | None,
-    layers_deg: tuple[float, ...] | None = None, progress: Progress | None = None,
+    description: ModelDescription,
+    model: ArmModel,
+    points: int,
+    learned: Surrogate | None,
+    layers_deg: tuple[float, ...] | None = None,
+    progress: Progress | None = None,
 ) -> StiffnessMap:
     """The 3-D stiffness map, from the surrogate if one is given, else from the model itself.
 
@@ -217,24 +269,37 @@ def stiffness_map(
         return 1.0 / predict_compliance(learned, q[:, columns])
 
     metadata = {
-        "robot": robot.name, "model_hash": content_hash(description), "load_direction": "0 0 -1",
+        "robot": robot.name,
+        "model_hash": content_hash(description),
+        "load_direction": "0 0 -1",
         "stiffness_from": "model" if learned is None else f"surrogate ({learned.basis.name})",
-        "links": model.link_kind, "load_path": model.load_path, "units": "points mm, angles deg",
+        "links": model.link_kind,
+        "load_path": model.load_path,
+        "units": "points mm, angles deg",
     }
     scalars = {} if learned is None else {"model_stiffness_N_per_mm": lambda q: exact(q) * 1e-3}
     return sweep_map(
-        robot, exact if learned is None else from_surrogate, swept, points, layers,
-        scalars=scalars, metadata=metadata, progress=progress,
+        robot,
+        exact if learned is None else from_surrogate,
+        swept,
+        points,
+        layers,
+        scalars=scalars,
+        metadata=metadata,
+        progress=progress,
     )
 
 
-def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
+def nine_pose_check(
+    learned: Surrogate, model: ArmModel, data: Measurements
+) -> tuple[list[str], Array, Array]:
     """Surrogate and model stiffness (n,) N/mm at the distinct measured poses, with their labels."""
     rows = [rows[0] for rows in data.pose_groups().values()]
     q = data.q[rows]
     columns = [model.robot.coordinate_index(name) for name in learned.inputs]
     return (
-        [data.pose[i] for i in rows], 1e-3 / predict_compliance(learned, q[:, columns]),
+        [data.pose[i] for i in rows],
+        1e-3 / predict_compliance(learned, q[:, columns]),
         directional_stiffness(model, full_poses(model.robot, learned, q[:, columns])) * 1e-3,
     )
 

@@ -27,9 +27,15 @@ def default_sweep(robot: Robot) -> tuple[tuple[str, ...], str | None]:
 
 
 def sweep_map(
-    robot: Robot, stiffness: Callable[[Array], Array], swept: Sequence[str], points: int,
-    layers_deg: Mapping[str, Sequence[float]], *, scalars: Mapping[str, Callable[[Array], Array]] | None = None,
-    metadata: Mapping[str, str] | None = None, progress: Callable[[int, int], None] | None = None,
+    robot: Robot,
+    stiffness: Callable[[Array], Array],
+    swept: Sequence[str],
+    points: int,
+    layers_deg: Mapping[str, Sequence[float]],
+    *,
+    scalars: Mapping[str, Callable[[Array], Array]] | None = None,
+    metadata: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> StiffnessMap:
     """Sweep up to three coordinates over their limits; the poses the robot cannot take are left out.
 
@@ -47,7 +53,9 @@ def sweep_map(
     """
     if points < 2 or not 2 <= len(swept) <= 3:
         raise InputError(
-            "map sweep", value=f"{len(swept)} coordinates with {points} points", allowed="2 or 3 with 2 points or more"
+            "map sweep",
+            value=f"{len(swept)} coordinates with {points} points",
+            allowed="2 or 3 with 2 points or more",
         )
     columns = [robot.coordinate_index(name) for name in swept]
     grids = [np.linspace(robot.limits[c, 0], robot.limits[c, 1], points) for c in columns]
@@ -80,7 +88,9 @@ def sweep_map(
 
 
 def _evaluate(
-    robot: Robot, q: Array, functions: Mapping[str, Callable[[Array], Array]],
+    robot: Robot,
+    q: Array,
+    functions: Mapping[str, Callable[[Array], Array]],
     progress: Callable[[int, int], None] | None,
 ) -> tuple[Array, dict[str, Array]]:
     position = np.empty((len(q), 3))

@@ -50,10 +50,21 @@ class Trained:
         """The one with the smallest held-out RMS error."""
         return self.surrogates[0]
 
+    def interior_error(self, basis: str) -> tuple[float, float]:
+        """RMS and worst relative error of compliance on the uniform held-out runs, without the boundary ones."""
+        part = slice(0, HELD_OUT_UNIFORM)
+        error = np.abs(self.predicted[basis][part] / self.held_out.compliance[part] - 1.0)
+        return float(np.sqrt(np.mean(error**2))), float(error.max())
+
 
 def scope_of(
-    robot: Robot, model_hash: str, inputs: Sequence[str], *, direction: Sequence[float] = (0.0, 0.0, -1.0),
-    fixed_deg: Mapping[str, float] | None = None, limits_deg: Mapping[str, tuple[float, float]] | None = None,
+    robot: Robot,
+    model_hash: str,
+    inputs: Sequence[str],
+    *,
+    direction: Sequence[float] = (0.0, 0.0, -1.0),
+    fixed_deg: Mapping[str, float] | None = None,
+    limits_deg: Mapping[str, tuple[float, float]] | None = None,
 ) -> Scope:
     """The scope of a surrogate over some of the robot's joint coordinates.
 
@@ -74,7 +85,8 @@ def scope_of(
         low, high = robot.limits[index]
         if name not in inputs and not low <= base[index] <= high:
             raise InputError(
-                f"fixed coordinate {name}", value=value,
+                f"fixed coordinate {name}",
+                value=value,
                 allowed=f"{np.degrees(low):g} to {np.degrees(high):g} deg of {robot.name}",
             )
     lower, upper = robot.limits[columns].T.copy()
@@ -86,9 +98,14 @@ def scope_of(
         raise InputError("load direction", value=list(direction), allowed="not all zero")
     x, y, z = (float(v) / length for v in direction)
     return Scope(
-        robot=robot.name, model_hash=model_hash, load_direction=(x, y, z), inputs=tuple(inputs),
+        robot=robot.name,
+        model_hash=model_hash,
+        load_direction=(x, y, z),
+        inputs=tuple(inputs),
         fixed_deg={name: value for name, value in fixed.items() if name not in inputs},
-        lower=lower, upper=upper, couplings=_folded(robot, columns, base),
+        lower=lower,
+        upper=upper,
+        couplings=_folded(robot, columns, base),
     )
 
 
@@ -102,8 +119,10 @@ def _folded(robot: Robot, columns: list[int], base: Array) -> Couplings:
     constant[columns] = 0.0
     shift = np.array([c.offset + float(c.factors @ constant) for c in kept])
     return Couplings(
-        tuple(c.name for c in kept), np.array([c.factors[columns] for c in kept]),
-        np.array([c.lower for c in kept]) - shift, np.array([c.upper for c in kept]) - shift,
+        tuple(c.name for c in kept),
+        np.array([c.factors[columns] for c in kept]),
+        np.array([c.lower for c in kept]) - shift,
+        np.array([c.upper for c in kept]) - shift,
     )
 
 
@@ -129,8 +148,16 @@ def run_model(model: ArmModel, scope: Scope, Q: Array, progress: Progress | None
 
 
 def train(
-    model: ArmModel, scope: Scope, rng: np.random.Generator, *, basis: BasisChoice = "best", degree: int = 6,
-    order: int = 2, target: Target | None = None, runs: int = TRAINING_RUNS, notes: Sequence[str] = (),
+    model: ArmModel,
+    scope: Scope,
+    rng: np.random.Generator,
+    *,
+    basis: BasisChoice = "best",
+    degree: int = 6,
+    order: int = 2,
+    target: Target | None = None,
+    runs: int = TRAINING_RUNS,
+    notes: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Trained:
     """Run the model on a space-filling design, fit, and judge on runs kept out.
@@ -144,12 +171,15 @@ def train(
     InputError
         Fewer runs than terms, an empty reachable set, or a rigid model.
     """
+
     def design(n: int, density: Literal["arcsine", "uniform", "boundary"]) -> Array:
         return space_filling_design(
             scope.lower, scope.upper, n, rng, density=density, couplings=scope.couplings, names=scope.inputs
         )
 
-    poses = np.vstack([design(runs, "arcsine"), design(HELD_OUT_UNIFORM, "uniform"), design(HELD_OUT_BOUNDARY, "boundary")])
+    poses = np.vstack(
+        [design(runs, "arcsine"), design(HELD_OUT_UNIFORM, "uniform"), design(HELD_OUT_BOUNDARY, "boundary")]
+    )
     done = run_model(model, scope, poses, progress)
     training = Runs(done.Q[:runs], done.compliance[:runs])
     held_out = Runs(done.Q[runs:], done.compliance[runs:])
@@ -160,8 +190,16 @@ def train(
         wanted.append(("trigonometric", target or "compliance"))
     fitted = [
         fit(
-            training.Q, training.compliance, scope=scope, Q_test=held_out.Q, y_test=held_out.compliance,
-            basis=name, degree=degree, order=order, target=goal, notes=notes,
+            training.Q,
+            training.compliance,
+            scope=scope,
+            Q_test=held_out.Q,
+            y_test=held_out.compliance,
+            basis=name,
+            degree=degree,
+            order=order,
+            target=goal,
+            notes=notes,
         )
         for name, goal in wanted
     ]

@@ -144,8 +144,8 @@ def test_an_oblique_element_is_the_turned_element() -> None:
 
 def test_axes_follow_the_direction_of_the_height() -> None:
     _, R = beam.element_axes(_mesh(1, tip=np.array([0, 0, 2.0]), up=np.array([1.0, 0, 0])))
-    # x along the beam (up), z the height (base x), y completes: exact numbers, no rounding.
-    np.testing.assert_array_equal(R[0], np.array([[0, 0, 1.0], [0, 1.0, 0], [1.0, 0, 0]]))
+    # x along the beam (base z), z the height (base x), y = z cross x: exact numbers, no rounding.
+    np.testing.assert_array_equal(R[0], np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]]))
 
 
 def test_a_height_along_the_beam_still_gives_right_handed_axes() -> None:
@@ -179,12 +179,12 @@ def test_tapered_beam_agrees_with_adaptive_quadrature() -> None:
         error.append(
             max(abs(force[2] / bending - 1), abs(force[4] / slope - 1), abs(moment[3] / torsion - 1))
         )
-    # Five Gauss points integrate the smooth 1/EI to order 10: every halving gains up to a factor 2^10,
-    # until round-off of the solve (1e-12) is left. This taper (to a fifth of EI) is steeper than any
+    # Five Gauss points integrate the smooth 1/EI with an error of order h^10 in the end: each halving
+    # gains a factor towards 1024 (some 250 here). This taper, to a fifth of EI, is steeper than any
     # bundled link's.
-    assert error[0] < 1e-3
+    assert error[0] < 1e-4
     assert error[1] < error[0] / 100.0
-    assert error[2] < 1e-8
+    assert error[2] < error[1] / 100.0
 
 
 @pytest.mark.parametrize("robot", ["xr701", "kr60-3", "tx200"])
@@ -197,9 +197,9 @@ def test_bundled_links_do_not_change_under_refinement(robot: str) -> None:
             K = beam.assemble(mesh).toarray()
             rows = slice(6 * mesh.interfaces["tip"] - 6, 6 * mesh.interfaces["tip"])
             tips.append(np.linalg.inv(K[6:, 6:])[rows, rows])
-        # Quadrature error of 1/EI at the default mesh, and round-off of the fine one's solve (it has a
-        # condition number of some 1e6, times eps = 2e-16).
-        np.testing.assert_allclose(tips[0], tips[1], atol=1e-9 * np.abs(tips[1]).max())
+        # Quadrature error of 1/EI at the default mesh (the gentle tapers leave 3e-13), and round-off of the
+        # fine mesh's solve (condition number up to 1e5 after scaling, times eps = 2e-16).
+        np.testing.assert_allclose(tips[0], tips[1], rtol=0, atol=2e-11 * np.abs(tips[1]).max())
 
 
 def _timoshenko_weak_form(elements: int, end: Array) -> float:
@@ -230,11 +230,11 @@ def _timoshenko_weak_form(elements: int, end: Array) -> float:
 @pytest.mark.parametrize("end", [BOX, TAPERED])
 def test_scikit_fem_weak_form_converges_to_the_element(end: Array) -> None:
     exact = _tip_displacement(_mesh(4, end), np.array([0, 0, 1.0, 0, 0, 0]))[2]
-    sizes = np.array([8, 16, 32, 64])
-    error = np.array([abs(_timoshenko_weak_form(int(n), end) / exact - 1) for n in sizes])
-    rate = -np.polyfit(np.log(sizes), np.log(error), 1)[0]
+    sizes = np.array([16, 32, 64, 128])
+    ratio = np.array([_timoshenko_weak_form(int(n), end) / exact for n in sizes])
+    rate = -np.polyfit(np.log(sizes), np.log(np.abs(ratio - 1.0)), 1)[0]
     # Linear elements with one-point shear converge with h^2; the fitted rate deviates by the h^4 term.
-    assert rate == pytest.approx(2.0, abs=0.05)
-    # The h^2 term taken out (Richardson): what is left is that h^4 term at h = 1/64.
-    best = abs((4 * (1 - error[-1]) - (1 - error[-2])) / 3 - 1)
-    assert best < 1e-5
+    assert rate == pytest.approx(2.0, abs=0.03)
+    # The h^2 term taken out (Richardson): left is the h^4 term, of the order of the square of the 1e-3
+    # error that 64 elements have.
+    assert (4.0 * ratio[-1] - ratio[-2]) / 3.0 == pytest.approx(1.0, abs=3e-6)

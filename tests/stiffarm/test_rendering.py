@@ -129,7 +129,7 @@ def check_picture(path):
 
 
 def test_cut_hides_only_the_nearer_half(scene, tmp_path):
-    x, z = np.meshgrid(np.arange(-0.4, 2.0, 0.035), np.arange(0.0, 2.2, 0.035))
+    x, z = np.meshgrid(np.arange(-0.4, 0.6, 0.045), np.arange(0.0, 1.0, 0.045))
     screens = [np.stack([x.ravel(), np.full(x.size, y), z.ravel()], axis=1) for y in (-0.8, 0.8)]
     two = StiffnessMap(np.vstack(screens), np.linspace(3e5, 7e5, 2 * x.size))
     grey = {}
@@ -138,9 +138,9 @@ def test_cut_hides_only_the_nearer_half(scene, tmp_path):
         render_map(two, scene[1], path, view="side", renderer="matplotlib", cut=cut)
         plot = imread(path)[150:1100, 150:1330, :3]
         grey[cut] = ((np.ptp(plot, axis=2) < 0.06) & (plot.mean(axis=2) < 0.84)).mean()
-    # The near screen of points hides all of the robot but chinks; without it the robot is seen.
+    # The near screen hides pedestal and carousel, about half of the robot.
     assert grey[True] > 0.05
-    assert grey[False] < 0.1 * grey[True]
+    assert grey[False] < 0.75 * grey[True]
 
 
 def test_a_map_on_the_near_side_only_is_still_shown(scene, tmp_path):

@@ -1,0 +1,63 @@
+"""Small helpers of the report's sections: numbers in words, names, pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from doe.parametric import WIDEST_Nm_per_rad
+from stiffarm.outputs import OutputFolder
+from stiffarm.picture_style import save_png
+from stiffarm.report import Picture
+from stiffarm.steps import Variant, bundled_sha256
+from stiffarm.workflow import Findings
+
+
+class Pictures:
+    """Saves figures into the output folder and hands them to the report."""
+
+    def __init__(self, folder: OutputFolder) -> None:
+        self.folder = folder
+
+    def add(self, figure: Figure, name: str, caption: str) -> Picture:
+        """Save a figure under ``figures/`` and return it with its caption."""
+        path = self.folder.path(f"figures/{name}.png")
+        save_png(figure, path)
+        return Picture(path, caption, name.replace("_", " "))
+
+
+def percent(value: float) -> str:
+    """A relative error in percent, or as a power of ten where percent would be all zeros."""
+    return f"{value * 100:.2g} %" if value >= 1e-6 else f"{value:.0e}"
+
+
+def mega(value: float) -> str:
+    """A stiffness in 1e6 N m/rad; at the widest bound it means rigid, not a number."""
+    return "rigid" if not value < 0.99 * WIDEST_Nm_per_rad[1] else f"{value / 1e6:.3g}"
+
+
+def short_title(findings: Findings) -> str:
+    """The robot's title without what stands in brackets."""
+    return findings.given.description.title.split(" (")[0]
+
+
+def is_published_data(findings: Findings) -> bool:
+    """Is this the bundled data set, of which the paper's own remarks and doubts hold?"""
+    return findings.data.sha256 == bundled_sha256(findings.given.robot.name)
+
+
+def springs_text(variant: Variant) -> str:
+    """Constant springs with their intervals, in words."""
+    if variant.constant is None:
+        return "depend on angle (see the figure above)"
+    out = []
+    for s in variant.constant.springs:
+        low, high = s.interval
+        if s.status == "not identified":
+            out.append(f"{s.joint}: not determined")
+        elif s.status == "at bound":
+            out.append(f"{s.joint} at least {mega(low)} (rigid fits best)")
+        else:
+            upper = "no upper limit" if np.isinf(high) else mega(high)
+            out.append(f"{s.joint} {mega(s.stiffness)} ({mega(low)} to {upper})")
+    return "; ".join(out)
