@@ -415,9 +415,7 @@ def rigid_joint_figure(poses: Sequence[str], measured_mm: Array, simulated: Mapp
     for name, values in {"measured_mm": measured, **models}.items():
         _same_length(f"rigid joint figure: {name}", values, poses)
         if not (np.isfinite(values).all() and (values > 0.0).all()):
-            raise InputError(
-                f"rigid joint figure: {name}", value=values.tolist(), allowed="not 0, finite (mm)"
-            )
+            raise InputError(f"rigid joint figure: {name}", value=values.tolist(), allowed="not 0, finite (mm)")
     spread = (np.arange(len(models)) - (len(models) - 1) / 2) * 0.7 / len(models)
     with house_style():
         figure, (ax,) = new_figure((10.0, 1.6 + 0.36 * len(poses) * max(len(models), 2)))
@@ -432,9 +430,7 @@ def rigid_joint_figure(poses: Sequence[str], measured_mm: Array, simulated: Mapp
                 middle = (float(np.sqrt(simulation * reading)), at)
                 note(ax, factor, middle, (0, 2), va="bottom", size=9.5, weight="bold")
                 end = {"ha": "right" if simulation <= reading else "left", "color": SERIES[i % 6]}
-                note(
-                    ax, f"{simulation:.3g}", (simulation, at), (-8 if simulation <= reading else 8, 0), **end
-                )
+                note(ax, f"{simulation:.3g}", (simulation, at), (-8 if simulation <= reading else 8, 0), **end)
         every = np.add.outer(np.arange(len(poses)), spread)
         again = np.repeat(measured, len(models))
         ax.plot(again, every.ravel(), "o", color=INK, markersize=8, label="measured", zorder=3)
@@ -452,13 +448,9 @@ def rigid_joint_figure(poses: Sequence[str], measured_mm: Array, simulated: Mapp
     return figure
 
 
-def note(
-    ax: Axes, text: str, xy: tuple[float, float], offset: tuple[float, float] = (0, 0), **look: Any
-) -> None:
+def note(ax: Axes, text: str, xy: tuple[float, float], offset: tuple[float, float] = (0, 0), **look: Any) -> None:
     """Write beside a point, ``offset`` in points of type, centred unless ``look`` says otherwise."""
-    ax.annotate(
-        text, xy, offset, textcoords="offset points", **{"ha": "center", "va": "center", "size": 9.0, **look}
-    )
+    ax.annotate(text, xy, offset, textcoords="offset points", **{"ha": "center", "va": "center", "size": 9.0, **look})
 
 
 def above(ax: Axes, handles: Sequence[Any], columns: int) -> None:

@@ -39,7 +39,7 @@ _JOINT: Final = re.compile(r"(?:j|a|joint)[ _-]?\d+", re.IGNORECASE)
 _FAR_BELOW: Final = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeldOut:
     """A surrogate on runs kept out of its fit: true and predicted stiffness, (n,) N/mm."""
 
@@ -121,7 +121,7 @@ def _curve(ax: Axes, robot: Robot, law: LogPolynomialLaw, points: SpringPoints) 
     # A curve that varies little must not look wild: half a decade is shown at least.
     middle, half = np.sqrt(low * high), max(np.sqrt(high / low), 10**0.25)
     ax.set_ylim(middle / half, middle * half)
-    ax.yaxis.set_major_locator(LogLocator(subs=range(1, 10) if half < 10**0.4 else (1, 2, 5)))
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 4, 5, 6, 8) if half < 10**0.4 else (1, 2, 5)))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda k, _: _power(float(k))))
     ax.yaxis.set_minor_formatter(NullFormatter())
     ax.set_xlabel(_angle_label(law.inputs[0]))
@@ -137,8 +137,8 @@ def _markers(ax: Any, points: SpringPoints, height: Array) -> None:
 
 def _power(k: float) -> str:
     exponent = int(np.floor(np.log10(k) + 1e-9))
-    lead = round(k / 10.0**exponent)
-    return rf"$10^{{{exponent}}}$" if lead == 1 else rf"${lead}\cdot10^{{{exponent}}}$"
+    lead = f"{k / 10.0**exponent:.3g}"
+    return rf"$10^{{{exponent}}}$" if lead == "1" else rf"${lead}\cdot10^{{{exponent}}}$"
 
 
 def _surface(ax: Any, robot: Robot, law: LogPolynomialLaw, points: SpringPoints) -> None:
@@ -156,11 +156,11 @@ def _surface(ax: Any, robot: Robot, law: LogPolynomialLaw, points: SpringPoints)
     ax.zaxis.set_major_formatter(FuncFormatter(lambda v, _: rf"$10^{{{v:.0f}}}$"))
     ax.set_xlabel(_angle_label(law.inputs[0]), labelpad=6)
     ax.set_ylabel(_angle_label(law.inputs[1]), labelpad=6)
-    ax.set_zlabel("stiffness (N m/rad)", labelpad=4)
+    ax.set_zlabel("stiffness (N m/rad)", labelpad=1)
     ax.locator_params(axis="x", nbins=5)
     ax.locator_params(axis="y", nbins=5)
     ax.view_init(elev=24, azim=-58)
-    ax.set_box_aspect((1.25, 1.05, 0.8), zoom=1.0)
+    ax.set_box_aspect((1.2, 1.0, 0.88), zoom=0.95)
 
 
 def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, Array, Array]]) -> Figure:
@@ -221,9 +221,7 @@ def surrogate_quality_figure(rows: Sequence[HeldOut]) -> Figure:
             raise InputError(f"surrogate figure: {row.name}", allowed="two arrays (n,) of one length")
         both = np.concatenate([row.true_N_per_mm, row.predicted_N_per_mm])
         if not both.size or not (np.isfinite(both).all() and (both > 0.0).all()):
-            raise InputError(
-                f"surrogate figure: {row.name}: stiffness", allowed="finite, greater than 0 N/mm"
-            )
+            raise InputError(f"surrogate figure: {row.name}: stiffness", allowed="finite, greater than 0 N/mm")
     every = np.concatenate([np.concatenate([r.true_N_per_mm, r.predicted_N_per_mm]) for r in rows])
     ends = (0.93 * float(every.min()), 1.07 * float(every.max()))
     cols = 2 if len(rows) in (2, 4) else min(3, len(rows))
@@ -282,8 +280,8 @@ def _tails(ax: Axes, rows: Sequence[HeldOut]) -> None:
         text = f"{row.name}: " + ", ".join(f"{key} {_percent(value)}" for key, value in marks.items())
         text += "" if row in shown else " (left of the axis)"
         share = 1.0 - np.arange(len(error)) / len(error)
-        data = (error, share) if row in shown else ([], [])
-        lines += ax.plot(*data, color=SERIES[i % 6], label=text)
+        kept = slice(None) if row in shown else slice(0)
+        lines += ax.plot(error[kept], share[kept], color=SERIES[i % 6], label=text)
         for marker, value in zip("osD", marks.values() if row in shown else (), strict=False):
             at = max(float(np.mean(error >= value)), 1.0 / len(error))
             look: dict[str, Any] = {"markersize": 8, "markeredgecolor": "white", "zorder": 4}
@@ -298,9 +296,9 @@ def _tails(ax: Axes, rows: Sequence[HeldOut]) -> None:
         axis.set_minor_formatter(NullFormatter())
     ax.set_xlabel("relative error of the compliance (%)")
     ax.set_ylabel("runs with a larger error (%)")
+    # The layout leaves room for the last legend only, so the one inside comes first.
+    ax.add_artist(ax.legend(handles=keys, loc="lower left", borderaxespad=0.6))
     above(ax, lines, 1)
-    ax.add_artist(ax.get_legend())  # type: ignore[arg-type]
-    ax.legend(handles=keys, loc="lower left", borderaxespad=0.6)
 
 
 def _percent(value: float) -> str:
@@ -362,9 +360,7 @@ def budget_figure(
     return figure
 
 
-def _stacked(
-    names: list[str], size: Array, total: Array, least_share: float
-) -> list[tuple[str, Array, Array]]:
+def _stacked(names: list[str], size: Array, total: Array, least_share: float) -> list[tuple[str, Array, Array]]:
     """Name, length and left end (n,) of each segment: largest part first, the small ones together last."""
     share = np.abs(size) / total
     kept = sorted(np.flatnonzero(share.max(axis=1) >= least_share), key=lambda i: -float(share[i].mean()))

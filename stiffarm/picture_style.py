@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
+from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -183,8 +183,14 @@ def headings(figure: Figure, title: str, subtitle: str) -> None:
     figure.text(0.03, 0.975 - 0.032 * (1 + heading.count("\n")), lines, size=10, color="#555555", va="top")
 
 
-def colour_ticks(values: Array, colour_range: tuple[float, float] | None) -> Array:
-    """Ticks of a colour bar; its ends are the given range or the 2nd and 98th percentile, rounded outward.
+# Stiffness over a workspace is skewed: on a linear scale most of a map would be dark.
+_LOG_FROM_RATIO = 4.0
+
+
+def colour_scale(values: Array, colour_range: tuple[float, float] | None) -> tuple[Normalize, Array]:
+    """Scale and ticks of a colour bar; its ends are the given range or the 2nd and 98th percentile.
+
+    The scale is logarithmic where the ends differ by more than a factor of four.
 
     Raises
     ------
@@ -196,12 +202,32 @@ def colour_ticks(values: Array, colour_range: tuple[float, float] | None) -> Arr
         raise InputError("colour range (N/mm)", value=str(colour_range), allowed="two ascending numbers")
     if high - low < 1e-6 * high:
         low, high = 0.95 * low, 1.05 * high
+    if low > 0.0 and high / low > _LOG_FROM_RATIO:
+        ticks = _log_ticks(low, high, exact=colour_range is not None)
+        return LogNorm(ticks[0], ticks[-1]), ticks
+    ticks = _linear_ticks(low, high, exact=colour_range is not None)
+    return Normalize(ticks[0], ticks[-1]), ticks
+
+
+def _linear_ticks(low: float, high: float, *, exact: bool) -> Array:
     inner = np.asarray(MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high), dtype=np.float64)
     step = float(inner[1] - inner[0])
-    if colour_range is None:
+    if not exact:
         low, high = np.floor(5.0 * low / step) * step / 5.0, np.ceil(5.0 * high / step) * step / 5.0
     # Ends keep their labels; a tick too near to one would run into it.
     inner = inner[(inner > low + 0.35 * step) & (inner < high - 0.35 * step)]
+    return np.array([low, *inner, high])
+
+
+def _log_ticks(low: float, high: float, *, exact: bool) -> Array:
+    if not exact:
+        digits = 10.0 ** np.floor(np.log10([low, high]))
+        low, high = np.floor(low / digits[0]) * digits[0], np.ceil(high / digits[1]) * digits[1]
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    steps = (1.0, 2.0, 3.0, 5.0, 7.0) if high / low < 100.0 else (1.0, 2.0, 5.0)
+    inner = np.sort(np.outer(decades, steps).ravel())
+    # 1.15: closer than that, two labels would touch.
+    inner = inner[(inner > 1.15 * low) & (inner < high / 1.15)]
     return np.array([low, *inner, high])
 
 
@@ -216,9 +242,11 @@ def colour_bar(figure: Figure, norm: Normalize, ticks: Array, values: Array) -> 
     labels = [f"{t:.6g}" for t in ticks]
     labels[0] = f"≤ {labels[0]}" if below else labels[0]
     labels[-1] = f"≥ {labels[-1]}" if above else labels[-1]
+    bar.ax.minorticks_off()
     bar.ax.set_yticklabels(labels)
     bar.outline.set_linewidth(0.6)
-    bar.set_label("structural stiffness (N/mm)", size=11, labelpad=10)
+    scale = ", log scale" if isinstance(norm, LogNorm) else ""
+    bar.set_label(f"structural stiffness (N/mm){scale}", size=11, labelpad=10)
     for y, text, side in ((1.065, "stiff", "bottom"), (-0.065, "soft", "top")):
         axes.text(0.5, y, text, transform=axes.transAxes, ha="center", va=side, size=10, color="#555555")
 

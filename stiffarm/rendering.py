@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from matplotlib.colors import Normalize, to_rgb
+from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from robots import InputError
@@ -132,8 +132,7 @@ def render_map(
     # Half a micrometre: rounding must not decide whether the section itself is shown.
     far = points[:, 1] >= -5e-4
     shown = far if cut and far.any() else np.ones(len(points), dtype=bool)
-    ticks = style.colour_ticks(values, colour_range)
-    norm = Normalize(ticks[0], ticks[-1])
+    norm, ticks = style.colour_scale(values, colour_range)
     colours = style.STIFFNESS_COLOURS(norm(values[shown]))[:, :3]
     scene = _Scene(VIEWS[view], points[shown], colours, tuple(bodies))
     count = f"{len(points):,} poses" + ("" if shown.all() else ", those at Y < 0 left out")

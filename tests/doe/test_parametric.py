@@ -47,6 +47,17 @@ def test_a_known_spring_is_found_within_the_gauge(true: float, levels: int, spac
     assert found.remarks == ()
 
 
+def test_of_several_matching_levels_the_best_is_taken() -> None:
+    # A reading that the spring hardly moves: many levels match it, and the softest of them is not the answer.
+    weak = A1 * 1e-2
+    found = fit(one_reading(-5e-4 + weak / 4e5, (weak,)))
+    assert found.runs == 10
+    grid = np.geomspace(*BOUNDS, 10)
+    error = np.abs(weak * (1.0 / grid - 1.0 / 4e5))
+    assert (error <= GAUGE_M).sum() >= 5
+    assert found.stiffness[0] == grid[np.argmin(error)]
+
+
 def test_the_range_of_equal_matches_is_the_gauges() -> None:
     true = 2e5
     found = fit(one_reading(reading_of(true)))

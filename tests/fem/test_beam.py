@@ -176,9 +176,7 @@ def test_tapered_beam_agrees_with_adaptive_quadrature() -> None:
         mesh = _mesh(elements, TAPERED)
         force = _tip_displacement(mesh, np.array([0, 0, 1.0, 0, 0, 0]))
         moment = _tip_displacement(mesh, np.array([0, 0, 0, 1.0, 0, 0]))
-        error.append(
-            max(abs(force[2] / bending - 1), abs(force[4] / slope - 1), abs(moment[3] / torsion - 1))
-        )
+        error.append(max(abs(force[2] / bending - 1), abs(force[4] / slope - 1), abs(moment[3] / torsion - 1)))
     # Five Gauss points integrate the smooth 1/EI with an error of order h^10 in the end: each halving
     # gains a factor towards 1024 (some 250 here). This taper, to a fifth of EI, is steeper than any
     # bundled link's.
@@ -207,9 +205,7 @@ def _timoshenko_weak_form(elements: int, end: Array) -> float:
 
     Nothing of the element under test enters: other unknowns, other integrals, linear interpolation.
     """
-    basis = Basis(
-        MeshLine(np.linspace(0.0, LENGTH, elements + 1)), ElementVector(ElementLineP1(), 2), intorder=1
-    )
+    basis = Basis(MeshLine(np.linspace(0.0, LENGTH, elements + 1)), ElementVector(ElementLineP1(), 2), intorder=1)
 
     @BilinearForm
     def energy(u, v, w):  # type: ignore[no-untyped-def]

@@ -59,9 +59,7 @@ def test_stiffness_gives_the_forces_of_the_full_mesh(robot: str, link: str) -> N
     u[rows] = moved
     u[inner] = np.linalg.solve(K[np.ix_(inner, inner)], -K[np.ix_(inner, rows)] @ moved)
     force = K @ u
-    np.testing.assert_allclose(
-        element.stiffness @ moved, force[rows], rtol=0, atol=ROUND_OFF * np.abs(force).max()
-    )
+    np.testing.assert_allclose(element.stiffness @ moved, force[rows], rtol=0, atol=ROUND_OFF * np.abs(force).max())
     # Exact also in energy, not only at the interfaces.
     assert moved @ element.stiffness @ moved == pytest.approx(u @ K @ u, rel=ROUND_OFF)
 
@@ -119,6 +117,4 @@ def test_interfaces_may_be_listed_in_any_order_of_nodes() -> None:
         back.stiffness, forth.stiffness[np.ix_(swap, swap)], rtol=0, atol=ROUND_OFF * forth.stiffness.max()
     )
     # Clamped at the other end, a link still stretches and twists by the same amount.
-    np.testing.assert_allclose(
-        np.diag(back.flexibility)[[2, 5]], np.diag(forth.flexibility)[[2, 5]], rtol=ROUND_OFF
-    )
+    np.testing.assert_allclose(np.diag(back.flexibility)[[2, 5]], np.diag(forth.flexibility)[[2, 5]], rtol=ROUND_OFF)

@@ -34,9 +34,7 @@ SECOND = np.pi / 64.0 * (0.100**4 - 0.080**4)
 G = E / (2.0 * (1.0 + NU))
 _RATIO = 0.8
 SHEAR = (
-    AREA
-    * (6 * (1 + NU) * (1 + _RATIO**2) ** 2)
-    / ((7 + 6 * NU) * (1 + _RATIO**2) ** 2 + (20 + 12 * NU) * _RATIO**2)
+    AREA * (6 * (1 + NU) * (1 + _RATIO**2) ** 2) / ((7 + 6 * NU) * (1 + _RATIO**2) ** 2 + (20 + 12 * NU) * _RATIO**2)
 )
 
 Random = np.random.Generator
@@ -86,9 +84,7 @@ def test_tilt_and_translation_of_a_joint(boom: Callable[..., object]) -> None:
 
 
 @pytest.mark.parametrize("robot", ["kr60-3", "tx200"])
-def test_rigid_links_give_the_jacobian_formula(
-    robot: str, soften: Soften, reachable: Draw, rng: Random
-) -> None:
+def test_rigid_links_give_the_jacobian_formula(robot: str, soften: Soften, reachable: Draw, rng: Random) -> None:
     model = build_model(load_description(robot), links="rigid")
     if robot == "kr60-3":
         # Gao et al. 2024, table 1, in N m/rad.
@@ -116,9 +112,7 @@ def test_strain_energy_is_the_work_of_the_load(soft_arm: ArmModel, reachable: Dr
     assert (energy > 0).all()
 
 
-def test_full_transfer_matrix_is_what_unit_wrenches_carry(
-    soft_arm: ArmModel, reachable: Draw, rng: Random
-) -> None:
+def test_full_transfer_matrix_is_what_unit_wrenches_carry(soft_arm: ArmModel, reachable: Draw, rng: Random) -> None:
     q = reachable(soft_arm.robot, 5, rng)
     frames = forward_kinematics(soft_arm.robot, q)
     for part in transfers(soft_arm, frames, q, tool_position(soft_arm.robot, frames)):
@@ -161,9 +155,7 @@ def test_superposition_and_the_compliance_matrix(soft_arm: ArmModel, reachable: 
     np.testing.assert_allclose(together, apart, rtol=0, atol=ROUND_OFF * np.abs(apart).max())
     C = compliance(soft_arm, q)
     by_matrix = np.einsum("nij,nj->ni", C, u)
-    np.testing.assert_allclose(
-        by_matrix, deflection(soft_arm, q, u), rtol=0, atol=ROUND_OFF * np.abs(by_matrix).max()
-    )
+    np.testing.assert_allclose(by_matrix, deflection(soft_arm, q, u), rtol=0, atol=ROUND_OFF * np.abs(by_matrix).max())
     np.testing.assert_allclose(C, np.swapaxes(C, 1, 2), rtol=0, atol=ROUND_OFF * np.abs(C).max())
     assert (np.linalg.eigvalsh(0.5 * (C + np.swapaxes(C, 1, 2))) > 0).all()
 
@@ -179,9 +171,7 @@ def test_parts_add_up(soft_arm: ArmModel, reachable: Draw, rng: Random) -> None:
     np.testing.assert_allclose(sum(parts.values()), total, rtol=0, atol=ROUND_OFF * np.abs(total).max())
 
 
-def test_deflection_is_linear_in_the_joint_compliances(
-    soft_arm: ArmModel, reachable: Draw, rng: Random
-) -> None:
+def test_deflection_is_linear_in_the_joint_compliances(soft_arm: ArmModel, reachable: Draw, rng: Random) -> None:
     q = reachable(soft_arm.robot, 10, rng)
     w = rng.normal(size=6)
     influence, rest = spring_influence(soft_arm, q, w)
@@ -199,9 +189,7 @@ def test_deflection_is_linear_in_the_joint_compliances(
     np.testing.assert_allclose(rest, deflection(rigid, q, w), rtol=0, atol=ROUND_OFF * np.abs(rest).max())
 
 
-def test_directional_stiffness_is_force_over_displacement(
-    soft_arm: ArmModel, reachable: Draw, rng: Random
-) -> None:
+def test_directional_stiffness_is_force_over_displacement(soft_arm: ArmModel, reachable: Draw, rng: Random) -> None:
     q = reachable(soft_arm.robot, 10, rng)
     for force in (np.array([0, 0, -650.0]), np.array([300.0, -200.0, 100.0])):
         w = np.concatenate([force, np.zeros(3)])
@@ -261,16 +249,12 @@ def test_batches_join_without_a_seam(robot: str, soften: Soften, reachable: Draw
     for part in (slice(0, 10), slice(n - 8, n)):
         arguments = (model, q[part], w[part], points[part])
         np.testing.assert_allclose(d[part], deflection(*arguments), **close)
-        np.testing.assert_allclose(
-            C[part], compliance(model, q[part], points[part]), rtol=0, atol=ROUND_OFF * C.max()
-        )
+        np.testing.assert_allclose(C[part], compliance(model, q[part], points[part]), rtol=0, atol=ROUND_OFF * C.max())
         for name, share in deflection_by_part(*arguments).items():
             np.testing.assert_allclose(parts[name][part], share, **close)
         own_influence, own_rest = spring_influence(*arguments)
         np.testing.assert_allclose(rest[part], own_rest, **close)
-        np.testing.assert_allclose(
-            influence[part], own_influence, rtol=0, atol=ROUND_OFF * np.abs(influence).max()
-        )
+        np.testing.assert_allclose(influence[part], own_influence, rtol=0, atol=ROUND_OFF * np.abs(influence).max())
 
 
 def test_no_poses_give_no_rows() -> None:
@@ -301,9 +285,7 @@ def test_bad_arrays_are_named(change: dict[str, Array], message: str) -> None:
 
 
 @pytest.mark.parametrize(("pose", "measured_mm"), [((-35, 40), 2.05), ((5, 77.5), 1.88), ((45, 115), 2.14)])
-def test_rigid_joints_are_far_stiffer_than_the_measured_robot(
-    pose: tuple[float, float], measured_mm: float
-) -> None:
+def test_rigid_joints_are_far_stiffer_than_the_measured_robot(pose: tuple[float, float], measured_mm: float) -> None:
     """The project's first result: flexible links alone explain less than a tenth of what was measured."""
     model = build_model(load_description("xr701"))
     assert not any(joint.axial.compliance(np.zeros((1, 6))).any() for joint in model.joints)

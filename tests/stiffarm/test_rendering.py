@@ -2,11 +2,12 @@ import base64
 
 import numpy as np
 import pytest
+from matplotlib.colors import LogNorm
 from matplotlib.image import imread
 
 from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
 from stiffarm import rendering
-from stiffarm.picture_style import STIFFNESS_COLOURS, colour_ticks, new_figure, png_base64, save_png
+from stiffarm.picture_style import STIFFNESS_COLOURS, colour_scale, new_figure, png_base64, save_png
 from stiffarm.rendering import gl_available, render_map
 from stiffarm.robot_drawing import draw_robot
 from surrogate.vtk_files import StiffnessMap
@@ -186,12 +187,12 @@ def test_bad_requests_are_refused(scene, tmp_path, monkeypatch):
 
 def test_colour_range_is_robust_and_rounded_outward():
     values = np.concatenate([np.linspace(310.0, 690.0, 990), [5000.0] * 10])
-    ticks = colour_ticks(values, None)
+    ticks = colour_scale(values, None)[1]
     low, high = np.percentile(values, [2, 98])
     assert ticks[0] <= low < ticks[1]
     assert ticks[-2] < high <= ticks[-1] < 720.0  # the 1 % at 5000 does not stretch it
-    np.testing.assert_array_equal(colour_ticks(values, (200.0, 800.0))[[0, -1]], [200.0, 800.0])
-    constant = colour_ticks(np.full(5, 400.0), None)
+    np.testing.assert_array_equal(colour_scale(values, (200.0, 800.0))[1][[0, -1]], [200.0, 800.0])
+    constant = colour_scale(np.full(5, 400.0), None)[1]
     assert constant[0] < 400.0 < constant[-1]
 
 
@@ -222,3 +223,12 @@ def test_figures_are_written_whole_and_embed(tmp_path):
     assert base64.b64decode(png_base64(tmp_path / "a.png")) == (tmp_path / "a.png").read_bytes()
     with pytest.raises(InputError, match="single, wide"):
         new_figure("huge")
+
+
+def test_skewed_maps_get_a_logarithmic_scale_with_the_given_ends() -> None:
+    norm, ticks = colour_scale(np.geomspace(290.0, 7400.0, 500), None)
+    assert isinstance(norm, LogNorm)
+    assert (np.diff(ticks) > 0.0).all()
+    assert ticks[0] <= np.percentile(np.geomspace(290.0, 7400.0, 500), 2.0)
+    assert colour_scale(np.array([1.0, 2.0]), (100.0, 900.0))[1][[0, -1]].tolist() == [100.0, 900.0]
+    assert not isinstance(colour_scale(np.linspace(300.0, 900.0, 50), None)[0], LogNorm)
