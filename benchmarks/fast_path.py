@@ -36,7 +36,7 @@ WRENCH = np.array([100.0, -50.0, -650.0, 10.0, 20.0, 5.0])  # N, N m
 
 @dataclass(frozen=True)
 class Race:
-    """Two ways to the same result: seconds a pose (medians), their ratio, and how well they agree."""
+    """Two ways to the same result: microseconds a pose (medians), their ratio, and how well they agree."""
 
     name: str
     fast_us: float

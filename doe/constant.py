@@ -77,9 +77,7 @@ class _Scaled:
     high: Array
 
     def solve(self) -> Array:
-        found = lsq_linear(
-            self.A, self.b, bounds=(self.low, self.high), method="bvls", tol=1e-14, max_iter=1000
-        )
+        found = lsq_linear(self.A, self.b, bounds=(self.low, self.high), method="bvls", tol=1e-14, max_iter=1000)
         return np.asarray(found.x)
 
     def square(self, x: Array) -> float:
@@ -268,19 +266,13 @@ def _remarks(
         out.append(f"{', '.join(together)}: cannot be told apart, only combinations of them are determined")
     elif together:
         out.append(f"{together[0]}: any stiffness fits, its share is lost in the noise")
-    out += [
-        f"{s.joint}: no reading moves with this spring; it is left out"
-        for s in springs
-        if math.isnan(s.stiffness)
-    ]
+    out += [f"{s.joint}: no reading moves with this spring; it is left out" for s in springs if math.isnan(s.stiffness)]
     if spare == 0:
         out.append("as many springs as readings: no residual is left, so no error bars can be given")
     return out
 
 
-def _bound_remark(
-    spring: SpringEstimate, bounds: tuple[float, float], widest: tuple[float, float]
-) -> list[str]:
+def _bound_remark(spring: SpringEstimate, bounds: tuple[float, float], widest: tuple[float, float]) -> list[str]:
     k, at_bound = spring.stiffness, spring.status == "at bound"
     if bounds[0] <= k <= bounds[1] and not at_bound:
         return []

@@ -226,9 +226,7 @@ def _bound_remarks(
     out = []
     for i, joint in enumerate(joints):
         for side, name in ((0, "lower"), (1, "upper")):
-            outside = (
-                best[i] > first[1] * (1.0 + SAME_LEVEL) if side else best[i] < first[0] * (1.0 - SAME_LEVEL)
-            )
+            outside = best[i] > first[1] * (1.0 + SAME_LEVEL) if side else best[i] < first[0] * (1.0 - SAME_LEVEL)
             at_end = np.isclose(best[i], last[side][i], rtol=10.0 * SAME_LEVEL)
             bound = f"{joint}: {name} bound {first[side]:.2g} N m/rad"
             if outside:
@@ -243,9 +241,7 @@ def _why_unmatched(left: Array, A: Array) -> str:
     """In words; for a single reading by the side on which the springs ran out of range."""
     error_mm = float(np.sqrt(np.mean(left**2))) * 1e3
     if len(left) > 1:
-        return (
-            f"not matched: no level brings the readings of this pose within the gauge (RMS {error_mm:.3f} mm)"
-        )
+        return f"not matched: no level brings the readings of this pose within the gauge (RMS {error_mm:.3f} mm)"
     if not A.any():
         return f"not matched: {error_mm:.3f} mm off, and the reading does not move with the spring"
     # A softer spring moves the reading along the sign of its influence.

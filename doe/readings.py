@@ -118,9 +118,7 @@ def check_poses(data: Measurements, poses: tuple[str, ...], where: str) -> None:
     known = list(dict.fromkeys(data.pose))
     for pose in poses:
         if pose not in known:
-            raise InputError(
-                f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}"
-            )
+            raise InputError(f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}")
 
 
 def rms_mm(error: Array, component: NDArray[np.int64]) -> float:

@@ -95,9 +95,7 @@ class Factorial(_Strict):
             # Levels are filled in from the first input on, so a rule can only look back.
             if rule.when.coordinate not in self.inputs[: self.inputs.index(rule.coordinate)]:
                 condition = rule.when.coordinate
-                raise ValueError(
-                    f"adjust: when.coordinate {condition!r} is not an input before {rule.coordinate!r}"
-                )
+                raise ValueError(f"adjust: when.coordinate {condition!r} is not an input before {rule.coordinate!r}")
         return self
 
 
@@ -189,9 +187,7 @@ def parse_scheme(text: str, where: str) -> Scheme:
     try:
         return Scheme.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"{where} is not valid TOML ({error})", remedy="mend the file at that line"
-        ) from error
+        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
     except ValidationError as error:
         faults = [_fault(where, item) for item in error.errors()]
         raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error

@@ -142,9 +142,7 @@ def _run_stage(
     return tuple(out)
 
 
-def _held_points(
-    model: ArmModel, system: Equations, scheme: Scheme, skip: tuple[str, ...]
-) -> dict[str, Array]:
+def _held_points(model: ArmModel, system: Equations, scheme: Scheme, skip: tuple[str, ...]) -> dict[str, Array]:
     """Poses (m, dof) of earlier stages at which a spring's initial value took part in the match.
 
     Where a spring's torque vanishes its value was never tested, and no point is claimed there.

@@ -41,19 +41,12 @@ def element_flexibility(mesh: BeamMesh) -> Array:
     """Tip flexibility (m, 6, 6) of each element clamped at its first node, local axes."""
     length, _ = element_axes(mesh)
     s, weight = _quadrature()
-    dimensions = (
-        mesh.dimensions[:, None, 0] * (1.0 - s)[None, :, None]
-        + mesh.dimensions[:, None, 1] * s[None, :, None]
-    )
+    dimensions = mesh.dimensions[:, None, 0] * (1.0 - s)[None, :, None] + mesh.dimensions[:, None, 1] * s[None, :, None]
     p = section_properties(mesh.kind, dimensions, mesh.poissons_ratio)
     E, G = mesh.youngs_modulus, mesh.youngs_modulus / (2.0 * (1.0 + mesh.poissons_ratio))
-    rigidity = np.stack(
-        [E * p.area, G * p.shear_y, G * p.shear_z, G * p.torsion, E * p.iyy, E * p.izz], axis=-1
-    )
+    rigidity = np.stack([E * p.area, G * p.shear_y, G * p.shear_z, G * p.torsion, E * p.iyy, E * p.izz], axis=-1)
     b = _section_forces(length, s)
-    return np.asarray(
-        np.einsum("m,g,mgki,mgk,mgkj->mij", length, weight, b, 1.0 / rigidity, b, optimize=True)
-    )
+    return np.asarray(np.einsum("m,g,mgki,mgk,mgkj->mij", length, weight, b, 1.0 / rigidity, b, optimize=True))
 
 
 def _quadrature() -> tuple[Array, Array]:

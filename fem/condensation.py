@@ -27,9 +27,7 @@ class Superelement:
     flexibility: Array
 
 
-def condense(
-    name: str, interfaces: tuple[str, ...], points: Array, K: sp.csc_array, nodes: Array
-) -> Superelement:
+def condense(name: str, interfaces: tuple[str, ...], points: Array, K: sp.csc_array, nodes: Array) -> Superelement:
     """Condense a free stiffness matrix to the freedoms of the interface ``nodes`` (six each).
 
     The flexibility comes from a solve with the root clamped, not from inverting the condensed
@@ -46,13 +44,9 @@ def condense(
     unit = np.zeros((free.size, loaded.size))
     unit[loaded, np.arange(loaded.size)] = 1.0
     flexibility = _factor(K[free][:, free]).solve(unit)[loaded]
-    return Superelement(
-        name, interfaces, points, 0.5 * (stiffness + stiffness.T), 0.5 * (flexibility + flexibility.T)
-    )
+    return Superelement(name, interfaces, points, 0.5 * (stiffness + stiffness.T), 0.5 * (flexibility + flexibility.T))
 
 
 def _factor(K: sp.csc_array) -> SuperLU:
     # MMD on A'+A with symmetric mode: the default COLAMD ordering is 6 times slower on such matrices.
-    return splu(
-        sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    return splu(sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -60,9 +60,7 @@ class _System:
         return K
 
 
-def compliance_direct(
-    model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True
-) -> Array:
+def compliance_direct(model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True) -> Array:
     """Cartesian compliance (n, 6, 6) at the tool point by direct stiffness.
 
     ``condensed=False`` assembles every beam element instead of the superelements. Same units, frame and
@@ -175,9 +173,7 @@ def _other_directions(system: _System, model: ArmModel, R: Array, node: _Node, j
     directions = np.zeros((len(R), 6, 5))
     directions[:, :3, :3] = R
     directions[:, 3:, 3:] = R[:, :, :2]
-    return _relative(
-        system, node, directions[:, :, kept], np.broadcast_to(1.0 / other[kept], (len(R), kept.size))
-    )
+    return _relative(system, node, directions[:, :, kept], np.broadcast_to(1.0 / other[kept], (len(R), kept.size)))
 
 
 def _flexible(system: _System, link: LinkPart, root: _Node, R: Array, condensed: bool) -> dict[str, _Node]:

@@ -79,21 +79,16 @@ class ArmModel:
         if unknown:
             raise InputError("joint", value=unknown[0], allowed=", ".join(self.robot.joint_names))
         laws: dict[str, SpringLaw] = {
-            name: ConstantSpring(float(s)) if isinstance(s, Real | int | float) else s
-            for name, s in springs.items()
+            name: ConstantSpring(float(s)) if isinstance(s, Real | int | float) else s for name, s in springs.items()
         }
-        return replace(
-            self, joints=tuple(replace(j, axial=laws[j.name]) if j.name in laws else j for j in self.joints)
-        )
+        return replace(self, joints=tuple(replace(j, axial=laws[j.name]) if j.name in laws else j for j in self.joints))
 
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
         return replace(self, joints=tuple(replace(j, axial=RIGID, other=np.zeros(5)) for j in self.joints))
 
 
-def build_model(
-    description: ModelDescription, links: LinkKind = "beam", load_path: LoadPath | None = None
-) -> ArmModel:
+def build_model(description: ModelDescription, links: LinkKind = "beam", load_path: LoadPath | None = None) -> ArmModel:
     """Build the mechanical model of a described robot.
 
     Parameters
@@ -114,9 +109,7 @@ def build_model(
     if path not in ("parallelogram", "serial"):
         raise InputError("load path", value=path, allowed="parallelogram, serial")
     if path == "parallelogram" and robot.parallelogram is None:
-        raise InputError(
-            f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram"
-        )
+        raise InputError(f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram")
     taken = {*robot.joint_names, "bar", "crank"} & {link.name for link in description.link}
     if taken:
         raise InputError(

@@ -30,9 +30,7 @@ class ConstantSpring:
 
     def __post_init__(self) -> None:
         if not self.stiffness > 0.0:
-            raise InputError(
-                "joint stiffness", value=self.stiffness, allowed="greater than 0 N m/rad (inf is rigid)"
-            )
+            raise InputError("joint stiffness", value=self.stiffness, allowed="greater than 0 N m/rad (inf is rigid)")
 
     def compliance(self, q: Array) -> Array:
         """See :class:`SpringLaw`."""

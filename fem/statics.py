@@ -56,9 +56,7 @@ def deflection(model: ArmModel, q: Array, wrench: Array, point: Array | None = N
     return out
 
 
-def deflection_by_part(
-    model: ArmModel, q: Array, wrench: Array, point: Array | None = None
-) -> dict[str, Array]:
+def deflection_by_part(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> dict[str, Array]:
     """Split the tool's displacement by part, (n, 6) each; the parts add up to :func:`deflection`."""
     q = as_poses(model.robot, q)
     loads = as_wrenches(wrench, len(q))
@@ -114,9 +112,7 @@ def directional_stiffness(
     return np.asarray(1.0 / along)
 
 
-def spring_influence(
-    model: ArmModel, q: Array, wrench: Array, point: Array | None = None
-) -> tuple[Array, Array]:
+def spring_influence(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> tuple[Array, Array]:
     """Split the deflection into its linear dependence on the axial joint compliances and the rest.
 
     Arguments and errors as in :func:`deflection`; ``deflection = rest + sum_j c_j influence_j``.

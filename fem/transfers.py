@@ -152,9 +152,7 @@ class _Loop:
         return Along(self.row, sign * np.concatenate(wrench))
 
 
-def transfers(
-    model: ArmModel, frames: BodyFrames, q: Array, tool: Array, first: int = 0
-) -> Iterator[Transfer]:
+def transfers(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, first: int = 0) -> Iterator[Transfer]:
     """Every compliant part with what it carries; q (n, dof), tool (n, 3) in the base frame.
 
     ``first`` is the number of the first pose, for messages.
@@ -185,9 +183,7 @@ def transfers(
         yield Transfer("crank", crank.element.flexibility, along=force)
 
 
-def axial_transfers(
-    model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0
-) -> Iterator[tuple[int, Along]]:
+def axial_transfers(model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0) -> Iterator[tuple[int, Along]]:
     """Torque about each joint's axis with the joint's index, rigid joints too; see :func:`transfers`."""
     arm = _arm(model, frames, tool)
     loop = _loop(arm, first)

@@ -125,9 +125,7 @@ def _polyline_mesh(
     path = np.vstack([path[:1], path[1:][lengths > 1e-9]])
     lengths = lengths[lengths > 1e-9]
     if lengths.size == 0:
-        raise InputError(
-            f"{name} has length zero", remedy="remove the link: a body without one is a rigid connection"
-        )
+        raise InputError(f"{name} has length zero", remedy="remove the link: a body without one is a rigid connection")
     t = np.linspace(0.0, 1.0, per_segment + 1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     stations = np.unique(np.concatenate([a + t * n for a, n in zip(along, lengths, strict=False)]))

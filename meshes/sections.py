@@ -86,10 +86,5 @@ def _tube(diameter: Array, wall: Array, nu: float) -> SectionProperties:
     area = np.pi / 4.0 * (diameter**2 - inner**2)
     second = np.pi / 64.0 * (diameter**4 - inner**4)
     m = inner / diameter
-    cowper = (
-        6.0
-        * (1.0 + nu)
-        * (1.0 + m**2) ** 2
-        / ((7.0 + 6.0 * nu) * (1.0 + m**2) ** 2 + (20.0 + 12.0 * nu) * m**2)
-    )
+    cowper = 6.0 * (1.0 + nu) * (1.0 + m**2) ** 2 / ((7.0 + 6.0 * nu) * (1.0 + m**2) ** 2 + (20.0 + 12.0 * nu) * m**2)
     return SectionProperties(area, area * cowper, area * cowper, 2.0 * second, second, second)

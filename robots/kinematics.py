@@ -93,8 +93,7 @@ def tool_position(robot: Robot, frames: BodyFrames, point: Array | None = None) 
     """Tool point, or ``point`` given in the flange frame ((3,) or (n, 3) m), in the base frame (n, 3)."""
     local = robot.T_flange_tool[:3, 3] if point is None else np.asarray(point, dtype=np.float64)
     return np.asarray(
-        frames.p_flange
-        + np.einsum("nij,...j->ni" if local.ndim == 1 else "nij,nj->ni", frames.R_flange, local)
+        frames.p_flange + np.einsum("nij,...j->ni" if local.ndim == 1 else "nij,nj->ni", frames.R_flange, local)
     )
 
 

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from doe import Measurements, PoseEffects, SpringEstimate
@@ -174,7 +175,9 @@ def sensitivity_figure(
                     ax.text(0.5, 0.5, "not studied", transform=ax.transAxes, ha="center")
                 if c == 0:
                     ax.set_ylabel(f"pose {pose}", weight="bold")
-        axes[0].set_xlim(*(1.22 * np.array([min(0.0, every.min()), max(0.0, every.max(), 1e-9)])))
+        low, high = min(0.0, every.min()), max(0.0, every.max(), 1e-9)
+        room = 0.2 * (high - low)
+        axes[0].set_xlim(low - room if low < 0.0 else 0.0, high + room)
         title(figure, "Which joint's stiffness moves the tool")
         figure.supxlabel(f"effect on dz of stiffening one joint{step} (mm); positive: sags less", size=10)
     return figure
@@ -441,6 +444,7 @@ def rigid_joint_figure(poses: Sequence[str], measured_mm: Array, simulated: Mapp
         ax.set_yticks(range(len(poses)), [f"pose {p}" for p in poses])
         ax.set_ylim(len(poses) - 0.45, -0.55)
         ax.margins(x=0.12)
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         ax.grid(visible=False, axis="y")
         ax.set_xlabel("deflection |dz| (mm), log axis; × = measured over simulated")
         above(ax, ax.get_legend_handles_labels()[0], 4)

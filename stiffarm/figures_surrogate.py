@@ -181,12 +181,11 @@ def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, A
         for ax, (name, effect) in zip(axes, effects.items(), strict=True):
             levels = effect[0]
             ax.fill_between(levels, effect[1], effect[3], color=FAINT, alpha=0.25, linewidth=0)
-            lifts = _lifts([float(effect[column][-1]) for _, column, _, _ in looks])
-            for (label, column, colour, marker), lift in zip(looks, lifts, strict=True):
+            heights = _spread([float(effect[column][-1]) for _, column, _, _ in looks])
+            for (label, column, colour, marker), height in zip(looks, heights, strict=True):
                 look: dict[str, Any] = {"color": OKABE_ITO[colour]}
                 ax.plot(levels, effect[column], marker=marker, markersize=7, **look)
-                end = (float(levels[-1]), float(effect[column][-1]))
-                note(ax, label, end, (7, lift), ha="left", weight="bold", size=9.5, **look)
+                note(ax, label, (float(levels[-1]), height), (7, 0), ha="left", weight="bold", size=9.5, **look)
             ax.set_xticks(levels, [f"{v:g}".replace("-", "−") for v in levels])
             ax.set_xlabel(_angle_label(name))
             span = max(float(np.ptp(levels)), 1.0)
@@ -197,10 +196,12 @@ def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, A
     return figure
 
 
-def _lifts(values: Sequence[float]) -> list[float]:
-    """Points of type by which labels at ascending values must move not to overlap (0.05 is a line)."""
-    low, middle, high = values
-    return [-6.0 if middle - low < 0.05 else 0.0, 0.0, 6.0 if high - middle < 0.05 else 0.0]
+def _spread(values: Sequence[float]) -> list[float]:
+    """Heights for labels at ascending values, pushed up so that none overlaps the axis or another."""
+    out = [max(values[0], 0.02)]
+    for value in values[1:]:
+        out.append(max(value, out[-1] + 0.055))
+    return out
 
 
 def surrogate_quality_figure(rows: Sequence[HeldOut]) -> Figure:
@@ -221,7 +222,7 @@ def surrogate_quality_figure(rows: Sequence[HeldOut]) -> Figure:
             raise InputError(f"surrogate figure: {row.name}", allowed="two arrays (n,) of one length")
         both = np.concatenate([row.true_N_per_mm, row.predicted_N_per_mm])
         if not both.size or not (np.isfinite(both).all() and (both > 0.0).all()):
-            raise InputError(f"surrogate figure: {row.name}: stiffness", allowed="finite, greater than 0 N/mm")
+            raise InputError(f"surrogate figure: {row.name}: stiffness", allowed="finite, above 0 N/mm")
     every = np.concatenate([np.concatenate([r.true_N_per_mm, r.predicted_N_per_mm]) for r in rows])
     ends = (0.93 * float(every.min()), 1.07 * float(every.max()))
     cols = 2 if len(rows) in (2, 4) else min(3, len(rows))
@@ -283,7 +284,8 @@ def _tails(ax: Axes, rows: Sequence[HeldOut]) -> None:
         kept = slice(None) if row in shown else slice(0)
         lines += ax.plot(error[kept], share[kept], color=SERIES[i % 6], label=text)
         for marker, value in zip("osD", marks.values() if row in shown else (), strict=False):
-            at = max(float(np.mean(error >= value)), 1.0 / len(error))
+            # The largest stands at the end of the curve, also where several runs share it.
+            at = 1.0 / len(error) if marker == "D" else float(np.mean(error >= value))
             look: dict[str, Any] = {"markersize": 8, "markeredgecolor": "white", "zorder": 4}
             ax.plot(value, at, marker, color=SERIES[i % 6], **look)
     names = ("RMS", "95 % of the runs are below", "largest")

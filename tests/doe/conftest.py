@@ -29,15 +29,21 @@ def _readings(
     components: str = "xyz",
     pose: tuple[str, ...] | None = None,
     noise_m: np.ndarray | float = 0.0,
+    point: tuple[float, float, float] | None = None,
 ) -> Measurements:
-    """Make readings of a model with known springs; components that are not named are not read."""
+    """Make readings of a model with known springs; components that are not named are not read.
+
+    ``point`` (m, flange frame) is where is loaded and read, instead of the model's tool point.
+    """
     n = len(q)
-    moved = deflection(model.with_springs(springs), q, wrench) + np.asarray(noise_m)
+    where = None if point is None else np.array(point)
+    moved = deflection(model.with_springs(springs), q, wrench, where) + np.asarray(noise_m)
     read = np.isin(np.arange(6), ["xyz".index(c) for c in components])
+    unknown = np.full(n, np.nan)
     return Measurements(
         source="made up", sha256="0" * 64, q=q, wrench=np.broadcast_to(wrench, (n, 6)).copy(),
-        displacement=np.where(read, moved, np.nan), point=np.full((n, 3), np.nan),
-        sigma=np.full(n, np.nan), step=np.full(n, np.nan),
+        displacement=np.where(read, moved, np.nan), sigma=unknown, step=unknown,
+        point=np.tile(np.full(3, np.nan) if where is None else where, (n, 1)),
         pose=pose or tuple(f"P{i + 1}" for i in range(n)), repeat=(None,) * n, phase=(None,) * n,
         row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
     )  # fmt: skip
@@ -55,7 +61,7 @@ def arm() -> Arm:
 
 @pytest.fixture(scope="session")
 def readings() -> Readings:
-    """Make readings from a model: ``readings(model, springs, q, wrench, components, pose, noise_m)``."""
+    """Make readings from a model: ``readings(model, springs, q, wrench, components, pose, noise_m, point)``."""
     return _readings
 
 

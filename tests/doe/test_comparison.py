@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from doe import (
     Equations,
+    Measurements,
+    Scheme,
     calibrate_staged,
     constant_fit,
     constant_left_out,
@@ -15,15 +19,18 @@ from doe import (
     model_compliances,
     staged_left_out,
 )
+from fem import ArmModel
 from robots import InputError
 
+Arm = Callable[..., ArmModel]
+Readings = Callable[..., Measurements]
 JOINTS = ("j2", "j3", "j4", "j5")
 BOUNDS = (1e5, 1e6)
 GAUGE_M = 1e-5
 
 
 @pytest.mark.parametrize("pose", ["5", "40", "75"])
-def test_a_left_out_error_is_that_of_refitting_by_hand(arm, measured, pose: str) -> None:
+def test_a_left_out_error_is_that_of_refitting_by_hand(arm: Arm, measured: Measurements, pose: str) -> None:
     model = arm()
     system = equations(model, measured, GAUGE_M)
     found = constant_left_out(model, system, JOINTS, BOUNDS)
@@ -45,7 +52,7 @@ def test_a_left_out_error_is_that_of_refitting_by_hand(arm, measured, pose: str)
     assert found.error_m[mine][0] == pytest.approx(error, abs=1e-13)
 
 
-def test_a_staged_left_out_error_is_that_of_skipping_the_pose(arm, measured, scheme) -> None:
+def test_a_staged_left_out_error_is_that_of_skipping_the_pose(arm: Arm, measured: Measurements, scheme: Scheme) -> None:
     model = arm()
     result = calibrate_staged(model, measured, scheme)
     found = staged_left_out(model, measured, scheme, result)
@@ -57,7 +64,7 @@ def test_a_staged_left_out_error_is_that_of_skipping_the_pose(arm, measured, sch
     assert np.isfinite(found.rms_mm)
 
 
-def test_the_parallelogram_predicts_left_out_poses_better(arm, measured) -> None:
+def test_the_parallelogram_predicts_left_out_poses_better(arm: Arm, measured: Measurements) -> None:
     rms = {}
     for load_path in ("parallelogram", "serial"):
         model = arm(load_path=load_path)
@@ -67,7 +74,7 @@ def test_the_parallelogram_predicts_left_out_poses_better(arm, measured) -> None
     assert rms["serial"] == pytest.approx(0.1349, abs=5e-4)
 
 
-def test_what_the_model_can_do_is_predicted_to_round_off(arm, measured, readings) -> None:
+def test_what_the_model_can_do_is_predicted_to_round_off(arm: Arm, measured: Measurements, readings: Readings) -> None:
     model = arm()
     springs = {"j2": 5e5, "j3": 7e5, "j4": 2e5, "j5": 4e5}
     data = readings(model, springs, measured.q, measured.wrench, "z", measured.pose)
@@ -76,7 +83,9 @@ def test_what_the_model_can_do_is_predicted_to_round_off(arm, measured, readings
     np.testing.assert_allclose(found.error_m, 0.0, atol=1e-13)
 
 
-def test_a_pose_that_alone_tells_of_a_spring_is_not_predicted(arm, measured, readings) -> None:
+def test_a_pose_that_alone_tells_of_a_spring_is_not_predicted(
+    arm: Arm, measured: Measurements, readings: Readings
+) -> None:
     # Joint 4 has a lever at pose 39 alone: without it there is nothing to predict its share from.
     model = arm()
     keep = np.isin(measured.pose, ["4", "5", "40", "41", "76", "77", "39"])
@@ -90,7 +99,7 @@ def test_a_pose_that_alone_tells_of_a_spring_is_not_predicted(arm, measured, rea
     assert np.isfinite(found.rms_mm)
 
 
-def test_too_few_readings_skip_every_pose_with_a_reason(arm, measured, readings) -> None:
+def test_too_few_readings_skip_every_pose_with_a_reason(arm: Arm, measured: Measurements, readings: Readings) -> None:
     model = arm()
     keep = np.isin(measured.pose, ["3", "4", "5", "77"])
     data = measured.select(keep)
@@ -100,7 +109,7 @@ def test_too_few_readings_skip_every_pose_with_a_reason(arm, measured, readings)
     assert np.isnan(found.rms_mm)
 
 
-def test_all_readings_of_a_pose_are_left_out_together(arm, measured, readings) -> None:
+def test_all_readings_of_a_pose_are_left_out_together(arm: Arm, measured: Measurements, readings: Readings) -> None:
     model = arm()
     q, wrench = np.repeat(measured.q, 2, axis=0), np.repeat(measured.wrench, 2, axis=0)
     wrench[1::2] *= 0.5
@@ -120,7 +129,7 @@ def test_all_readings_of_a_pose_are_left_out_together(arm, measured, readings) -
     np.testing.assert_array_equal(found.error_m, system.rest - system.value)
 
 
-def test_a_prediction_that_is_no_number_is_not_dropped(arm, measured) -> None:
+def test_a_prediction_that_is_no_number_is_not_dropped(arm: Arm, measured: Measurements) -> None:
     system: Equations = equations(arm(), measured, GAUGE_M)
 
     def refit(pose: str) -> np.ndarray:
@@ -134,7 +143,7 @@ def test_a_prediction_that_is_no_number_is_not_dropped(arm, measured) -> None:
     assert np.isnan(found.rms_mm)
 
 
-def test_the_constant_fit_leaves_the_other_joints_to_the_model(arm, measured) -> None:
+def test_the_constant_fit_leaves_the_other_joints_to_the_model(arm: Arm, measured: Measurements) -> None:
     model = arm().with_springs({"j5": 4e5, "j3": 1e5})
     fit, system = constant_fit(model, measured, ("j2", "j3"), BOUNDS, GAUGE_M)
     c = model_compliances(model, system.q)

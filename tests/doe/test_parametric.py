@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from doe import Equations, PoseFit, equations, fit_pose
+from doe import Equations, Measurements, PoseFit, equations, fit_pose
 from doe.parametric import MAX_ROUNDS
+from fem import ArmModel
 from robots import InputError
 
+Arm = Callable[..., ArmModel]
 GAUGE_M = 1e-5
 BOUNDS = (1e5, 1e6)
 # Hand-made influences, m per rad/(N m): 650 N on levers of 1 m and 1.5 m.
@@ -201,7 +204,7 @@ def test_readings_that_contradict_each_other_are_told() -> None:
     assert "RMS 0.500 mm" in found.remarks[-1]
 
 
-def test_the_measured_pose_4_is_within_reach_of_the_paper_scheme(arm, measured) -> None:
+def test_the_measured_pose_4_is_within_reach_of_the_paper_scheme(arm: Arm, measured: Measurements) -> None:
     # On the real system: the fit's own error is the model's error at that pose.
     model = arm()
     one = equations(model, measured, GAUGE_M).of_poses(("4",))

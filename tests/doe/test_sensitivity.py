@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from doe import Equations, Measurements, PoseEffects, Scheme, equations, sensiti
 from fem import ArmModel
 from robots import InputError
 
+Arm = Callable[..., ArmModel]
+Readings = Callable[..., Measurements]
 LOW, HIGH = 1e5, 1e6
 
 
@@ -21,7 +24,7 @@ def study(model: ArmModel, data: Measurements, scheme: Scheme) -> tuple[Equation
 
 
 @pytest.mark.parametrize("load_path", ["serial", "parallelogram"])
-def test_effects_equal_the_closed_form(arm, measured, scheme, load_path: str) -> None:
+def test_effects_equal_the_closed_form(arm: Arm, measured: Measurements, scheme: Scheme, load_path: str) -> None:
     system, effects = study(arm(load_path=load_path), measured, scheme)
     columns = [arm().robot.joint_names.index(j) for j in scheme.sensitivity.joints]
     assert system.pose == tuple(effects) == ("5", "41", "77")
@@ -31,7 +34,7 @@ def test_effects_equal_the_closed_form(arm, measured, scheme, load_path: str) ->
         np.testing.assert_allclose(effect.effect_mm, exact, rtol=1e-12, atol=1e-12)
 
 
-def test_runs_are_the_models_deflections(arm, measured, scheme, readings) -> None:
+def test_runs_are_the_models_deflections(arm: Arm, measured: Measurements, scheme: Scheme, readings: Readings) -> None:
     # The whole chain again by the static solve: springs low or high, the others as good as rigid.
     model = arm()
     _, effects = study(model, measured, scheme)
@@ -43,14 +46,14 @@ def test_runs_are_the_models_deflections(arm, measured, scheme, readings) -> Non
         assert effects["41"].runs_mm[run] == pytest.approx(dz * 1e3, rel=1e-12)
 
 
-def test_a_stiffer_spring_lifts_the_tool(arm, measured, scheme) -> None:
+def test_a_stiffer_spring_lifts_the_tool(arm: Arm, measured: Measurements, scheme: Scheme) -> None:
     # Load and deflection point down, so going from soft to stiff raises dz: every effect is positive.
     for effect in study(arm(load_path="serial"), measured, scheme)[1].values():
         assert (effect.effect_mm[[0, 1, 3]] > 0.0).all()
         assert effect.share.sum() == pytest.approx(1.0, abs=1e-12)  # round-off of four numbers
 
 
-def test_there_are_no_interactions(arm, measured, scheme) -> None:
+def test_there_are_no_interactions(arm: Arm, measured: Measurements, scheme: Scheme) -> None:
     design = two_level_factorial(4)
     for effect in study(arm(load_path="serial"), measured, scheme)[1].values():
         for size in (2, 3, 4):
@@ -61,14 +64,18 @@ def test_there_are_no_interactions(arm, measured, scheme) -> None:
 
 
 @pytest.mark.parametrize("pose", ["41", "77"])
-def test_the_serial_path_ranks_as_the_papers_figure_4(arm, measured, scheme, pose: str) -> None:
+def test_the_serial_path_ranks_as_the_papers_figure_4(
+    arm: Arm, measured: Measurements, scheme: Scheme, pose: str
+) -> None:
     effect = study(arm(load_path="serial"), measured, scheme)[1][pose]
     assert effect.ranking == ("j2", "j3", "j5", "j4")
     # A straight wrist under a vertical load leaves joint 4 no lever: "almost no effect" in the paper.
     assert effect.share[2] < 1e-6
 
 
-def test_with_the_parallelogram_joint_2_all_but_vanishes_at_pose_41(arm, measured, scheme) -> None:
+def test_with_the_parallelogram_joint_2_all_but_vanishes_at_pose_41(
+    arm: Arm, measured: Measurements, scheme: Scheme
+) -> None:
     serial = study(arm(load_path="serial"), measured, scheme)[1]["41"]
     bar = study(arm(), measured, scheme)[1]["41"]
     # The lever shrinks from the whole reach (1.57 m) to L2 sin 5 deg = 0.096 m, and enters squared:
@@ -80,7 +87,7 @@ def test_with_the_parallelogram_joint_2_all_but_vanishes_at_pose_41(arm, measure
     assert study(arm(), measured, scheme)[1]["77"].ranking[:2] == ("j3", "j2")
 
 
-def test_of_several_loads_the_largest_counts(arm, readings) -> None:
+def test_of_several_loads_the_largest_counts(arm: Arm, readings: Readings) -> None:
     model = arm()
     q = np.radians([[0.0, 5.0, 77.5, 0.0, 0.0, 0.0]] * 2)
     wrench = np.array([[0, 0, -100.0, 0, 0, 0], [0, 0, -650.0, 0, 0, 0]])
@@ -92,7 +99,7 @@ def test_of_several_loads_the_largest_counts(arm, readings) -> None:
     assert np.array_equal(both[0].effect_mm, alone[0].effect_mm)
 
 
-def test_bad_input_is_named(arm, measured, scheme, readings) -> None:
+def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Scheme, readings: Readings) -> None:
     model = arm()
     names = model.robot.joint_names
     system = equations(model, measured, 1e-5)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from doe import SpringPoints, calibrate_staged, fit_law
+from doe import Measurements, Scheme, SpringPoints, calibrate_staged, fit_law
 from doe.spring_regression import total_degree_exponents
+from fem import ArmModel
 from fem.springs import spring_from
 from robots import InputError, Robot
+from robots.schema import LogPolynomialLaw
+
+Arm = Callable[..., ArmModel]
 
 
 def points(inputs: tuple[str, ...], angles_deg: object, stiffness: object) -> SpringPoints:
@@ -17,10 +23,10 @@ def points(inputs: tuple[str, ...], angles_deg: object, stiffness: object) -> Sp
     return SpringPoints("j4", inputs, angles, k, ("calibrated",) * len(k))
 
 
-def stiffness_at(robot: Robot, law: object, inputs: tuple[str, ...], angles: np.ndarray) -> np.ndarray:
+def stiffness_at(robot: Robot, law: LogPolynomialLaw, inputs: tuple[str, ...], angles: np.ndarray) -> np.ndarray:
     q = np.zeros((len(angles), robot.dof))
     q[:, [robot.coordinate_index(name) for name in inputs]] = angles
-    return 1.0 / spring_from(robot, law).compliance(q)  # type: ignore[arg-type]
+    return 1.0 / spring_from(robot, law).compliance(q)
 
 
 def all_angles(robot: Robot, inputs: tuple[str, ...], count: int = 41) -> np.ndarray:
@@ -42,15 +48,17 @@ TWO = ("q4_deg", "q2_deg")
         (TWO, [(0, -35), (0, 5), (200, 5), (10, 5)], [1e3, 1e6, 1e4, 1e6]),
     ],
 )
-def test_the_law_passes_through_its_points(xr701, inputs, angles_deg, stiffness) -> None:
+def test_the_law_passes_through_its_points(
+    xr701: Robot, inputs: tuple[str, ...], angles_deg: object, stiffness: object
+) -> None:
     given = points(inputs, angles_deg, stiffness)
     law = fit_law(xr701, given, 6, "test")
     found = stiffness_at(xr701, law, inputs, given.angles)
     # Points 1 deg apart leave singular values of 1e-4 or so in the fit: round-off times 1e4, rounded up.
-    np.testing.assert_allclose(found, stiffness, rtol=1e-10)
+    np.testing.assert_allclose(found, given.stiffness, rtol=1e-10)
 
 
-def test_mirrored_points_give_an_even_law(xr701) -> None:
+def test_mirrored_points_give_an_even_law(xr701: Robot) -> None:
     half = [(200, -35, 4e5), (200, 5, 2e5), (100, 45, 1.2e6), (30, 45, 9e5)]
     both = [*half, *[(-a, b, k) for a, b, k in half]]
     law = fit_law(xr701, points(TWO, [p[:2] for p in both], [p[2] for p in both]), 6, "test")
@@ -63,20 +71,20 @@ def test_mirrored_points_give_an_even_law(xr701) -> None:
 
 @pytest.mark.parametrize("degree", [0, 1, 6])
 @pytest.mark.parametrize("angles_deg", [[5], [-35, 5, 45]])
-def test_one_point_or_equal_points_give_a_constant(xr701, degree: int, angles_deg: list[float]) -> None:
+def test_one_point_or_equal_points_give_a_constant(xr701: Robot, degree: int, angles_deg: list[float]) -> None:
     law = fit_law(xr701, points(ONE, angles_deg, [7e5] * len(angles_deg)), degree, "test")
     # A logarithm and an exponential: round-off.
     np.testing.assert_allclose(stiffness_at(xr701, law, ONE, all_angles(xr701, ONE)), 7e5, rtol=1e-12)
 
 
-def test_contradicting_points_give_their_geometric_mean(xr701) -> None:
+def test_contradicting_points_give_their_geometric_mean(xr701: Robot) -> None:
     law = fit_law(xr701, points(ONE, [5, 5, -35], [1e5, 4e5, 3e5]), 6, "test")
     found = stiffness_at(xr701, law, ONE, np.radians([[5.0], [-35.0]]))
     # Least squares in ln k: mean of the logarithms at 5 deg, the point itself elsewhere; round-off.
     np.testing.assert_allclose(found, [2e5, 3e5], rtol=1e-10)
 
 
-def test_too_low_a_degree_is_a_least_squares_fit(xr701) -> None:
+def test_too_low_a_degree_is_a_least_squares_fit(xr701: Robot) -> None:
     k = np.array([2e5, 8e5, 3e5])
     law = fit_law(xr701, points(ONE, [-35, 5, 45], k), 1, "test")
     u = (np.radians([-35.0, 5.0, 45.0]) - law_centre(law)) / law_half(law)
@@ -86,16 +94,16 @@ def test_too_low_a_degree_is_a_least_squares_fit(xr701) -> None:
     np.testing.assert_allclose(np.log(found), line, rtol=1e-12)
 
 
-def law_centre(law) -> float:
+def law_centre(law: LogPolynomialLaw) -> float:
     return float(np.radians(law.centre_deg[0]))
 
 
-def law_half(law) -> float:
+def law_half(law: LogPolynomialLaw) -> float:
     return float(np.radians(law.half_range_deg[0]))
 
 
 @pytest.mark.parametrize("load_path", ["parallelogram", "serial"])
-def test_the_xr701_laws_do_not_overshoot(arm, measured, scheme, load_path: str) -> None:
+def test_the_xr701_laws_do_not_overshoot(arm: Arm, measured: Measurements, scheme: Scheme, load_path: str) -> None:
     model = arm(load_path=load_path)
     result = calibrate_staged(model, measured, scheme)
     for joint, law in result.laws.items():
@@ -117,11 +125,11 @@ def test_exponents_are_those_of_the_total_degree() -> None:
 
 
 @pytest.mark.parametrize("bad", [0.0, -1e5, np.inf, np.nan])
-def test_a_stiffness_that_is_none_is_refused(xr701, bad: float) -> None:
-    with pytest.raises(InputError, match="regression of j4: stiffness.*positive, finite"):
+def test_a_stiffness_that_is_none_is_refused(xr701: Robot, bad: float) -> None:
+    with pytest.raises(InputError, match=r"regression of j4: stiffness.*positive, finite"):
         fit_law(xr701, points(ONE, [-35, 5], [1e5, bad]), 6, "test")
 
 
-def test_no_points_are_refused(xr701) -> None:
+def test_no_points_are_refused(xr701: Robot) -> None:
     with pytest.raises(InputError, match="regression of j4: no calibrated point"):
         fit_law(xr701, points(ONE, [], []), 6, "test")

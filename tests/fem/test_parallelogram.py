@@ -7,6 +7,7 @@ Everything is written out from angles and lengths here: upper arm at ``q2`` from
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from fem import ArmModel, build_model, compliance, deflection, deflection_by_part, spring_influence
 from fem.statics import CHUNK
-from robots import InputError, load_description
+from fem.transfers import transfers
+from robots import InputError, forward_kinematics, load_description, tool_position
 
 Array = NDArray[np.float64]
 
@@ -178,8 +180,35 @@ def test_a_flat_parallelogram_is_refused(function: object) -> None:
     assert np.isfinite(function(_rigid("serial"), q)).all()  # type: ignore[operator]
 
 
-def test_the_flat_pose_is_numbered_in_the_whole_batch() -> None:
+@pytest.mark.parametrize(
+    "function",
+    [
+        compliance,
+        lambda m, q: deflection(m, q, DOWN),
+        lambda m, q: deflection_by_part(m, q, DOWN),
+        lambda m, q: spring_influence(m, q, DOWN),
+    ],
+    ids=["compliance", "deflection", "by part", "influence"],
+)
+def test_the_flat_pose_is_numbered_in_the_whole_batch(function: Callable[[ArmModel, Array], object]) -> None:
     q = _q(np.array([[0, 90, 0, 0]] * (CHUNK + 10), dtype=float))
     q[CHUNK + 7, 2] = 0.0
     with pytest.raises(InputError, match=re.escape(f"pose {CHUNK + 7}:")):
-        deflection(_rigid("parallelogram"), q, DOWN)
+        function(_rigid("parallelogram"), q)
+
+
+def test_bar_pulls_crank_and_forearm_towards_each_other() -> None:
+    """The sign of the bar's force, which no displacement shows: load in front of the elbow, heel behind it."""
+    model = build_model(load_description("xr701"))
+    q = _q(np.array([[0, 90, 0, 0]], dtype=float))
+    frames = forward_kinematics(model.robot, q)
+    parts = {p.name: p for p in transfers(model, frames, q, tool_position(model.robot, frames))}
+    force = FORCE * (FOREARM + WRIST) / LEVER
+    w = DOWN[:, None]
+    # Upper arm upright, forearm along its own z and level, its x axis pointing down.
+    heel = parts["forearm"].carried(w)[6:, 0]
+    np.testing.assert_allclose(heel, [force, 0, 0, 0, 0, 0], rtol=ROUND_OFF, atol=ROUND_OFF * force)
+    crank = parts["crank"].carried(w)[:, 0]
+    np.testing.assert_allclose(crank, -heel, rtol=ROUND_OFF, atol=ROUND_OFF * force)
+    # Counted positive when the bar pushes.
+    assert parts["bar"].carried(w)[0, 0] == pytest.approx(-force, rel=ROUND_OFF)

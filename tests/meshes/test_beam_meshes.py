@@ -52,15 +52,11 @@ def test_via_points_are_nodes() -> None:
 def test_the_driven_link_carries_the_lever_of_the_bar() -> None:
     mesh = _mesh(load_description("xr701"), "forearm")
     assert list(mesh.interfaces) == ["root", "tip", "pin"]
-    np.testing.assert_allclose(
-        mesh.interface_points, [[0, 0, 0], [0, 0, 1.25], [0, 0, -0.40]], atol=ROUND_OFF_M
-    )
+    np.testing.assert_allclose(mesh.interface_points, [[0, 0, 0], [0, 0, 1.25], [0, 0, -0.40]], atol=ROUND_OFF_M)
     # The lever starts at the root and keeps the root's section.
     lever = mesh.elements[4:]
     assert lever[0, 0] == mesh.interfaces["root"]
-    np.testing.assert_allclose(
-        mesh.dimensions[4:], np.broadcast_to([0.32, 0.32, 0.01], (4, 2, 3)), rtol=1e-14
-    )
+    np.testing.assert_allclose(mesh.dimensions[4:], np.broadcast_to([0.32, 0.32, 0.01], (4, 2, 3)), rtol=1e-14)
 
 
 def test_the_crank_goes_to_the_bars_pin() -> None:

@@ -109,9 +109,7 @@ def test_dimensions_come_in_metres() -> None:
             "wall": {"value": 10, **mm},
         }
     )
-    tube = TubeSection.model_validate(
-        {"kind": "tube", "diameter": {"value": 500, **mm}, "wall": {"value": 20, **mm}}
-    )
+    tube = TubeSection.model_validate({"kind": "tube", "diameter": {"value": 500, **mm}, "wall": {"value": 20, **mm}})
     # mm -> m is one product, exact to the last place.
     assert section_dimensions(box) == pytest.approx([0.2, 0.3, 0.01], rel=1e-15)
     assert section_dimensions(tube) == pytest.approx([0.5, 0.02], rel=1e-15)
