@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, linprog, minimize
+from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimize
 
 from doe.designs import level_grid
 from doe.readings import Equations
@@ -66,7 +66,8 @@ def fit_pose(
 
     A grid finds *a* match. Of several springs that match one reading in many ways, those nearest to
     ``start`` (least sum of squared logarithms of the ratios) are then taken, so that the answer does not
-    depend on where the levels happened to lie; they match no worse than the grid's best level.
+    depend on where the levels happened to lie; they match no worse than the grid's best level. Where the
+    levels of several springs find no match, the exact least squares (the model is linear) decide.
 
     Parameters
     ----------
@@ -108,6 +109,8 @@ def fit_pose(
         low, high = _refined(best_k, grids, bound, widened)
         if not widened.any() and np.all(high / low < 1.0 + SAME_LEVEL):
             break
+    if best_error > gauge_m and len(columns) > 1:
+        best_k, best_error = _least_squares(A, base, best_k, bound, limit)
     matched = best_error <= gauge_m
     if matched and len(columns) > 1:
         best_k = _nearest_match(A, base, best_k, bound, gauge_m, start)
@@ -188,6 +191,25 @@ def _refined(
             high[i] = bound[1][i]
         low[i], high[i] = min(low[i], best[i]), max(high[i], best[i])
     return low, high
+
+
+def _least_squares(
+    A: Array, base: Array, best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]
+) -> tuple[Array, float]:
+    """Finish where levels along the axes stick in a slanting valley: the optimum, bounds widened to hold it."""
+    scale = np.abs(A).max(axis=0)
+    scale[scale == 0.0] = 1.0
+    box = (scale / limit[1], scale / limit[0])
+    found = lsq_linear(A / scale, -base, bounds=box, method="bvls", tol=1e-14, max_iter=1000)
+    candidates = [best, np.clip(scale / found.x, limit[0], limit[1])]
+    errors = [float(np.sqrt(np.mean((base + A @ (1.0 / k)) ** 2))) for k in candidates]
+    k = candidates[int(np.argmin(errors))]
+    for i in range(k.size):
+        while k[i] < bound[0][i] * (1.0 - SAME_LEVEL):
+            bound[0][i] = max(0.1 * bound[0][i], limit[0][i])
+        while k[i] > bound[1][i] * (1.0 + SAME_LEVEL):
+            bound[1][i] = min(10.0 * bound[1][i], limit[1][i])
+    return k, min(errors)
 
 
 def _nearest_match(

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from robots import InputError
 
@@ -29,25 +34,39 @@ def say(message: str) -> None:
 
 def emit_json(content: Mapping[str, Any]) -> None:
     """Put one JSON object on stdout."""
-    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        # Python would try to write the rest again at exit, and complain about that itself.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # the reader has had enough, as in `| head`
+            raise typer.Exit(EXIT_OTHER) from None
+        raise
 
 
 def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
-    """A table for people, on stderr."""
-    table = Table(title=title, title_justify="left", title_style="bold")
+    """A table for people, on stderr. Names and labels come from files: they are no markup."""
+    table = Table(title=Text(title), title_justify="left", title_style="bold")
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
+        table.add_column(Text(column), justify="left" if i == 0 else "right", overflow="fold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))
     stderr.print(table)
 
 
 @contextmanager
 def progress(description: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar with a count and the time left; call it with (done, total)."""
+    """A bar with a count and the time left; call it with (done, total). Only a terminal sees it."""
     bar = Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=stderr, transient=True,
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=stderr,
+        transient=True,
+        disable=not stderr.is_terminal,
     )
     with bar:
         task = bar.add_task(description, total=None)
@@ -57,20 +76,49 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
 @contextmanager
 def user_errors(debug: bool) -> Iterator[None]:
     """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too."""
-    try:
-        yield
-    except InputError as error:
-        if debug:
-            traceback.print_exc()
-        say(f"stiffarm: {error}")
-        raise typer.Exit(EXIT_BAD_INPUT) from None
-    except KeyboardInterrupt:
-        say("stiffarm: stopped by the user; nothing was written")
-        raise typer.Exit(EXIT_OTHER) from None
-    except (typer.Exit, typer.Abort):
-        raise
-    except Exception as error:  # the last line of defence: a user never sees a traceback unasked
-        if debug:
+    with _interrupts() as interrupted:
+        try:
+            yield
+        except InputError as error:
+            if debug:
+                traceback.print_exc()
+            say(f"stiffarm: {error}")
+            raise typer.Exit(EXIT_BAD_INPUT) from None
+        except (typer.Exit, typer.Abort):
             raise
-        say(f"stiffarm: internal error: {type(error).__name__}: {error} (run again with --debug and report it)")
-        raise typer.Exit(EXIT_OTHER) from None
+        except (KeyboardInterrupt, Exception) as error:  # a user never sees a traceback unasked
+            if interrupted or isinstance(error, KeyboardInterrupt):
+                say("stiffarm: stopped by the user; no half-written files are left")
+                raise typer.Exit(EXIT_OTHER) from None
+            if debug:
+                raise
+            say(f"stiffarm: {_unforeseen(error)}")
+            raise typer.Exit(EXIT_OTHER) from None
+
+
+def _unforeseen(error: BaseException) -> str:
+    if isinstance(error, OSError):
+        return f"the system refused: {error}. To fix it: check free space and access rights, then run again"
+    return f"internal error: {type(error).__name__}: {error} (run again with --debug and report it)"
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Collect Ctrl-C: a library may turn the KeyboardInterrupt it was hit by into an error of its own."""
+    seen: list[int] = []
+
+    def note(signum: int, frame: FrameType | None) -> None:
+        seen.append(signum)
+        raise KeyboardInterrupt
+
+    usual = (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    )
+    if usual:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield seen
+    finally:
+        if usual:
+            signal.signal(signal.SIGINT, signal.default_int_handler)

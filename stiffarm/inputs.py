@@ -7,17 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
 from fem import LINK_KINDS, ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, load_description
 from robots.robot import robot_from
+from surrogate import Surrogate, default_sweep, load_surrogate
 
 Array = NDArray[np.float64]
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+# Far above any load; beyond about 1e150 squares overflow.
+LARGEST_LOAD = 1e9
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,9 @@ def read_model(name: str, links: str | None, load_path: str | None) -> ModelInpu
     """Load and build a model; links default to what it was calibrated with, else beams."""
     description = load_description(name)
     kind: LinkKind = "beam"
-    asked = links or (description.calibration.links if description.calibration else "beam")
+    asked = links
+    if asked is None:
+        asked = description.calibration.links if description.calibration else "beam"
     if asked not in LINK_KINDS:
         raise InputError("--links", value=asked, allowed=", ".join(LINK_KINDS))
     kind = "rigid" if asked == "rigid" else "beam"
@@ -47,16 +51,27 @@ def read_model(name: str, links: str | None, load_path: str | None) -> ModelInpu
 
 def with_load_path(given: ModelInput, load_path: LoadPath) -> ModelInput:
     """The same model with another load path."""
-    return ModelInput(
-        given.description, given.robot, build_model(given.description, given.model.link_kind, load_path)
-    )
+    return ModelInput(given.description, given.robot, build_model(given.description, given.model.link_kind, load_path))
 
 
 def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
-    """The measurement table given, or the one bundled with the robot."""
-    if file is None:
-        file = Path(bundled_data(robot.name))
-    return read_measurements(file, robot)
+    """The measurement table given, or the one bundled with the robot.
+
+    Raises
+    ------
+    InputError
+        No file given and none bundled, or a table that does not fit the robot.
+    """
+    if file is not None:
+        return read_measurements(file, robot)
+    try:
+        bundled = bundled_data(robot.name)
+    except InputError as error:
+        raise InputError(
+            f"no measurements are bundled for {robot.name}",
+            remedy="give a measurement table (DATA), CSV or XLSX",
+        ) from error
+    return read_measurements(bundled, robot)
 
 
 def read_scheme(robot: Robot, file: Path | None) -> Scheme:
@@ -65,11 +80,20 @@ def read_scheme(robot: Robot, file: Path | None) -> Scheme:
     Raises
     ------
     InputError
-        No file given and none bundled.
+        No file given and none bundled, or a scheme of another robot.
     """
     if file is not None:
+        if not file.is_file():
+            raise InputError("scheme file", value=str(file), allowed="an existing scheme TOML", remedy="check the path")
         scheme = load_scheme(file)
         scheme.check_against(robot)
+        if scheme.robot != robot.name:
+            raise InputError(
+                f"scheme file {file} is for robot",
+                value=scheme.robot,
+                allowed=robot.name,
+                remedy="choose the scheme of this robot, or name this robot in its 'robot' key",
+            )
         return scheme
     scheme_or_none = bundled_scheme(robot.name)
     if scheme_or_none is None:
@@ -87,7 +111,14 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
     for item in text.split(","):
         name, _, number = (part.strip() for part in item.partition("="))
         if name not in allowed:
-            faults.append(InputError(f"{option}: name", value=name, allowed=", ".join(allowed)))
+            faults.append(
+                InputError(
+                    f"{option}: name",
+                    value=name,
+                    allowed=", ".join(allowed),
+                    remedy=f"write name=value pairs separated by commas, as in {allowed[0]}=5",
+                )
+            )
             continue
         try:
             value = float(number)
@@ -95,10 +126,15 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
             value = math.nan
         if not math.isfinite(value):
             faults.append(
-                InputError(f"{option}: {name}", value=number, allowed="a finite number, as in q2_deg=5")
+                InputError(
+                    f"{option}: {name}",
+                    value=number,
+                    allowed="a finite number",
+                    remedy=f"write it with a decimal point and without a unit, as in {name}=5",
+                )
             )
         elif name in out:
-            faults.append(InputError(f"{option}: {name} is given twice"))
+            faults.append(InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one"))
         else:
             out[name] = value
     if faults:
@@ -123,8 +159,13 @@ def parse_load(text: str) -> Array:
     """A wrench (6,) from ``fz_N=-650,mx_Nm=10``."""
     values = parse_pairs(text, "--load", WRENCH_NAMES)
     wrench = np.array([values.get(name, 0.0) for name in WRENCH_NAMES])
-    if not wrench.any():
-        raise InputError("--load", value=text, allowed="at least one force or moment that is not zero")
+    if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
+        raise InputError(
+            "--load",
+            value=text,
+            allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
+            remedy="give the load in N and N m, as in fz_N=-650",
+        )
     return wrench
 
 
@@ -135,9 +176,16 @@ def parse_names(text: str | None, allowed: tuple[str, ...], option: str) -> tupl
     names = tuple(part.strip() for part in text.split(",") if part.strip())
     for name in names:
         if name not in allowed:
-            raise InputError(option, value=name, allowed=", ".join(allowed))
+            raise InputError(
+                option, value=name, allowed=", ".join(allowed), remedy="choose from these, separated by commas"
+            )
     if not names or len(set(names)) != len(names):
-        raise InputError(option, value=text, allowed="names, each once, separated by commas")
+        raise InputError(
+            option,
+            value=text,
+            allowed=", ".join(allowed),
+            remedy="name at least one, each once, separated by commas",
+        )
     return names
 
 
@@ -147,61 +195,100 @@ def parse_loads(text: str | None) -> tuple[float, ...] | None:
         return None
     if text.strip() == "all":
         return ()
-    try:
-        loads = tuple(float(part) for part in text.split(","))
-    except ValueError as error:
+    loads = _numbers(text)
+    if loads is None or not all(0.0 < v <= LARGEST_LOAD for v in loads):
         raise InputError(
-            "--loads", value=text, allowed="'all' or force magnitudes in N, as in 150,650"
-        ) from error
-    if not all(math.isfinite(v) and v > 0.0 for v in loads):
-        raise InputError("--loads", value=text, allowed="force magnitudes greater than 0 N")
+            "--loads",
+            value=text,
+            allowed="'all', or force magnitudes greater than 0 N",
+            remedy="separate them by commas, as in 150,650",
+        )
     return loads
 
 
-def read_pose_table(names: tuple[str, ...], file: Path) -> tuple[Array, list[str], list[str]]:
-    """Coordinates (n, k) in deg from a CSV, the labels of its ``pose`` column, and remarks.
+def parse_direction(text: str) -> tuple[float, float, float]:
+    """A direction in base axes from ``0,0,-1``; its length does not matter."""
+    values = _numbers(text)
+    if values is None or len(values) != 3 or not any(values):
+        raise InputError(
+            "--direction",
+            value=text,
+            allowed="three finite numbers x,y,z, not all zero",
+            remedy="separate them by commas, as in 0,0,-1",
+        )
+    largest = max(map(abs, values))  # so that no square overflows later
+    x, y, z = (v / largest for v in values)
+    return x, y, z
+
+
+def parse_layers(robot: Robot, text: str | None) -> tuple[float, ...] | None:
+    """Values in deg, ``-90,0,90``, of the coordinate that leaves a map's plane; None if not given."""
+    if text is None:
+        return None
+    name = default_sweep(robot)[1]
+    if name is None:
+        raise InputError(
+            "--layers", value=text, allowed=f"nothing: the map of {robot.name} has no layers", remedy="leave it out"
+        )
+    low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
+    values = _numbers(text)
+    if values is None or not all(low <= v <= high for v in values) or len(set(values)) < len(values):
+        raise InputError(
+            "--layers",
+            value=text,
+            allowed=f"values of {name}, each once, from {low:g} to {high:g} deg",
+            remedy="separate them by commas, as in -90,0,90",
+        )
+    return values
+
+
+def _numbers(text: str) -> tuple[float, ...] | None:
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return None
+    return values if all(map(math.isfinite, values)) else None
+
+
+def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) -> dict[str, float]:
+    """Where the coordinates that are no input of a surrogate stand: ``q5_deg=0``; deg, 0 if not given."""
+    others = tuple(n for n in robot.coordinates if n not in names)
+    if text is not None and not others:
+        raise InputError("--fixed", value=text, allowed="nothing: every coordinate is one of --inputs")
+    given = {} if text is None else parse_pairs(text, "--fixed", others)
+    fixed = {name: given.get(name, 0.0) for name in others}
+    for name, value in fixed.items():
+        low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
+        if not low <= value <= high:
+            raise InputError(
+                f"--fixed: {name}" + ("" if name in given else ", which is not given and taken as 0"),
+                value=value,
+                allowed=f"{low:g} to {high:g} deg",
+                remedy=f"give --fixed {name}=..., or make it one of --inputs",
+            )
+    return fixed
+
+
+def read_surrogate_for_map(given: ModelInput, file: Path) -> Surrogate:
+    """A surrogate that can stand for this robot in the 3-D map.
 
     Raises
     ------
-    InputErrors
-        Every cell that is no finite number, with line and column.
     InputError
-        The file or a column is missing.
+        Another robot's, of another load than the vertical one, or without a coordinate that the map moves.
     """
-    if not file.is_file():
-        raise InputError("pose table", value=str(file), allowed="an existing CSV file")
-    try:
-        table = pd.read_csv(
-            file, dtype=str, keep_default_na=False, encoding="utf-8-sig", skipinitialspace=True
+    learned = load_surrogate(file)
+    refit = "fit one for this map (`stiffarm fit`)"
+    if learned.robot != given.robot.name:
+        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=given.robot.name, remedy=refit)
+    if not np.allclose(learned.load_direction, (0.0, 0.0, -1.0), rtol=0.0, atol=1e-9):
+        raise InputError(
+            f"surrogate {file}: load direction", value=learned.load_direction, allowed="0, 0, -1", remedy=refit
         )
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"pose table {file} cannot be read ({error})") from error
-    table.columns = [str(c).strip() for c in table.columns]
-    missing = [name for name in names if name not in table.columns]
-    if len(missing) == len(names):
-        raise InputError(f"pose table {file}: no joint column", allowed=", ".join(names))
-    if table.empty:
-        raise InputError(f"pose table {file} has no rows")
-    remarks = [f"{file}: column {name} is missing and taken as 0" for name in missing]
-    values = np.zeros((len(table), len(names)))
-    faults = []
-    for j, name in enumerate(names):
-        if name in missing:
-            continue
-        for i, cell in enumerate(table[name]):
-            try:
-                values[i, j] = float(cell)
-            except ValueError:
-                values[i, j] = math.nan
-            if not math.isfinite(values[i, j]):
-                faults.append(
-                    InputError(f"{file}, line {i + 2}, column {name}", value=cell, allowed="a finite number")
-                )
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(str(file), faults)
-    labels = (
-        [str(v) for v in table["pose"]]
-        if "pose" in table.columns
-        else [str(i + 1) for i in range(len(table))]
-    )
-    return values, labels, remarks
+    swept, layer = default_sweep(given.robot)
+    held = [name for name in (*swept, layer) if name is not None and name not in learned.inputs]
+    if held:
+        raise InputError(
+            f"surrogate {file} knows only one value of {', '.join(held)}, which the map moves", remedy=refit
+        )
+    return learned

@@ -6,13 +6,13 @@ import contextlib
 import datetime as dt
 import hashlib
 import json
-import os
 import platform
 import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -27,26 +27,35 @@ class OutputFolder:
 
     Everything is written into a hidden folder inside the target; on success the files move into place and
     files of the same name go to ``previous/<time>/`` first. On an error or Ctrl-C the hidden folder is
-    removed and the target stays as it was.
+    removed and the target stays as it was, or is removed again if it was not there.
+
+    Raises
+    ------
+    InputError
+        On entry, if the folder cannot be made or written; at the end, if something stands in the way of a
+        result (a file where a sub-folder belongs).
     """
 
     def __init__(self, target: Path, command: list[str], inputs: Mapping[str, Path | str], seed: int | None) -> None:
         self.target = target
         self._command, self._inputs, self._seed = command, inputs, seed
         self._timings: dict[str, float] = {}
-        self._started = time.monotonic()
-        self._created = not target.exists()
-        try:
-            target.mkdir(parents=True, exist_ok=True)
-            self.stage = target / f".partial-{os.getpid()}"
-            self.stage.mkdir()
-        except OSError as error:
-            raise InputError(
-                f"output folder {target} cannot be written ({error.strerror or error})",
-                remedy="choose another folder with --out",
-            ) from error
+        self._made: list[Path] = []
+        self._stage: Path | None = None
 
     def __enter__(self) -> Self:
+        self._started = time.monotonic()
+        try:
+            self._make(self.target)
+            self._stage = Path(tempfile.mkdtemp(prefix=".partial-", dir=self.target))
+        except BaseException as error:
+            self._tidy()
+            if isinstance(error, OSError):
+                raise InputError(
+                    f"output folder {self.target} cannot be written ({error.strerror or error})",
+                    remedy="choose another folder with --out",
+                ) from error
+            raise
         return self
 
     def __exit__(
@@ -57,10 +66,14 @@ class OutputFolder:
                 self.write_json("run.json", self._provenance())
                 self._publish()
         finally:
-            shutil.rmtree(self.stage, ignore_errors=True)
-            if kind is not None and self._created:
-                with contextlib.suppress(OSError):
-                    self.target.rmdir()
+            self._tidy()
+
+    @property
+    def stage(self) -> Path:
+        """The hidden folder that holds the results until they are complete."""
+        if self._stage is None:
+            raise RuntimeError("an output folder is written inside its with block")
+        return self._stage
 
     @contextlib.contextmanager
     def timed(self, step: str) -> Iterator[None]:
@@ -88,7 +101,7 @@ class OutputFolder:
             "schema": "stiffarm-run/1",
             "command": self._command,
             "finished_utc": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
-            "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
+            "versions": {name: _version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "platform": f"{sys.platform} {platform.machine()}",
             "inputs_sha256": {name: _digest(item) for name, item in self._inputs.items()},
             "seed": self._seed,
@@ -96,15 +109,45 @@ class OutputFolder:
         }
 
     def _publish(self) -> None:
+        """Move the files into place; if anything stops that, Ctrl-C too, put back what was moved."""
         backup = _free_name(self.target / "previous", dt.datetime.now(dt.UTC).strftime("%Y%m%d-%H%M%S"))
-        for new in sorted(p for p in self.stage.rglob("*") if p.is_file()):
-            name = new.relative_to(self.stage)
-            place = self.target / name
-            if place.exists():
-                (backup / name).parent.mkdir(parents=True, exist_ok=True)
-                place.replace(backup / name)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            new.replace(place)
+        moves: list[tuple[Path, Path]] = []
+        try:
+            for new in sorted(p for p in self.stage.rglob("*") if p.is_file()):
+                name = new.relative_to(self.stage)
+                place = self.target / name
+                if place.exists():
+                    moves.append((place, backup / name))
+                    self._move(*moves[-1])
+                moves.append((new, place))
+                self._move(*moves[-1])
+        except BaseException as error:
+            for source, place in reversed(moves):
+                if place.exists() and not source.exists():
+                    place.replace(source)
+            if isinstance(error, OSError):
+                raise InputError(
+                    f"output folder {self.target} cannot take the results ({error})",
+                    remedy="move away what is in the way there, or choose another folder with --out",
+                ) from error
+            raise
+
+    def _move(self, source: Path, place: Path) -> None:
+        self._make(place.parent)
+        source.replace(place)
+
+    def _make(self, folder: Path) -> None:
+        """Make a folder and those above it, and remember which were not there."""
+        self._made += [p for p in (folder, *folder.parents) if not p.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def _tidy(self) -> None:
+        """Remove the hidden folder, and of the folders that were made the ones that hold nothing."""
+        if self._stage is not None:
+            shutil.rmtree(self._stage, ignore_errors=True)
+        for folder in sorted(self._made, key=lambda p: len(p.parts), reverse=True):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
 
 
 def _free_name(folder: Path, stem: str) -> Path:
@@ -117,3 +160,10 @@ def _free_name(folder: Path, stem: str) -> Path:
 def _digest(item: Path | str) -> str:
     """SHA-256 of a file; a text that is a hash already stays as it is."""
     return hashlib.sha256(item.read_bytes()).hexdigest() if isinstance(item, Path) else item
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from its sources
+        return "unknown"

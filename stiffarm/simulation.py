@@ -22,8 +22,11 @@ NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 def _head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
     rigid = [j.name for j in model.joints if not j.axial.compliance(np.zeros((1, model.robot.dof))).any()]
     return {
-        "robot": given.robot.name, "links": model.link_kind, "load_path": model.load_path,
-        "rigid_joints": rigid_joints, "joints_without_spring": rigid,
+        "robot": given.robot.name,
+        "links": model.link_kind,
+        "load_path": model.load_path,
+        "rigid_joints": rigid_joints,
+        "joints_without_spring": rigid,
     }
 
 
@@ -51,16 +54,26 @@ def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[
     d = steps.simulate(model, data)
     rows: list[dict[str, Any]] = []
     for i in range(data.n):
-        row: dict[str, Any] = {"line": data.row_numbers[i], "pose": data.pose[i], "load_N": number(float(data.loads_N[i]))}
+        row: dict[str, Any] = {
+            "line": data.row_numbers[i],
+            "pose": data.pose[i],
+            "load_N": number(float(data.loads_N[i])),
+        }
         for k in np.flatnonzero(data.used[i]):
             row[f"{NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
             row[f"{NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
         rows.append(row)
-    linear = data.used[:, :3]
-    error = (d - data.displacement)[:, :3][linear]
+    error = (d - data.displacement) * 1e3
     return _head(given, model, rigid_joints) | {
-        "notes": list(data.notes), "rms_mm": number(float(np.sqrt(np.mean(error**2))) * 1e3), "readings": rows,
+        "notes": list(data.notes),
+        "rms_mm": _rms(error[:, :3][data.used[:, :3]]),
+        "rms_mrad": _rms(error[:, 3:][data.used[:, 3:]]),
+        "readings": rows,
     }
+
+
+def _rms(error: Array) -> float | None:
+    return number(float(np.sqrt(np.mean(error**2)))) if error.size else None
 
 
 def show(result: dict[str, Any]) -> None:
@@ -69,13 +82,16 @@ def show(result: dict[str, Any]) -> None:
         say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid (calibrate first?)")
     if "readings" in result:
         columns = list(dict.fromkeys(key for row in result["readings"] for key in row))
+        rms = [f"{result[k]:.3f} {k.removeprefix('rms_')}" for k in ("rms_mm", "rms_mrad") if result[k] is not None]
         show_table(
-            f"{result['robot']}: measured and simulated (RMS difference {result['rms_mm']:.3f} mm)", columns,
+            f"{result['robot']}: measured and simulated (RMS difference {' and '.join(rms)})",
+            columns,
             [["-" if row.get(c) is None else str(row[c]) for c in columns] for row in result["readings"]],
         )
         return
     show_table(
-        f"{result['robot']}: displacement of the tool point", ["part", *NAMES],
+        f"{result['robot']}: displacement of the tool point",
+        ["part", *NAMES],
         [[name, *(f"{part[n]:+.4f}" for n in NAMES)] for name, part in result["by_part"].items()]
         + [["total", *(f"{result['displacement'][n]:+.4f}" for n in NAMES)]],
     )

@@ -27,8 +27,10 @@ class Pictures:
 
 
 def percent(value: float) -> str:
-    """A relative error in percent, or as a power of ten where percent would be all zeros."""
-    return f"{value * 100:.2g} %" if value >= 1e-6 else f"{value:.0e}"
+    """A relative error in percent (hard space), or as a power of ten where percent would be all zeros."""
+    if value < 1e-6:
+        return f"{value:.0e}"
+    return f"{value * 100:.0f}\u00a0%" if value >= 0.1 else f"{value * 100:.2g}\u00a0%"
 
 
 def mega(value: float) -> str:
@@ -42,7 +44,7 @@ def short_title(findings: Findings) -> str:
 
 
 def is_published_data(findings: Findings) -> bool:
-    """Is this the bundled data set, of which the paper's own remarks and doubts hold?"""
+    """Whether this is the bundled data set, of which the paper's own remarks and doubts hold."""
     return findings.data.sha256 == bundled_sha256(findings.given.robot.name)
 
 

@@ -12,9 +12,6 @@ from stiffarm.workflow import Findings, slug
 from surrogate import default_sweep
 from surrogate.main_effects import main_effects
 
-# Sources in robot files that amount to an assumption.
-_ASSUMED = ("assumed", "class")
-
 
 def budget_section(f: Findings, pictures: Pictures) -> Section:
     """Each part's share in the deflection."""
@@ -50,6 +47,10 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
             f"{name.capitalize()} ({role}): largest, mean and smallest normalised stiffness at each level "
             f"(1 = {runs.stiffness_N_per_mm.max():.0f} N/mm)."
         )
+        if f.published.name == name:
+            caption += (
+                " Angle-dependent springs are interpolated between few poses; extremes far from them are not data."
+            )
         blocks.append(pictures.add(fs.main_effects_figure(effects), f"main_effects_{slug(name)}", caption))
     return Section("Main effects of the joint angles", tuple(blocks))
 
@@ -58,16 +59,14 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
     """Held-out errors of every basis, and the measured poses."""
     trained = f.trained[f.best.name]
     true = 1e-3 / trained.held_out.compliance
-    figure = fs.surrogate_quality_figure(
-        [fs.HeldOut(name, true, 1e-3 / c) for name, c in trained.predicted.items()]
-    )
+    figure = fs.surrogate_quality_figure([fs.HeldOut(name, true, 1e-3 / c) for name, c in trained.predicted.items()])
     return Section(
         "The surrogate and its error",
         (
             Text(
                 "A surrogate answers the structural stiffness under a vertical load from "
                 f"{', '.join(f.scheme.factorial.inputs)} without the FE model. Errors are relative errors of "
-                "compliance on runs the fit has not seen; a quarter of these lie on the boundary of the domain, "
+                "compliance on runs the fit has not seen; about a fifth of these lie on the boundary of the domain, "
                 "where polynomials are worst, and the last two columns leave those out."
             ),
             _error_table(f),
@@ -112,9 +111,7 @@ def _error_table(f: Findings) -> Table:
         "RMS, interior",
         "worst, interior",
     )
-    return Table(
-        "Held-out relative error (highlighted: surrogate.json)", columns, rows, text_columns=(0, 1, 2), best=0
-    )
+    return Table("Held-out relative error (highlighted: surrogate.json)", columns, rows, text_columns=(0, 1, 2), best=0)
 
 
 def _measured_poses(f: Findings) -> Table:
@@ -156,15 +153,18 @@ def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Secti
         if name.endswith(".png"):
             view = name.removesuffix(".png").rsplit("_", 1)[-1]
             blocks.append(Picture(pictures.folder.path(name), captions[view], f"stiffness map, {view} view"))
-    blocks.append(
-        Text("stiffness_map.vtu opens in ParaView; the README documents its arrays and their units.")
-    )
+    blocks.append(Text("stiffness_map.vtu opens in ParaView; the README documents its arrays and their units."))
     return Section("The stiffness map", tuple(blocks))
 
 
 def assumptions_section(f: Findings) -> Section:
     """Every figure of the model with its source."""
-    rows = tuple(quantities(f.given.description, ""))
+    # A source whose text begins so is an assumption too, with its reason.
+    guesses = {key for key, text in f.given.description.sources.items() if text.startswith("assumed")}
+    rows = tuple(
+        (place, value, "assumed" if source in guesses else source, note)
+        for place, value, source, note in quantities(f.given.description, "")
+    )
     assumed = sum(row[2] == "assumed" for row in rows)
     sources = tuple(f"{key}: {text}" for key, text in f.given.description.sources.items())
     return Section(
@@ -190,11 +190,8 @@ def assumptions_section(f: Findings) -> Section:
 def quantities(node: Any, place: str) -> list[tuple[str, str, str, str]]:
     """All figures of a description: place in the file, value with unit, source, note."""
     if isinstance(node, Quantity):
-        source = "assumed" if node.source in _ASSUMED else node.source
-        value = (
-            ", ".join(f"{v:g}" for v in node.value) if isinstance(node.value, tuple) else f"{node.value:g}"
-        )
-        return [(place, f"{value} {node.unit}", source, node.note or "")]
+        value = ", ".join(f"{v:g}" for v in node.value) if isinstance(node.value, tuple) else f"{node.value:g}"
+        return [(place, f"{value} {node.unit}", node.source, node.note or "")]
     out: list[tuple[str, str, str, str]] = []
     if isinstance(node, tuple):
         for i, child in enumerate(node):

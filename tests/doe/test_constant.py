@@ -161,11 +161,14 @@ def test_no_general_optimiser_does_better(arm: Arm, measured: Measurements, load
     square = float(np.sum((found.residual_m / GAUGE_M) ** 2))
 
     def error(logarithm: np.ndarray) -> np.ndarray:
-        return A @ np.exp(-logarithm) - b
+        return np.asarray(A @ np.exp(-logarithm) - b)
 
-    box, tight = (np.log(1e3), np.log(1e9)), {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-    starts = np.log([2e5, 1e6, 1e7])
-    best = min(2.0 * least_squares(error, np.full(4, start), bounds=box, **tight).cost for start in starts)
+    def minimum(start: float) -> float:
+        box = (np.log(1e3), np.log(1e9))
+        found = least_squares(error, np.full(4, np.log(start)), bounds=box, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        return 2.0 * float(found.cost)
+
+    best = min(minimum(start) for start in (2e5, 1e6, 1e7))
     # Ours is the least, and the other one gets there as far as its tolerances let it along the bound.
     assert square <= best * (1 + 1e-12)
     assert square == pytest.approx(best, rel=1e-3)

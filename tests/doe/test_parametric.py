@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from doe import Equations, Measurements, PoseFit, equations, fit_pose
-from doe.parametric import MAX_ROUNDS
+from doe.parametric import MAX_ROUNDS, _refined
 from fem import ArmModel
 from robots import InputError
 
@@ -82,6 +82,24 @@ def test_a_bound_that_is_hit_is_said_and_widened(true: float, remark: str) -> No
     assert found.matched
     assert abs(A1 * (1.0 / found.stiffness[0] - 1.0 / true)) <= GAUGE_M * (1 + 1e-9)
     assert found.remarks == (remark,)
+
+
+def test_refinement_takes_the_neighbours_of_the_best_level() -> None:
+    grid = np.geomspace(2e5, 3e5, 10)
+    bound = (np.array([1e5]), np.array([1e7]))
+    none = np.zeros((2, 1), dtype=np.bool_)
+    step = grid[1] / grid[0]
+    for best, expected in (
+        (4, (grid[3], grid[5])),
+        # At the end of a refined grid it goes one such level beyond, not back to the far bound ...
+        (0, (grid[0] / step, grid[1])),
+        (9, (grid[8], grid[9] * step)),
+    ):
+        low, high = _refined(grid[[best]], [grid], bound, none)
+        np.testing.assert_allclose([low[0], high[0]], expected, rtol=1e-12)  # round-off
+    # ... which only a bound that was just widened asks for.
+    upper = np.array([[False], [True]])
+    assert _refined(grid[[9]], [grid], bound, upper)[1] == [1e7]
 
 
 def test_a_match_on_the_bound_itself_is_said() -> None:
@@ -189,6 +207,23 @@ def test_several_readings_at_a_pose_are_matched_together() -> None:
     np.testing.assert_allclose(found.stiffness, [4e5, 7e5], rtol=0.03)
     assert (found.equivalent[:, 0] <= found.stiffness * (1 + 1e-9)).all()
     assert (found.equivalent[:, 1] >= found.stiffness * (1 - 1e-9)).all()
+
+
+def test_springs_of_a_slanting_valley_are_found_where_levels_along_the_axes_stick(rng: np.random.Generator) -> None:
+    for _ in range(40):
+        springs, readings = rng.integers(2, 4, size=2)
+        influence = A1 * rng.uniform(0.0, 2.0, (readings, springs)) ** 2
+        value = -5e-4 + influence @ 10.0 ** -rng.uniform(4.0, 7.0, springs)
+        system = Equations(
+            influence=influence, rest=np.full(readings, -5e-4), value=value, sigma=np.full(readings, GAUGE_M),
+            row=np.arange(readings), component=np.full(readings, 2), q=np.zeros((readings, springs)),
+            pose=("7",) * int(readings),
+        )  # fmt: skip
+        found = fit(system, levels=5)
+        # The readings were made by such springs, so a match exists and must not be denied.
+        assert found.matched
+        left = influence @ (1.0 / found.stiffness) - 5e-4 - value
+        assert np.sqrt(np.mean(left**2)) <= GAUGE_M * (1 + 1e-9)  # the gauge; round-off
 
 
 def test_readings_that_contradict_each_other_are_told() -> None:

@@ -29,7 +29,7 @@ def test_the_bundled_scheme_is_the_papers(scheme: Scheme, xr701: Robot) -> None:
     ]
     assert scheme.low_Nm_per_rad == 1e5
     assert scheme.high_Nm_per_rad == 1e6
-    assert scheme.loads_N == (650,)
+    assert list(scheme.loads_N) == [650.0]
     assert scheme.regression_degree == 6
 
 

@@ -58,6 +58,19 @@ def test_the_law_passes_through_its_points(
     np.testing.assert_allclose(found, given.stiffness, rtol=1e-10)
 
 
+def test_what_the_points_leave_open_is_decided_by_the_least_roughness(xr701: Robot) -> None:
+    k = np.array([2e5, 8e5, 3e5])
+    law = fit_law(xr701, points(ONE, [-35, 15, 30], k), 6, "test")
+    # By Lagrange: least sum of ((1 + d)^2 c_d)^2 over d = 1..6 under V c = ln k, the constant c_0 being free.
+    u = (np.radians([-35.0, 15.0, 30.0]) - law_centre(law)) / law_half(law)
+    V = u[:, None] ** np.arange(7)
+    roughness = np.diag([0.0, *(1.0 + np.arange(1, 7)) ** 4])
+    system = np.block([[roughness, V.T], [V, np.zeros((3, 3))]])
+    exact = np.linalg.solve(system, [*np.zeros(7), *np.log(k)])[:7]
+    # The constant's weight is 1e-3 instead of zero, which enters squared: 1e-6, over weights of 16 and more.
+    np.testing.assert_allclose(law.coefficients, exact, rtol=1e-5, atol=1e-6)
+
+
 def test_mirrored_points_give_an_even_law(xr701: Robot) -> None:
     half = [(200, -35, 4e5), (200, 5, 2e5), (100, 45, 1.2e6), (30, 45, 9e5)]
     both = [*half, *[(-a, b, k) for a, b, k in half]]

@@ -1,0 +1,184 @@
+"""Flat triangular shell element with six freedoms a node: OPT membrane and DKT bending.
+
+Membrane: Felippa's optimal ANDES triangle with true drilling freedoms (C. A. Felippa and C. Militello,
+Finite Elem. Anal. Des. 12, 1992, 189-201; C. A. Felippa, "A study of optimal membrane triangles with drilling
+freedoms", CMAME 192, 2003, 2125-2168). Its stiffness is the basic part of a constant strain that passes the
+patch test plus ``3/4 beta0`` times the higher-order part, the strains at the mid-sides due to the corner
+rotations ``theta - theta0`` relative to the constant-strain triangle's. With ``alpha_b = 3/2`` and
+``beta0 = (1 - 4 nu^2) / 2`` in-plane bending of a rectangle of two triangles is exact at any aspect ratio.
+
+Bending: the discrete Kirchhoff triangle (J.-L. Batoz, K.-J. Bathe, L.-W. Ho, IJNME 15, 1980, 1771-1812):
+fibre rotations quadratic in the element (scikit-fem's P2 basis), Kirchhoff's condition at the corners and,
+along each side with a cubic deflection, at its middle.
+
+Limits of validity: small displacements, linear elastic isotropic material, thin shells (no transverse shear:
+its share is left out, some ``(t/span)^2``), facets without curvature, so membrane and bending couple only
+through the angles between neighbours: a doubly curved, very thin shell (R/t of 250) needs a fine mesh. At
+``nu = 1/2`` beta0 would vanish; it is held at 0.01, as Felippa advises.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import ElementTriP2
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
+
+Array = NDArray[np.float64]
+
+ALPHA_B = 1.5
+BETA0_FLOOR = 0.01
+# Felippa's beta 1 to 9 = 1, 2, 1, 0, 1, -1, -1, -1, -2, arranged for the natural strains of sides 01, 12, 20
+# (rows) from the relative rotations of corners 0, 1, 2 (columns), at each corner.
+_AT_CORNERS = np.array(
+    [
+        [[1.0, 2.0, 1.0], [0.0, 1.0, -1.0], [-1.0, -1.0, -2.0]],
+        [[-2.0, -1.0, -1.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]],
+        [[1.0, -1.0, 0.0], [-1.0, -2.0, -1.0], [2.0, 1.0, 1.0]],
+    ]
+)
+_AT_MIDSIDES = 0.5 * (_AT_CORNERS + np.roll(_AT_CORNERS, -1, axis=0))
+# Curvatures are linear in the element and their product quadratic: the three-point rule is exact.
+_CURVATURE_POINTS, _CURVATURE_WEIGHTS = get_quadrature(RefTri, 2)
+# Sides behind the middle nodes 3, 4, 5 of scikit-fem's P2 triangle.
+_P2_SIDES = ((0, 1), (1, 2), (0, 2))
+
+
+def triangle_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> Array:
+    """Stiffness of e triangles in global axes.
+
+    Parameters
+    ----------
+    corners : (e, 3, 3) corner positions, m; either sense of rotation
+    youngs_modulus : Pa
+    poissons_ratio : above -1, up to 0.5
+    thickness : (e,) m
+
+    Returns
+    -------
+    (e, 18, 18), freedoms (u, v, w, rx, ry, rz) of corners 0, 1, 2 (N/m, N, N m/rad); symmetric, six zero modes.
+    The input is taken as checked (:class:`meshes.shell_mesh.ShellMesh` does): no area or thickness gives NaN.
+    """
+    axes, xy = facet_axes(corners)
+    area = 0.5 * _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0])
+    mean, higher = membrane_strains(xy, area)
+    strains = _to_global(mean[:, None], higher, bending_curvatures(xy), axes)
+    # Six freedoms a node leave 18 columns; 3 strains at 1 + 3 + 3 points are 21 rows: K = (wS)^T E (wS).
+    weights = np.concatenate(
+        [
+            (area * thickness)[:, None] * np.array([1.0, *[0.75 * beta0(poissons_ratio)] * 3]),
+            (area * thickness**3 / 12.0)[:, None] * (2.0 * _CURVATURE_WEIGHTS),
+        ],
+        axis=1,
+    )
+    root = np.linalg.cholesky(plane_stress(youngs_modulus, poissons_ratio)).T
+    rows = (root @ strains) * np.sqrt(weights)[:, :, None, None]
+    rows = rows.reshape(len(rows), 21, 18)
+    return np.asarray(np.swapaxes(rows, 1, 2) @ rows)
+
+
+def beta0(poissons_ratio: float) -> float:
+    """Factor of the higher-order membrane stiffness that makes in-plane bending exact."""
+    return max(0.5 * (1.0 - 4.0 * poissons_ratio**2), BETA0_FLOOR)
+
+
+def plane_stress(youngs_modulus: float, poissons_ratio: float) -> Array:
+    """Plane-stress matrix (3, 3) in Pa for the strains (xx, yy, gamma xy)."""
+    nu = poissons_ratio
+    shape = np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]])
+    return np.asarray(youngs_modulus / (1.0 - nu**2) * shape)
+
+
+def facet_axes(corners: Array) -> tuple[Array, Array]:
+    """Local axes as rows (e, 3, 3), x along side 01, z normal, and corners in them (e, 3, 2), corner 0 at 0."""
+    span = corners - corners[:, :1]
+    x = span[:, 1] / np.linalg.norm(span[:, 1], axis=1)[:, None]
+    z = np.cross(span[:, 1], span[:, 2])
+    z = z / np.linalg.norm(z, axis=1)[:, None]
+    axes = np.stack([x, np.cross(z, x), z], axis=1)
+    return axes, span @ np.swapaxes(axes[:, :2], 1, 2)
+
+
+def membrane_strains(xy: Array, area: Array) -> tuple[Array, Array]:
+    """Strains (xx, yy, gamma xy) from the freedoms (u, v, rz) of the corners of flat triangles (e, 3, 2).
+
+    Returns
+    -------
+    mean : (e, 3, 3, 3), of the whole element, by strain, corner and freedom
+    higher : (e, 3, 3, 3, 3), deviation at the middles of sides 01, 12, 20, by point, strain, corner and freedom
+    """
+    e = len(xy)
+    before, after = np.roll(xy, 1, axis=1), np.roll(xy, -1, axis=1)
+    # By corner i with the others j, k: (x_kj, y_jk), twice the area times the gradient of N_i.
+    b, c = after[..., 1] - before[..., 1], before[..., 0] - after[..., 0]
+    x_ki, y_ik = before[..., 0] - xy[..., 0], xy[..., 1] - before[..., 1]
+    x_ij, y_ji = xy[..., 0] - after[..., 0], after[..., 1] - xy[..., 1]
+    mean = np.zeros((e, 3, 3, 3))
+    mean[:, 0, :, 0] = mean[:, 2, :, 1] = b
+    mean[:, 1, :, 1] = mean[:, 2, :, 0] = c
+    mean[:, 0, :, 2] = ALPHA_B / 6.0 * b * (y_ik - y_ji)
+    mean[:, 1, :, 2] = ALPHA_B / 6.0 * c * (x_ki - x_ij)
+    mean[:, 2, :, 2] = ALPHA_B / 3.0 * (x_ki * y_ik - x_ij * y_ji)
+    mean /= 2.0 * area[:, None, None, None]
+
+    relative = np.zeros((e, 3, 3, 3))
+    relative[..., 0] = (c / (4.0 * area[:, None]))[:, None]
+    relative[..., 1] = (-b / (4.0 * area[:, None]))[:, None]
+    relative[:, range(3), range(3), 2] = 1.0
+    # From the natural strains of sides (i, j), k opposite, to Cartesian ones; the lengths cancel.
+    b_next, c_next = np.roll(b, -1, axis=1), np.roll(c, -1, axis=1)
+    natural = np.stack([-b * b_next, -c * c_next, -(b * c_next + c * b_next)], axis=1)
+    turn = np.einsum("esn,pnc->epsc", natural / (6.0 * area[:, None, None]), _AT_MIDSIDES)
+    return mean, np.asarray((turn @ relative.reshape(e, 1, 3, 9)).reshape(e, 3, 3, 3, 3))
+
+
+def bending_curvatures(xy: Array) -> Array:
+    """Curvatures (e, 3, 3, 3, 3) by quadrature point, component, corner and freedom (w, rx, ry).
+
+    Components (xx, yy, twice xy): strains at unit height over the mid-surface, of flat triangles (e, 3, 2).
+    """
+    reference = np.stack([ElementTriP2().lbasis(_CURVATURE_POINTS, i)[1] for i in range(6)])
+    jacobian = np.stack([xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]], axis=1)
+    gradient = np.linalg.inv(jacobian) @ np.moveaxis(reference, -1, 0)[:, None].swapaxes(2, 3)
+    beta = _fibre_rotations(xy)
+    dx, dy = gradient[:, :, 0], gradient[:, :, 1]
+    along_x = np.stack([dx, dy]) @ beta[None, None, :, 0]
+    along_y = np.stack([dx, dy]) @ beta[None, None, :, 1]
+    curvature = np.stack([along_x[0], along_y[1], along_x[1] + along_y[0]], axis=2)
+    return np.asarray(np.moveaxis(curvature, 0, 1).reshape(len(xy), 3, 3, 3, 3))
+
+
+def _fibre_rotations(xy: Array) -> Array:
+    """Rotations (e, 2, 6, 9) of the normal towards x and y at the P2 nodes from (w, rx, ry) of the corners."""
+    beta = np.zeros((len(xy), 2, 6, 3, 3))
+    for i in range(3):
+        beta[:, 0, i, i, 2] = 1.0
+        beta[:, 1, i, i, 1] = -1.0
+    for node, (i, j) in enumerate(_P2_SIDES, start=3):
+        side = xy[:, j] - xy[:, i]
+        length = np.linalg.norm(side, axis=1)[:, None]
+        s = side / length
+        ends = beta[:, :, i] + beta[:, :, j]
+        along = np.einsum("ed,edcf->ecf", s, ends)
+        # Across the side linear; along it minus the slope of the cubic deflection, in the middle.
+        beta[:, :, node] = 0.5 * ends - 0.75 * s[:, :, None, None] * along[:, None]
+        beta[:, :, node, i, 0] += 1.5 * s / length
+        beta[:, :, node, j, 0] -= 1.5 * s / length
+    return beta.reshape(len(xy), 2, 6, 9)
+
+
+def _to_global(mean: Array, higher: Array, curvature: Array, axes: Array) -> Array:
+    """Strain rows (e, 7, 3, 18) from global freedoms: the mean, three higher-order, three curvatures."""
+    x, y, z = (axes[:, k][:, None, None, None] for k in range(3))
+    membrane = np.concatenate([mean, higher], axis=1)
+    rows = np.zeros((len(axes), 7, 3, 3, 6))
+    rows[:, :4, ..., :3] = membrane[..., 0, None] * x + membrane[..., 1, None] * y
+    rows[:, :4, ..., 3:] = membrane[..., 2, None] * z
+    rows[:, 4:, ..., :3] = curvature[..., 0, None] * z
+    rows[:, 4:, ..., 3:] = curvature[..., 1, None] * x + curvature[..., 2, None] * y
+    return rows.reshape(len(axes), 7, 3, 18)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -1,0 +1,143 @@
+"""Shell meshes of links: flat triangles and quads on the mid-surface, in the frame of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import InputError
+from robots.errors import InputErrors
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Height of a corner over the element's longest edge; thinner slivers lose the digits of their own area.
+SMALLEST_ASPECT = 1e-6
+
+
+@dataclass(frozen=True)
+class ShellMesh:
+    """Mid-surface mesh with m triangles and q quads, in the body's frame.
+
+    ``nodes`` (k, 3) m; ``triangles`` (m, 3) and ``quads`` (q, 4), corners in turn, either sense;
+    ``thickness`` (m + q,) m, triangles first; ``youngs_modulus`` Pa; ``interfaces``: ring of nodes of each
+    named interface, the first one being the root.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, numbers that are not finite, indices out of range, repeated corners, degenerate or
+        folded elements, thickness or material out of range, nodes that no element uses.
+    """
+
+    name: str
+    nodes: Array
+    triangles: Indices
+    quads: Indices
+    thickness: Array
+    youngs_modulus: float
+    poissons_ratio: float
+    interfaces: dict[str, Indices]
+
+    def __post_init__(self) -> None:
+        for check in (_shapes, _indices, _values):
+            faults = list(check(self))
+            if len(faults) == 1:
+                raise faults[0]
+            if faults:
+                raise InputErrors(f"shell mesh {self.name}", faults)
+
+    @property
+    def triangle_corners(self) -> Array:
+        """Corners (m, 3, 3) of the triangles, m."""
+        return self.nodes[self.triangles]
+
+    @property
+    def quad_corners(self) -> Array:
+        """Corners (q, 4, 3) of the quads, m."""
+        return self.nodes[self.quads]
+
+    @property
+    def edges(self) -> Indices:
+        """All element edges (3m + 4q, 2) as pairs of nodes; an inner edge appears once for each element."""
+        sides = [np.stack([cells, np.roll(cells, -1, axis=1)], axis=2) for cells in (self.triangles, self.quads)]
+        return np.concatenate([side.reshape(-1, 2) for side in sides])
+
+
+def _shapes(mesh: ShellMesh) -> Iterator[InputError]:
+    """Faults that make the arrays unreadable."""
+    where = f"shell mesh {mesh.name}"
+    for name, array, width in (("nodes", mesh.nodes, 3), ("triangles", mesh.triangles, 3), ("quads", mesh.quads, 4)):
+        if array.ndim != 2 or array.shape[1] != width:
+            yield InputError(f"{where}, {name}", value=f"shape {array.shape}", allowed=f"shape (n, {width})")
+    elements = len(mesh.triangles) + len(mesh.quads)
+    if elements == 0:
+        yield InputError(f"{where} has no elements", remedy="give triangles, quads or both")
+    if mesh.thickness.shape != (elements,):
+        yield InputError(
+            f"{where}, thickness",
+            value=f"shape {mesh.thickness.shape}",
+            allowed=f"shape ({elements},), one number an element, triangles first",
+        )
+
+
+def _indices(mesh: ShellMesh) -> Iterator[InputError]:
+    """Faults of elements and interfaces as lists of nodes."""
+    where, k = f"shell mesh {mesh.name}", len(mesh.nodes)
+    lists = {"triangles": mesh.triangles, "quads": mesh.quads}
+    lists |= {f"interface {name}": ring for name, ring in mesh.interfaces.items()}
+    for name, array in lists.items():
+        if not np.issubdtype(array.dtype, np.integer):
+            yield InputError(f"{where}, {name}", value=f"type {array.dtype}", allowed="whole numbers")
+        elif array.size and not 0 <= array.min() <= array.max() < k:
+            bad = array.min() if array.min() < 0 else array.max()
+            yield InputError(f"{where}, {name}, node", value=int(bad), allowed=f"0 to {k - 1}")
+    for name, ring in mesh.interfaces.items():
+        if ring.ndim != 1 or ring.size == 0 or np.unique(ring).size != ring.size:
+            yield InputError(f"{where}, interface {name}: not a list of different nodes", allowed="one node or more")
+
+
+def _values(mesh: ShellMesh) -> Iterator[InputError]:
+    """Faults of geometry, thickness and material."""
+    where = f"shell mesh {mesh.name}"
+    if not np.isfinite(mesh.nodes).all():
+        row = int(np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))[0])
+        yield InputError(f"{where}, node {row}", value=mesh.nodes[row].tolist(), allowed="finite numbers")
+        return
+    for name, cells in (("triangle", mesh.triangles), ("quad", mesh.quads)):
+        flat = np.flatnonzero(_aspect(mesh.nodes[cells]) < SMALLEST_ASPECT)
+        if flat.size:
+            yield InputError(
+                f"{where}: {flat.size} {name}(s) without area, folded or not convex, the first is {name} {flat[0]}",
+                value=f"nodes {cells[flat[0]].tolist()}",
+                remedy="merge double nodes and remesh slivers",
+            )
+    unused = np.ones(len(mesh.nodes), dtype=bool)
+    unused[mesh.triangles] = unused[mesh.quads] = False
+    if unused.any():
+        yield InputError(
+            f"{where}: {int(unused.sum())} node(s) belong to no element, the first is node {int(np.argmax(unused))}",
+            remedy="remove them: nothing holds their freedoms",
+        )
+    if not (np.isfinite(mesh.thickness) & (mesh.thickness > 0.0)).all():
+        bad = int(np.argmin(np.isfinite(mesh.thickness) & (mesh.thickness > 0.0)))
+        value = float(mesh.thickness[bad])
+        yield InputError(f"{where}, thickness of element {bad} (m)", value=value, allowed="greater than 0")
+    if not 0.0 < mesh.youngs_modulus < np.inf:
+        yield InputError(f"{where}, Young's modulus (Pa)", value=mesh.youngs_modulus, allowed="greater than 0")
+    if not -1.0 < mesh.poissons_ratio <= 0.5:
+        yield InputError(f"{where}, Poisson's ratio", value=mesh.poissons_ratio, allowed="above -1, up to 0.5")
+
+
+def _aspect(corners: Array) -> Array:
+    """Smallest corner height over the longest edge (e,), negative where a quad is folded or not convex."""
+    ahead = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(ahead, np.roll(ahead, -1, axis=1))
+    mean = normal.sum(axis=1, keepdims=True)
+    size = np.linalg.norm(mean, axis=2, keepdims=True)
+    height = (normal * (mean / np.where(size > 0.0, size, 1.0))).sum(axis=2).min(axis=1, initial=np.inf)
+    longest = (ahead**2).sum(axis=2).max(axis=1, initial=0.0)
+    return np.asarray(height / np.where(longest > 0.0, longest, 1.0))

@@ -1,0 +1,130 @@
+"""Tables for people: what the commands show on stderr."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from doe import PoseEffects
+from robots import ModelDescription
+from robots.schema import Joint, LogPolynomialLaw
+from stiffarm import steps
+from stiffarm.console import say, show_table
+
+
+def robot(description: ModelDescription) -> None:
+    """Joints, limits, springs and notes of one robot."""
+    rows = []
+    for joint in description.joint:
+        low, high = np.degrees(joint.limits.si_array)
+        rows.append([joint.name, joint.coordinate, f"{low:g} to {high:g}", _spring(joint)])
+    show_table(f"{description.title}: joints", ["joint", "coordinate", "limits (deg)", "stiffness"], rows)
+    for coupling in description.coupling:
+        terms = " ".join(f"{t.factor:+g} {t.coordinate}" for t in coupling.terms)
+        low, high = np.degrees(coupling.limits.si_array)
+        offset = 0.0 if coupling.offset is None else np.degrees(coupling.offset.si)
+        say(f"coupled limit {coupling.name}: {low:g} <= {offset:g} {terms} <= {high:g} deg ({coupling.limits.source})")
+    for note in description.notes:
+        say(f"note: {note}")
+
+
+def _spring(joint: Joint) -> str:
+    if joint.stiffness is None:
+        return "not given (rigid)"
+    if isinstance(joint.stiffness, LogPolynomialLaw):
+        return f"depends on {', '.join(joint.stiffness.inputs)}"
+    return f"{joint.stiffness.si:.4g} N m/rad ({joint.stiffness.source})"
+
+
+def sensitivity(effects: Sequence[PoseEffects], low: float, high: float, load_path: str) -> None:
+    """Effect of each spring on dz, pose by pose."""
+    show_table(
+        f"Effect on dz (mm) of each spring from {low:g} to {high:g} N m/rad ({load_path})",
+        ["pose", *effects[0].joints, "ranking"],
+        [[e.pose, *(f"{v:+.3f}" for v in e.effect_mm), " > ".join(e.ranking)] for e in effects],
+    )
+
+
+def variant(result: steps.Variant) -> None:
+    """A calibrated variant: springs or stages, remarks and how good it is."""
+    if result.constant is not None:
+        show_table(
+            f"Constant springs, {result.model.load_path} load path",
+            ["joint", "k (N m/rad)", "95 % interval", "status"],
+            [
+                [
+                    s.joint,
+                    "-" if np.isnan(s.stiffness) else f"{s.stiffness:.3g}",
+                    _interval(s.interval),
+                    s.status,
+                ]
+                for s in result.constant.springs
+            ],
+        )
+    if result.staged is not None:
+        show_table(
+            f"Staged scheme, {result.model.load_path} load path",
+            ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
+            [
+                [
+                    stage,
+                    fit.pose,
+                    ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
+                    f"{fit.error_mm:+.3f}",
+                    str(fit.runs),
+                ]
+                for stage, fits in result.staged.fits.items()
+                for fit in fits
+            ],
+        )
+    for remark in result.remarks:
+        say(f"note: {remark}")
+    say(
+        f"RMS {result.rms_mm:.3f} mm on {len(result.system)} readings with {result.parameters} parameters; "
+        f"poses left out one at a time are predicted to {result.left_out.rms_mm:.3f} mm RMS"
+    )
+
+
+def _interval(interval: tuple[float, float]) -> str:
+    low, high = interval
+    if np.isnan(low):
+        return "-"
+    return f">= {low:.3g}" if np.isinf(high) else f"{low:.3g} to {high:.3g}"
+
+
+def surrogates(content: dict[str, Any]) -> None:
+    """Held-out errors of the surrogates of a training."""
+    show_table(
+        "Relative error of compliance on runs kept out",
+        ["basis", "terms", "RMS", "95 %", "worst"],
+        [
+            [
+                f"{s['basis']} {s['degree_or_order']}",
+                str(s["terms"]),
+                f"{s['rms_relative_error']:.2e}",
+                f"{s['p95_relative_error']:.2e}",
+                f"{s['max_relative_error']:.2e}",
+            ]
+            for s in content["surrogates"]
+        ],
+    )
+
+
+def answers(robot: str, inputs: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> None:
+    """What a surrogate answered."""
+    show_table(
+        f"Structural stiffness of {robot}",
+        ["pose", *inputs, "N/mm", "rel. error (RMS)", "in domain"],
+        [
+            [
+                r["pose"],
+                *(f"{r[n]:g}" for n in inputs),
+                f"{r['stiffness_N_per_mm']:.2f}",
+                "unknown" if r["relative_error_rms"] is None else f"{r['relative_error_rms']:.1e}",
+                "yes" if r["inside_domain"] and r["reachable"] else "NO",
+            ]
+            for r in rows
+        ],
+    )
