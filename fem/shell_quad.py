@@ -78,8 +78,7 @@ def quad_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: float,
     flat, height = local[..., :2], local[..., 2]
     _check_shapes(flat)
     K = _flat_stiffness(flat, youngs_modulus, poissons_ratio, thickness)
-    T = _links_to_plane(height) @ _turn(np.swapaxes(R, 1, 2))
-    K = np.swapaxes(T, 1, 2) @ K @ T
+    K = _turned(_linked_to_plane(K, height), R)
     return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))
 
 
@@ -113,20 +112,24 @@ def _flat_stiffness(flat: Array, youngs_modulus: float, poissons_ratio: float, t
     return K
 
 
-def _links_to_plane(height: Array) -> Array:
-    """Freedoms of the projected corners from those of the corners (e, 24, 24), facet axes: rigid links."""
-    T = np.tile(np.eye(24), (len(height), 1, 1))
-    T[:, 6 * _NODES, 6 * _NODES + 4] = -height
-    T[:, 6 * _NODES + 1, 6 * _NODES + 3] = height
-    return T
+def _linked_to_plane(K: Array, height: Array) -> Array:
+    """Stiffness (e, 24, 24) at the corners from that at their projections, facet axes: ``L^T K L``.
+
+    The rigid links ``L`` add to the projections' ``u`` and ``v`` what the corners' tilts move them.
+    """
+    for _ in range(2):  # K L, then the same on the transpose
+        K = K.copy()
+        K[:, :, 4::6] -= K[:, :, 0::6] * height[:, None, :]
+        K[:, :, 3::6] += K[:, :, 1::6] * height[:, None, :]
+        K = np.swapaxes(K, 1, 2)
+    return K
 
 
-def _turn(R: Array) -> Array:
-    """Block diagonal (e, 24, 24) of eight rotations."""
-    out = np.zeros((len(R), 24, 24))
-    for k in range(0, 24, 3):
-        out[:, k : k + 3, k : k + 3] = R
-    return out
+def _turned(K: Array, R: Array) -> Array:
+    """Stiffness (e, 24, 24) in global axes from that in axes R (e, 3, 3): eight blocks of three."""
+    for _ in range(2):  # K Q^T, then the same on the transpose: K is symmetric
+        K = np.swapaxes((K.reshape(-1, 192, 3) @ np.swapaxes(R, 1, 2)).reshape(-1, 24, 24), 1, 2)
+    return K
 
 
 def _check_inputs(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> None:

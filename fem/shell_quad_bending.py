@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis
 
-from fem.shell_quad_membrane import plane_stress
+from fem.shell_quad_membrane import energy_matrix, plane_stress
 
 Array = NDArray[np.float64]
 
@@ -50,12 +50,10 @@ def bending_stiffness(
         Freedoms ``(w, theta_x, theta_y)`` of each node, rotations as vectors; N/m, N, N m.
     """
     D = plane_stress(youngs_modulus, poissons_ratio)
-    shear_modulus = D[2, 2]
-    kappa, gamma = _curvature(basis), _assumed_shear(side_basis, corners)
-    plate = basis.dx * thickness[:, None] ** 3 / 12.0
-    shear = SHEAR_FACTOR * shear_modulus * basis.dx * thickness[:, None]
-    K = np.einsum("eg,egki,kl,eglj->eij", plate, kappa, D, kappa, optimize=True)
-    return np.asarray(K + np.einsum("eg,egki,egkj->eij", shear, gamma, gamma, optimize=True))
+    shear = SHEAR_FACTOR * D[2, 2] * np.eye(2)
+    K = energy_matrix(_curvature(basis), D, basis.dx * thickness[:, None] ** 3 / 12.0)
+    K += energy_matrix(_assumed_shear(side_basis, corners), shear, basis.dx * thickness[:, None])
+    return K
 
 
 def _curvature(basis: Basis) -> Array:
@@ -81,4 +79,5 @@ def _assumed_shear(side_basis: Basis, corners: Array) -> Array:
             integral[:, side, 3 * node + 1] = -0.5 * dy
             integral[:, side, 3 * node + 2] = 0.5 * dx
     shapes = np.stack([s * shape[0].value for s, shape in zip(SIDE_SIGNS, side_basis.basis, strict=True)])
-    return np.asarray(np.einsum("skeg,esi->egki", shapes, integral))
+    e, g = side_basis.dx.shape
+    return (np.moveaxis(shapes, (2, 3, 1), (0, 1, 2)).reshape(e, 2 * g, 4) @ integral).reshape(e, g, 2, 12)

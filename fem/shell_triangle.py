@@ -13,7 +13,7 @@ along each side with a cubic deflection, at its middle.
 
 Limits of validity: small displacements, linear elastic isotropic material, thin shells (no transverse shear:
 its share is left out, some ``(t/span)^2``), facets without curvature, so membrane and bending couple only
-through the angles between neighbours: a doubly curved, very thin shell (R/t of 250) needs a fine mesh. At
+through the angles between neighbours: a doubly curved, very thin shell (R/t of 250) needs a fine mesh. Near
 ``nu = 1/2`` beta0 would vanish; it is held at 0.01, as Felippa advises.
 """
 
@@ -25,10 +25,14 @@ from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
+from robots.errors import InputError
+
 Array = NDArray[np.float64]
 
 ALPHA_B = 1.5
 BETA0_FLOOR = 0.01
+# Height over the longest side below which a triangle has lost the digits of its own area.
+SMALLEST_ASPECT = 1e-6
 # Felippa's beta 1 to 9 = 1, 2, 1, 0, 1, -1, -1, -1, -2, arranged for the natural strains of sides 01, 12, 20
 # (rows) from the relative rotations of corners 0, 1, 2 (columns), at each corner.
 _AT_CORNERS = np.array(
@@ -52,14 +56,24 @@ def triangle_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: fl
     ----------
     corners : (e, 3, 3) corner positions, m; either sense of rotation
     youngs_modulus : Pa
-    poissons_ratio : above -1, up to 0.5
+    poissons_ratio : above -1, below 0.5
     thickness : (e,) m
 
     Returns
     -------
     (e, 18, 18), freedoms (u, v, w, rx, ry, rz) of corners 0, 1, 2 (N/m, N, N m/rad); symmetric, six zero modes.
-    The input is taken as checked (:class:`meshes.shell_mesh.ShellMesh` does): no area or thickness gives NaN.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, numbers that are not finite, a triangle without area, thickness or material out of range.
+
+    Notes
+    -----
+    Formulation, sources and limits of validity: see the module.
     """
+    corners, thickness = np.asarray(corners, dtype=np.float64), np.asarray(thickness, dtype=np.float64)
+    _check(corners, youngs_modulus, poissons_ratio, thickness)
     axes, xy = facet_axes(corners)
     area = 0.5 * _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0])
     mean, higher = membrane_strains(xy, area)
@@ -142,10 +156,11 @@ def bending_curvatures(xy: Array) -> Array:
     jacobian = np.stack([xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]], axis=1)
     gradient = np.linalg.inv(jacobian) @ np.moveaxis(reference, -1, 0)[:, None].swapaxes(2, 3)
     beta = _fibre_rotations(xy)
-    dx, dy = gradient[:, :, 0], gradient[:, :, 1]
-    along_x = np.stack([dx, dy]) @ beta[None, None, :, 0]
-    along_y = np.stack([dx, dy]) @ beta[None, None, :, 1]
-    curvature = np.stack([along_x[0], along_y[1], along_x[1] + along_y[0]], axis=2)
+    towards_x, towards_y = gradient @ beta[:, 0], gradient @ beta[:, 1]
+    curvature = np.stack(
+        [towards_x[:, :, 0], towards_y[:, :, 1], towards_x[:, :, 1] + towards_y[:, :, 0]],
+        axis=2,
+    )
     return np.asarray(np.moveaxis(curvature, 0, 1).reshape(len(xy), 3, 3, 3, 3))
 
 
@@ -182,3 +197,35 @@ def _to_global(mean: Array, higher: Array, curvature: Array, axes: Array) -> Arr
 
 def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _check(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> None:
+    what = "triangular shells"
+    if corners.ndim != 3 or corners.shape[1:] != (3, 3):
+        raise InputError(f"corners of {what}", value=f"shape {corners.shape}", allowed="shape (e, 3, 3)")
+    if thickness.shape != corners.shape[:1]:
+        raise InputError(
+            f"thickness of {what}", value=f"shape {thickness.shape}", allowed=f"shape ({len(corners)},), one a triangle"
+        )
+    if not 0.0 < youngs_modulus < np.inf:
+        raise InputError("Young's modulus (Pa)", value=youngs_modulus, allowed="finite and greater than 0")
+    if not -1.0 < poissons_ratio < 0.5:
+        raise InputError("Poisson's ratio", value=poissons_ratio, allowed="between -1 and 0.5")
+    side = np.roll(corners, -1, axis=1) - corners
+    longest = (side**2).sum(axis=2).max(axis=1)
+    sound = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) > SMALLEST_ASPECT * longest
+    if not sound.all():
+        first = int(np.argmin(sound))
+        raise InputError(
+            f"triangular shell element {first} has no area or a corner that is not finite ({int((~sound).sum())} in all)",
+            value=corners[first].tolist(),
+            remedy="merge double nodes and remesh slivers",
+        )
+    solid = np.isfinite(thickness) & (thickness > 0.0)
+    if not solid.all():
+        first = int(np.argmin(solid))
+        raise InputError(
+            f"thickness (m) of triangular shell element {first} ({int((~solid).sum())} bad in all)",
+            value=float(thickness[first]),
+            allowed="finite and greater than 0",
+        )

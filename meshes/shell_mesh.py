@@ -128,8 +128,8 @@ def _values(mesh: ShellMesh) -> Iterator[InputError]:
         yield InputError(f"{where}, thickness of element {bad} (m)", value=value, allowed="greater than 0")
     if not 0.0 < mesh.youngs_modulus < np.inf:
         yield InputError(f"{where}, Young's modulus (Pa)", value=mesh.youngs_modulus, allowed="greater than 0")
-    if not -1.0 < mesh.poissons_ratio <= 0.5:
-        yield InputError(f"{where}, Poisson's ratio", value=mesh.poissons_ratio, allowed="above -1, up to 0.5")
+    if not -1.0 < mesh.poissons_ratio < 0.5:
+        yield InputError(f"{where}, Poisson's ratio", value=mesh.poissons_ratio, allowed="between -1 and 0.5")
 
 
 def _aspect(corners: Array) -> Array:
