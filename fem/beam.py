@@ -14,27 +14,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import Basis, ElementLineP1, MeshLine
 
-from meshes import BeamMesh, section_properties
+from meshes import BeamMesh, element_axes, section_properties
 
 Array = NDArray[np.float64]
 
 # 1/EI of a linear taper is no polynomial; order 9 (five points) leaves 1e-9 at four elements a segment.
 QUADRATURE_ORDER = 9
-
-
-def element_axes(mesh: BeamMesh) -> tuple[Array, Array]:
-    """Lengths (m,) and rotations (m, 3, 3): columns are the local x (along), y (width), z (height) axes."""
-    span = mesh.nodes[mesh.elements[:, 1]] - mesh.nodes[mesh.elements[:, 0]]
-    length = np.linalg.norm(span, axis=1)
-    x = span / length[:, None]
-    up = np.broadcast_to(mesh.up, x.shape)
-    # A height direction along the beam says nothing; any normal will do then.
-    parallel = np.linalg.norm(np.cross(up, x), axis=1) < 1e-6 * np.linalg.norm(mesh.up)
-    spare = np.eye(3)[np.argmin(np.abs(x), axis=1)]
-    up = np.where(parallel[:, None], spare, up)
-    y = np.cross(up, x)
-    y /= np.linalg.norm(y, axis=1)[:, None]
-    return length, np.stack([x, y, np.cross(x, y)], axis=2)
 
 
 def element_flexibility(mesh: BeamMesh) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fem import beam
 from fem.inputs import as_points, as_wrenches
 from fem.model import ArmModel, LinkPart
+from robots import InputError
 from robots.kinematics import as_poses, forward_kinematics, tool_position
 
 Array = NDArray[np.float64]
@@ -181,6 +182,8 @@ def _flexible(system: _System, link: LinkPart, root: _Node, R: Array, condensed:
     if condensed:
         K, names = link.element.stiffness, dict.fromkeys(link.element.interfaces)
         index = {name: i for i, name in enumerate(names)}
+    elif link.shell is not None:
+        raise InputError(f"full assembly of link {link.name}", value="shell", allowed="beam links, or condensed=True")
     else:
         K, index = beam.assemble(link.mesh).toarray(), link.mesh.interfaces
     count = len(K) // 6

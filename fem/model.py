@@ -12,26 +12,36 @@ from numpy.typing import NDArray
 
 from fem import beam
 from fem.condensation import Superelement, condense
+from fem.shell import shell_superelement
 from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
-from meshes import BeamMesh, crank_beam_mesh, link_beam_mesh, section_dimensions, section_properties
+from meshes import (
+    BeamMesh,
+    ShellMesh,
+    casing_mesh,
+    crank_beam_mesh,
+    link_beam_mesh,
+    section_dimensions,
+    section_properties,
+)
 from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot
 from robots.robot import robot_from
 from robots.schema import Joint, LogPolynomialLaw
 
 Array = NDArray[np.float64]
-LinkKind = Literal["rigid", "beam"]
-LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam")
+LinkKind = Literal["rigid", "beam", "shell"]
+LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell")
 
 
 @dataclass(frozen=True)
 class LinkPart:
-    """A flexible link: the body it is (0 = base) and its condensed FE model."""
+    """A flexible link: the body it is (0 = base) its condensed FE model, its beam, and its shell if it is one."""
 
     name: str
     body: int
     element: Superelement
     mesh: BeamMesh
+    shell: ShellMesh | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +103,7 @@ def build_model(description: ModelDescription, links: LinkKind = "beam", load_pa
 
     Parameters
     ----------
-    links : "beam" for flexible links, "rigid" for joints alone
+    links : "beam" or "shell" for flexible links, "rigid" for joints alone
     load_path : overrides the description's; "parallelogram" needs a robot that has one
 
     Raises
@@ -119,9 +129,9 @@ def build_model(description: ModelDescription, links: LinkKind = "beam", load_pa
             remedy="rename the link: deflections are reported by part",
         )
     parts: tuple[LinkPart, ...] = ()
-    if links == "beam":
+    if links != "rigid":
         parts = tuple(
-            _link_part(link.name, body_index(robot, link.body), link_beam_mesh(description, robot, link))
+            _link_part(link.name, body_index(robot, link.body), link_beam_mesh(description, robot, link), links)
             for link in description.link
         )
     return ArmModel(
@@ -134,7 +144,10 @@ def build_model(description: ModelDescription, links: LinkKind = "beam", load_pa
     )
 
 
-def _link_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
+def _link_part(name: str, body: int, mesh: BeamMesh, kind: LinkKind) -> LinkPart:
+    if kind == "shell":
+        shell = casing_mesh(mesh)
+        return LinkPart(name, body, shell_superelement(shell, mesh.interface_points), mesh, shell)
     nodes = np.array(list(mesh.interfaces.values()))
     element = condense(name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
     return LinkPart(name, body, element, mesh)
@@ -164,5 +177,5 @@ def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind) -> B
     section = section_properties(p.bar.kind, section_dimensions(p.bar), material.poissons_ratio.si)
     length = float(np.linalg.norm(robot.T_pre[geometry.driven][:3, 3]))
     compliance = length / (material.youngs_modulus.si * float(section.area))
-    crank = _link_part("crank", geometry.driven + 1, crank_beam_mesh(description, robot))
+    crank = _link_part("crank", geometry.driven + 1, crank_beam_mesh(description, robot), links)
     return BarPart(compliance, crank)

@@ -78,6 +78,6 @@ def _assumed_shear(side_basis: Basis, corners: Array) -> Array:
         for node in (a, b):  # half the chord times the slope (theta_y, -theta_x)
             integral[:, side, 3 * node + 1] = -0.5 * dy
             integral[:, side, 3 * node + 2] = 0.5 * dx
-    shapes = np.stack([s * shape[0].value for s, shape in zip(SIDE_SIGNS, side_basis.basis, strict=True)])
+    shapes = np.stack([s * np.asarray(shape[0]) for s, shape in zip(SIDE_SIGNS, side_basis.basis, strict=True)])
     e, g = side_basis.dx.shape
     return (np.moveaxis(shapes, (2, 3, 1), (0, 1, 2)).reshape(e, 2 * g, 4) @ integral).reshape(e, g, 2, 12)

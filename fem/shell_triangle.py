@@ -14,7 +14,11 @@ along each side with a cubic deflection, at its middle.
 Limits of validity: small displacements, linear elastic isotropic material, thin shells (no transverse shear:
 its share is left out, some ``(t/span)^2``), facets without curvature, so membrane and bending couple only
 through the angles between neighbours: a doubly curved, very thin shell (R/t of 250) needs a fine mesh. Near
-``nu = 1/2`` beta0 would vanish; it is held at 0.01, as Felippa advises.
+``nu = 1/2`` beta0 would vanish; it is held at 0.01, as Felippa advises. A node has one rotation about each
+axis, yet at a fold or a rigid ring a wall in shear wants another drilling rotation than its neighbour's slope
+(they differ by half the shear strain): the layer of elements there is too stiff, an error of first order in
+the element size. A square tube in torsion is 3 % too stiff at 4 elements a wall, 1 % at 16; the other
+five directions hardly see it. Quads, whose drilling is only stabilised, suffer a tenth of that.
 """
 
 from __future__ import annotations
@@ -215,9 +219,9 @@ def _check(corners: Array, youngs_modulus: float, poissons_ratio: float, thickne
     longest = (side**2).sum(axis=2).max(axis=1)
     sound = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) > SMALLEST_ASPECT * longest
     if not sound.all():
-        first = int(np.argmin(sound))
+        first, bad = int(np.argmin(sound)), int((~sound).sum())
         raise InputError(
-            f"triangular shell element {first} has no area or a corner that is not finite ({int((~sound).sum())} in all)",
+            f"triangular shell element {first} has no area or a corner that is not finite ({bad} in all)",
             value=corners[first].tolist(),
             remedy="merge double nodes and remesh slivers",
         )

@@ -1,12 +1,17 @@
-"""The links' shape: sections and beam meshes (shell meshes stand beside them later)."""
+"""The links' shape: sections, beam meshes and casings as shells."""
 
-from meshes.beams import BeamMesh, crank_beam_mesh, link_beam_mesh
+from meshes.beams import BeamMesh, crank_beam_mesh, element_axes, link_beam_mesh
+from meshes.casings import casing_mesh
 from meshes.sections import SectionProperties, section_dimensions, section_properties
+from meshes.shell_mesh import ShellMesh
 
 __all__ = [
     "BeamMesh",
     "SectionProperties",
+    "ShellMesh",
+    "casing_mesh",
     "crank_beam_mesh",
+    "element_axes",
     "link_beam_mesh",
     "section_dimensions",
     "section_properties",

@@ -43,6 +43,21 @@ class BeamMesh:
         return self.nodes[list(self.interfaces.values())]
 
 
+def element_axes(mesh: BeamMesh) -> tuple[Array, Array]:
+    """Lengths (m,) and rotations (m, 3, 3): columns are the local x (along), y (width), z (height) axes."""
+    span = mesh.nodes[mesh.elements[:, 1]] - mesh.nodes[mesh.elements[:, 0]]
+    length = np.linalg.norm(span, axis=1)
+    x = span / length[:, None]
+    up = np.broadcast_to(mesh.up, x.shape)
+    # A height direction along the beam says nothing; any normal will do then.
+    parallel = np.linalg.norm(np.cross(up, x), axis=1) < 1e-6 * np.linalg.norm(mesh.up)
+    spare = np.eye(3)[np.argmin(np.abs(x), axis=1)]
+    up = np.where(parallel[:, None], spare, up)
+    y = np.cross(up, x)
+    y /= np.linalg.norm(y, axis=1)[:, None]
+    return length, np.stack([x, y, np.cross(x, y)], axis=2)
+
+
 def body_tip(robot: Robot, body: int) -> Array:
     """Where the next joint (or the flange) sits in the frame of a body (3,)."""
     T = robot.T_last_flange if body == robot.dof else robot.T_pre[body]

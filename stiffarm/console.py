@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any
 
 import typer
@@ -20,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robots import InputError
+from stiffarm.interruption import stoppable
 
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
@@ -76,7 +74,7 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
 @contextmanager
 def user_errors(debug: bool) -> Iterator[None]:
     """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too."""
-    with _interrupts() as interrupted:
+    with stoppable():
         try:
             yield
         except InputError as error:
@@ -84,41 +82,19 @@ def user_errors(debug: bool) -> Iterator[None]:
                 traceback.print_exc()
             say(f"stiffarm: {error}")
             raise typer.Exit(EXIT_BAD_INPUT) from None
+        except KeyboardInterrupt:  # only where Ctrl-C is not ours to handle
+            say("stiffarm: stopped by the user; no half-written files are left")
+            raise typer.Exit(EXIT_OTHER) from None
         except (typer.Exit, typer.Abort):
             raise
-        except (KeyboardInterrupt, Exception) as error:  # a user never sees a traceback unasked
-            if interrupted or isinstance(error, KeyboardInterrupt):
-                say("stiffarm: stopped by the user; no half-written files are left")
-                raise typer.Exit(EXIT_OTHER) from None
+        except Exception as error:  # the last line of defence: a user never sees a traceback unasked
             if debug:
                 raise
             say(f"stiffarm: {_unforeseen(error)}")
             raise typer.Exit(EXIT_OTHER) from None
 
 
-def _unforeseen(error: BaseException) -> str:
+def _unforeseen(error: Exception) -> str:
     if isinstance(error, OSError):
         return f"the system refused: {error}. To fix it: check free space and access rights, then run again"
     return f"internal error: {type(error).__name__}: {error} (run again with --debug and report it)"
-
-
-@contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Collect Ctrl-C: a library may turn the KeyboardInterrupt it was hit by into an error of its own."""
-    seen: list[int] = []
-
-    def note(signum: int, frame: FrameType | None) -> None:
-        seen.append(signum)
-        raise KeyboardInterrupt
-
-    usual = (
-        threading.current_thread() is threading.main_thread()
-        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )
-    if usual:
-        signal.signal(signal.SIGINT, note)
-    try:
-        yield seen
-    finally:
-        if usual:
-            signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -34,13 +34,12 @@ class ModelInput:
 def read_model(name: str, links: str | None, load_path: str | None) -> ModelInput:
     """Load and build a model; links default to what it was calibrated with, else beams."""
     description = load_description(name)
-    kind: LinkKind = "beam"
     asked = links
     if asked is None:
         asked = description.calibration.links if description.calibration else "beam"
     if asked not in LINK_KINDS:
         raise InputError("--links", value=asked, allowed=", ".join(LINK_KINDS))
-    kind = "rigid" if asked == "rigid" else "beam"
+    kind: LinkKind = next(known for known in LINK_KINDS if known == asked)
     path: LoadPath | None = None
     if load_path is not None:
         if load_path not in ("parallelogram", "serial"):

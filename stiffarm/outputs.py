@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from robots import InputError
+from stiffarm.interruption import tidied_by, undisturbed
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
 
@@ -42,14 +43,17 @@ class OutputFolder:
         self._timings: dict[str, float] = {}
         self._made: list[Path] = []
         self._stage: Path | None = None
+        self._guard = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
+        self._guard.enter_context(tidied_by(self._tidy))
         try:
-            self._make(self.target)
-            self._stage = Path(tempfile.mkdtemp(prefix=".partial-", dir=self.target))
+            with undisturbed():
+                self._make(self.target)
+                self._stage = Path(tempfile.mkdtemp(prefix=".partial-", dir=self.target))
         except BaseException as error:
-            self._tidy()
+            self._close()
             if isinstance(error, OSError):
                 raise InputError(
                     f"output folder {self.target} cannot be written ({error.strerror or error})",
@@ -64,9 +68,10 @@ class OutputFolder:
         try:
             if kind is None:
                 self.write_json("run.json", self._provenance())
-                self._publish()
+                with undisturbed():
+                    self._publish()
         finally:
-            self._tidy()
+            self._close()
 
     @property
     def stage(self) -> Path:
@@ -140,6 +145,10 @@ class OutputFolder:
         """Make a folder and those above it, and remember which were not there."""
         self._made += [p for p in (folder, *folder.parents) if not p.exists()]
         folder.mkdir(parents=True, exist_ok=True)
+
+    def _close(self) -> None:
+        self._tidy()
+        self._guard.close()
 
     def _tidy(self) -> None:
         """Remove the hidden folder, and of the folders that were made the ones that hold nothing."""
