@@ -39,7 +39,8 @@ def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
     material = (mesh.youngs_modulus, mesh.poissons_ratio)
     parts = []
     if first_quad:
-        K = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:first_quad])
+        seam = _beside_quads(mesh)
+        K = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:first_quad], seam)
         parts.append(_scatter(K, mesh.triangles))
     if len(mesh.quads):
         from fem.shell_quad import quad_stiffness
@@ -49,6 +50,14 @@ def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
     values, rows, columns = (np.concatenate(column) for column in zip(*parts, strict=True))
     size = 6 * len(mesh.nodes)
     return sp.coo_array((values, (rows, columns)), shape=(size, size)).tocsc()
+
+
+def _beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
+    """Which sides (m, 3) of the triangles are quads' sides too."""
+    edges = np.sort(mesh.edges, axis=1)
+    key = edges[:, 0] * np.int64(len(mesh.nodes)) + edges[:, 1]
+    first_quad = 3 * len(mesh.triangles)
+    return np.isin(key[:first_quad], key[first_quad:]).reshape(-1, 3)
 
 
 def _scatter(K: Array, elements: Indices) -> tuple[Array, NDArray[np.int32], NDArray[np.int32]]:
@@ -184,11 +193,10 @@ def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
     blocks = []
     for j, (ring, kind) in enumerate(zip(rings, kinds, strict=True)):
         if kind == "rigid":
-            own = freedoms(np.array([rigid.index(j)]))[0] + first_master
-            blocks.append(sp.csc_array((np.ones(6), (np.arange(6), own)), shape=(6, T.shape[1])))
+            blocks.append(_columns(np.eye(6), first_master + 6 * rigid.index(j) + np.arange(6), T.shape[1]))
         else:
             mean = distributing_coupling(mesh.nodes, ring, points[j], _edge_weights(mesh, ring))
-            blocks.append(_columns(mean, freedoms(ring).ravel(), len(mesh.nodes)) @ T)
+            blocks.append(_columns(mean, freedoms(ring).ravel(), T.shape[0]) @ T)
     reading = sp.csc_array(sp.vstack(blocks))
     # Any six freedoms of one point will do; rings made rigid hold best, else a node of the root's ring.
     held = first_master + np.arange(6) if rigid else freedoms(rings[0][:1]).ravel()
@@ -257,22 +265,19 @@ def _expansion(mesh: ShellMesh, rigid: Mapping[int, Indices], points: Array) -> 
     kept = freedoms(np.setdiff1d(np.arange(k), tied)).ravel()
     rows, columns, values = [kept], [np.arange(kept.size)], [np.ones(kept.size)]
     for number, (j, ring) in enumerate(rigid.items()):
-        block = rigid_coupling(mesh.nodes, ring, points[j])
         rows.append(np.repeat(freedoms(ring).ravel(), 6))
         columns.append(np.tile(kept.size + 6 * number + np.arange(6), 6 * ring.size))
-        values.append(block.ravel())
-    T = sp.coo_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-        shape=(6 * k, kept.size + 6 * len(rigid)),
-    ).tocsc()
+        values.append(rigid_coupling(mesh.nodes, ring, points[j]).ravel())
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    T = sp.coo_array(entries, shape=(6 * k, kept.size + 6 * len(rigid))).tocsc()
     T.eliminate_zeros()
     return T
 
 
-def _columns(block: Array, columns: Indices, k: int) -> sp.csc_array:
-    """Rows (6, c) of a dense block at the given columns of (6, 6k)."""
+def _columns(block: Array, columns: Indices, width: int) -> sp.csc_array:
+    """Spread a dense block (6, c) over the given columns of (6, width)."""
     rows = np.repeat(np.arange(len(block)), columns.size)
-    return sp.coo_array((block.ravel(), (rows, np.tile(columns, len(block)))), shape=(len(block), 6 * k)).tocsc()
+    return sp.coo_array((block.ravel(), (rows, np.tile(columns, len(block)))), shape=(len(block), width)).tocsc()
 
 
 def _edge_weights(mesh: ShellMesh, ring: Indices) -> Array:

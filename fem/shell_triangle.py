@@ -53,7 +53,13 @@ _CURVATURE_POINTS, _CURVATURE_WEIGHTS = get_quadrature(RefTri, 2)
 _P2_SIDES = ((0, 1), (1, 2), (0, 2))
 
 
-def triangle_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> Array:
+def triangle_stiffness(
+    corners: Array,
+    youngs_modulus: float,
+    poissons_ratio: float,
+    thickness: Array,
+    straight_sides: NDArray[np.bool_] | None = None,
+) -> Array:
     """Stiffness of e triangles in global axes.
 
     Parameters
@@ -62,6 +68,9 @@ def triangle_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: fl
     youngs_modulus : Pa
     poissons_ratio : above -1, below 0.5
     thickness : (e,) m
+    straight_sides : (e, 3), default none
+        Sides 01, 12, 20 that the corners' drilling rotations must not bend (``alpha_b = 0`` there), because the
+        neighbour across has straight sides, as quads have; the patch test holds across such a seam then.
 
     Returns
     -------
@@ -80,7 +89,8 @@ def triangle_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: fl
     _check(corners, youngs_modulus, poissons_ratio, thickness)
     axes, xy = facet_axes(corners)
     area = 0.5 * _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0])
-    mean, higher = membrane_strains(xy, area)
+    alpha = np.where(np.zeros((len(xy), 3), dtype=bool) if straight_sides is None else straight_sides, 0.0, ALPHA_B)
+    mean, higher = membrane_strains(xy, area, alpha)
     strains = _to_global(mean[:, None], higher, bending_curvatures(xy), axes)
     # Six freedoms a node leave 18 columns; 3 strains at 1 + 3 + 3 points are 21 rows: K = (wS)^T E (wS).
     weights = np.concatenate(
@@ -118,8 +128,10 @@ def facet_axes(corners: Array) -> tuple[Array, Array]:
     return axes, span @ np.swapaxes(axes[:, :2], 1, 2)
 
 
-def membrane_strains(xy: Array, area: Array) -> tuple[Array, Array]:
+def membrane_strains(xy: Array, area: Array, alpha: Array) -> tuple[Array, Array]:
     """Strains (xx, yy, gamma xy) from the freedoms (u, v, rz) of the corners of flat triangles (e, 3, 2).
+
+    ``alpha`` (e, 3): Felippa's alpha_b of sides 01, 12, 20.
 
     Returns
     -------
@@ -130,14 +142,13 @@ def membrane_strains(xy: Array, area: Array) -> tuple[Array, Array]:
     before, after = np.roll(xy, 1, axis=1), np.roll(xy, -1, axis=1)
     # By corner i with the others j, k: (x_kj, y_jk), twice the area times the gradient of N_i.
     b, c = after[..., 1] - before[..., 1], before[..., 0] - after[..., 0]
-    x_ki, y_ik = before[..., 0] - xy[..., 0], xy[..., 1] - before[..., 1]
-    x_ij, y_ji = xy[..., 0] - after[..., 0], after[..., 1] - xy[..., 1]
+    # What the sides, bent by the rotations of their ends, take in per unit rotation: squares of the normals.
+    dx, dy = (after - xy)[..., 0], (after - xy)[..., 1]
+    swept = np.stack([dy**2, dx**2, -2.0 * dx * dy], axis=1) * (alpha / 6.0)[:, None]
     mean = np.zeros((e, 3, 3, 3))
     mean[:, 0, :, 0] = mean[:, 2, :, 1] = b
     mean[:, 1, :, 1] = mean[:, 2, :, 0] = c
-    mean[:, 0, :, 2] = ALPHA_B / 6.0 * b * (y_ik - y_ji)
-    mean[:, 1, :, 2] = ALPHA_B / 6.0 * c * (x_ki - x_ij)
-    mean[:, 2, :, 2] = ALPHA_B / 3.0 * (x_ki * y_ik - x_ij * y_ji)
+    mean[..., 2] = np.roll(swept, 1, axis=2) - swept
     mean /= 2.0 * area[:, None, None, None]
 
     relative = np.zeros((e, 3, 3, 3))

@@ -1,0 +1,263 @@
+"""A user's surface file, read, repaired and judged, before anything is meshed on it.
+
+Surfaces here are arrays: corners (n, 3) and faces (m, 3), the outward sense of a face by its right hand.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+import trimesh
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from robots import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SUFFIXES = (".stl", ".obj", ".dae", ".ply")
+# Corners nearer than this share of the diagonal are one; a 32 bit STL resolves 1e-7 of its extents.
+SAME_POINT = 1e-6
+# A face lower than this share of its longest edge has no normal worth the name.
+FLAT_FACE = 1e-6
+# A second body with more than this share of the largest one's area is not an accessory.
+SECOND_BODY = 0.2
+# Extents of a casing over the distance of its interfaces; beyond, the unit of length is in doubt.
+SPAN_RATIO = (0.5, 5.0)
+SCALES = (0.001, 1000.0, 0.01, 100.0, 0.0254, 0.3048)
+
+
+def read_surface(path: Path, scale: float | None) -> tuple[Array, Indices, list[str]]:
+    """Corners in metres and faces of a STL, OBJ, DAE or PLY file, as they stand.
+
+    ``scale`` is metres for one unit of the file; None takes the file's own unit (DAE), else metres.
+
+    Raises
+    ------
+    InputError
+        File missing or unreadable, no triangles, numbers that are not finite, ``scale`` not positive.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"surface {path.name}", value=path.suffix, allowed=", ".join(SUFFIXES))
+    if not path.is_file():
+        raise InputError("surface file not found", value=str(path), remedy="check the path")
+    if scale is not None and not 0.0 < scale < np.inf:
+        raise InputError("scale (m for one unit of the file)", value=scale, allowed="greater than 0")
+    if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
+        raise InputError(
+            f"surface {path.name}: DAE files need the package pycollada",
+            remedy="install pycollada, or convert the file to STL",
+        )
+    try:
+        mesh = trimesh.load_mesh(path, process=False)
+        nodes = np.asarray(mesh.vertices, dtype=np.float64)
+        faces = np.asarray(mesh.faces, dtype=np.int64)
+    except Exception as error:  # the readers raise whatever their parsers do
+        raise InputError(
+            f"surface {path.name} cannot be read ({type(error).__name__}: {error})", remedy="export it again"
+        ) from error
+    if not faces.size:
+        raise InputError(f"surface {path.name} has no triangles", remedy="export a surface, not points or curves")
+    if not np.isfinite(nodes).all():
+        raise InputError(f"surface {path.name}: corners that are not finite numbers", remedy="export it again")
+    notes = [f"read {len(faces)} triangles from {path.name}"]
+    if scale is None:
+        scale = float(trimesh.units.unit_conversion(mesh.units, "meters")) if mesh.units else 1.0
+        notes.append(f"unit of the file {'from its header' if mesh.units else 'taken as the metre'}")
+    if scale != 1.0:
+        notes.append(f"coordinates multiplied by {scale:g}")
+    return nodes * scale, faces, notes
+
+
+def check_scale(name: str, nodes: Array, points: Array, span: float | None) -> str:
+    """Compare the surface's diagonal with the interfaces' distance (m); a line for the report.
+
+    Raises
+    ------
+    InputError
+        The ratio is outside ``SPAN_RATIO``; a factor that would mend it is named.
+    """
+    if span is None:
+        span = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+    elif not 0.0 < span < np.inf:
+        raise InputError("expected span (m)", value=span, allowed="greater than 0")
+    diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
+    low, high = SPAN_RATIO
+    if span == 0.0:
+        return "scale not checked: one interface and no expected span"
+    if not low <= diagonal / span <= high:
+        fits = [factor for factor in SCALES if low <= factor * diagonal / span <= high]
+        remedy = f"multiply scale by {fits[0]:g} (scale={fits[0]:g} if none was given)" if fits else "check both"
+        raise InputError(
+            f"scale of {name}: surface {diagonal:.4g} m across, interfaces {span:.4g} m apart",
+            value=f"ratio {diagonal / span:.4g}",
+            allowed=f"{low:g} to {high:g}",
+            remedy=remedy,
+        )
+    return f"scale: surface {diagonal:.4g} m across, interfaces {span:.4g} m apart"
+
+
+def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[Array, Indices, list[str]]:
+    """One closed body, facing outward: merge, drop, keep the largest body, fill holes up to ``hole`` m around.
+
+    Raises
+    ------
+    InputError
+        Degenerate triangles that cannot be dropped, two bodies, an open surface, edges with three faces or more,
+        a surface without an inside.
+    """
+    nodes, faces, notes = _merged(nodes, faces)
+    faces, dropped = _without_flat(name, nodes, faces)
+    faces, more = _largest_body(name, nodes, faces)
+    mesh = trimesh.Trimesh(nodes, faces, process=False)
+    if (np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1] > 2).any():
+        raise InputError(
+            f"surface {name}: edges with more than two faces",
+            remedy="remove inner walls and touching parts, or wrap the surface (alpha wrap) before the import",
+        )
+    before = mesh.faces.copy()
+    trimesh.repair.fix_winding(mesh)
+    turned = int((mesh.faces != before).any(axis=1).sum())
+    nodes, faces, filled = _fill_holes(name, nodes, np.asarray(mesh.faces, dtype=np.int64), hole)
+    mesh = trimesh.Trimesh(nodes, faces, process=False)
+    if not mesh.is_winding_consistent:
+        raise InputError(f"surface {name} has no inside and outside", remedy="repair it in a CAD program")
+    if mesh.volume < 0.0:
+        faces = faces[:, ::-1].copy()
+        more.append("all faces turned: their normals pointed inward")
+    elif turned:
+        more.append(f"{turned} faces turned to agree with their neighbours")
+    used, flat = np.unique(faces, return_inverse=True)
+    return nodes[used], flat.reshape(-1, 3), [*notes, *dropped, *more, *filled]
+
+
+def _merged(nodes: Array, faces: Indices) -> tuple[Array, Indices, list[str]]:
+    """Merge corners at the same place, then drop faces with repeated corners and doubled faces."""
+    step = SAME_POINT * max(float(np.linalg.norm(np.ptp(nodes, axis=0))), np.finfo(float).tiny)
+    # Not rounding to a grid: that would part two corners on both sides of a grid line.
+    pairs = KDTree(nodes).query_pairs(step, output_type="ndarray")
+    graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes),) * 2)
+    count, label = connected_components(graph, directed=False)
+    first = np.unique(label, return_index=True)[1]
+    merged = label[faces].astype(np.int64)
+    point = (merged == np.roll(merged, 1, axis=1)).any(axis=1)
+    kept = merged[~point]
+    _, single = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
+    notes = [f"{len(nodes) - count} corners merged with others at the same place"] if count < len(nodes) else []
+    if point.any():
+        notes.append(f"{int(point.sum())} degenerate triangles with repeated corners dropped")
+    if single.size < len(kept):
+        notes.append(f"{len(kept) - single.size} doubled triangles dropped")
+    return nodes[first], kept[np.sort(single)], notes
+
+
+def _without_flat(name: str, nodes: Array, faces: Indices) -> tuple[Indices, list[str]]:
+    """Drop triangles without area, where no neighbour needs them."""
+    corners = nodes[faces]
+    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    flat = twice_area <= FLAT_FACE * edge**2
+    if not flat.any():
+        return faces, []
+    if flat.all() or len(_open_edges(faces[~flat])) > len(_open_edges(faces)):
+        raise InputError(
+            f"surface {name}: {int(flat.sum())} degenerate triangles (three corners on a line)",
+            value=f"the first has corners {np.round(corners[flat][0], 6).tolist()} m",
+            allowed="triangles with area, unless the surface stays closed without them",
+            remedy="remesh the surface in the program it came from",
+        )
+    return faces[~flat], [f"{int(flat.sum())} degenerate triangles without area dropped"]
+
+
+def _largest_body(name: str, nodes: Array, faces: Indices) -> tuple[Indices, list[str]]:
+    """Faces of the body with the largest area."""
+    n = len(nodes)
+    rows, columns = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+    label = connected_components(sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(n, n)), False)[1]
+    body = label[faces[:, 0]]
+    area = np.bincount(body, trimesh.triangles.area(nodes[faces]))
+    order = np.argsort(-area)
+    order = order[area[order] > 0.0]
+    if order.size == 1:
+        return faces, []
+    share = float(area[order[1]] / area[order[0]])
+    if share > SECOND_BODY:
+        raise InputError(
+            f"surface {name}: {order.size} separate bodies, the second has {100 * share:.0f} % of the largest one's area",
+            allowed=f"one body, others below {100 * SECOND_BODY:.0f} %",
+            remedy="export the casing's outer skin alone, or unite the parts",
+        )
+    lost = 100 * float(area[order[1:]].sum() / area.sum())
+    return faces[body == order[0]], [f"{order.size - 1} smaller bodies dropped, {lost:.1f} % of the area"]
+
+
+def _open_edges(faces: Indices) -> Indices:
+    """Edges (e, 2) with one face only, in that face's sense."""
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, inverse, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(edges[count[inverse.ravel()] == 1])
+
+
+def _fill_holes(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[Array, Indices, list[str]]:
+    """Close holes up to ``hole`` m around with a fan about their middle; refuse larger ones."""
+    edges = _open_edges(faces)
+    if not len(edges):
+        return nodes, faces, []
+    n = len(nodes)
+    count, label = connected_components(sp.coo_array((np.ones(len(edges)), tuple(edges.T)), shape=(n, n)), False)
+    loop = label[edges[:, 0]]
+    around = np.bincount(loop, np.linalg.norm(nodes[edges[:, 1]] - nodes[edges[:, 0]], axis=1), minlength=count)
+    simple = np.unique(edges[:, 0]).size == len(edges) == np.unique(edges[:, 1]).size
+    if around.max() > hole or not simple:
+        middle = nodes[edges[loop == np.argmax(around)][:, 0]].mean(axis=0)
+        raise InputError(
+            f"surface {name} is open: {np.unique(loop).size} hole(s), the largest {around.max():.4g} m around "
+            f"at {np.round(middle, 4).tolist()} m",
+            allowed=f"a closed surface, or plain holes up to {hole:.4g} m around, which are filled",
+            remedy="close it in the program it came from, or wrap it (alpha wrap)",
+        )
+    loops, place = np.unique(loop, return_inverse=True)
+    middles = np.stack([nodes[edges[place == i][:, 0]].mean(axis=0) for i in range(loops.size)])
+    fan = np.stack([edges[:, 1], edges[:, 0], n + place], axis=1)
+    note = f"{loops.size} hole(s) filled, the largest {around.max():.4g} m around"
+    return np.vstack([nodes, middles]), np.vstack([faces, fan]), [note]
+
+
+def crossings(nodes: Array, faces: Indices) -> Indices:
+    """Pairs (p, 2) of faces that cross, of a mesh with even element sizes; faces that share a corner do not count."""
+    corners = nodes[faces]
+    centre = corners.mean(axis=1)
+    radius = float(np.linalg.norm(corners - centre[:, None], axis=2).max())
+    pairs = KDTree(centre).query_pairs(2.0 * radius, output_type="ndarray")
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    first, second = pairs.T
+    near = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
+    near &= ~(faces[first][:, :, None] == faces[second][:, None, :]).any(axis=(1, 2))
+    pairs = pairs[near]
+    hit = np.zeros(len(pairs), dtype=bool)
+    for one, other in ((0, 1), (1, 0)):
+        triangle = corners[pairs[:, other]]
+        for i, j in pairwise((0, 1, 2, 0)):
+            hit |= _pierces(corners[pairs[:, one], i], corners[pairs[:, one], j], triangle)
+    return np.asarray(pairs[hit])
+
+
+def _pierces(start: Array, end: Array, triangle: Array) -> NDArray[np.bool_]:
+    """Whether segments (p, 3) pass through triangles (p, 3, 3); touching does not count."""
+
+    def volume(a: Array, b: Array, c: Array, d: Array) -> Array:
+        return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a))
+
+    a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
+    # Below this the signs are round-off.
+    least = 1e-9 * np.linalg.norm(end - start, axis=1) * np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+    above, below = volume(a, b, c, start), volume(a, b, c, end)
+    sides = np.stack([volume(start, end, a, b), volume(start, end, b, c), volume(start, end, c, a)])
+    inside = (sides > least).all(axis=0) | (sides < -least).all(axis=0)
+    return np.asarray((np.abs(above) > least) & (np.abs(below) > least) & (above * below < 0.0) & inside)

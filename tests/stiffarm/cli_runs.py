@@ -1,0 +1,102 @@
+"""Running the command line in tests: in this process and in processes of their own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner
+
+from stiffarm.cli import app
+
+ROOT = Path(__file__).resolve().parents[2]
+# What a robot's maker might call it, or an attacker.
+HOSTILE_TITLE = "<script>alert('x')</script> & \"Arm\" [/b]"
+HOSTILE_NOTE = "<img src='https://example.org/x.png'> {{ 7 * 7 }} </details>"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """What stdout holds, which must be one JSON document and nothing else."""
+
+        def refuse(name: str) -> None:
+            raise ValueError(f"{name} is no JSON number")
+
+        return json.loads(self.out, parse_constant=refuse)
+
+
+Command = Callable[..., Outcome]
+
+
+def run_here(*arguments: str | Path) -> Outcome:
+    """Run a command in this process: quick, and it may be monkeypatched."""
+    result = CliRunner().invoke(app, [str(a) for a in arguments], prog_name="stiffarm")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Outcome(result.exit_code, result.stdout, result.stderr)
+
+
+def environment(**more: str) -> dict[str, str]:
+    """An environment in which another process sees this tree's packages."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8", **more}
+
+
+def start(arguments: Sequence[str | Path], **more: Any) -> subprocess.Popen[str]:
+    """Start a command as a process of its own, with Ctrl-C as a shell gives it to a command."""
+    return subprocess.Popen(  # noqa: S603 - our own interpreter
+        [sys.executable, "-m", "stiffarm", *map(str, arguments)],
+        **{"env": environment(), "stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        | more,
+        encoding="utf-8",
+        # A test run in the background may ignore SIGINT, and its children would inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def run_apart(*arguments: str | Path, **more: Any) -> Outcome:
+    """Run a command as a user does."""
+    process = start(arguments, **more)
+    out, err = process.communicate(timeout=300)
+    return Outcome(process.returncode, out, err)
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """Every file below a folder with the hash of its content, and every folder."""
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() if p.is_file() else "folder"
+        for p in folder.rglob("*")
+    }
+
+
+@dataclass(frozen=True)
+class FullRun:
+    """A whole ``stiffarm run`` and its folder."""
+
+    outcome: Outcome
+    folder: Path
+
+    @property
+    def results(self) -> Any:
+        """results.json."""
+        return json.loads((self.folder / "results.json").read_text(encoding="utf-8"))
+
+    @property
+    def report(self) -> str:
+        """report.html."""
+        return (self.folder / "report.html").read_text(encoding="utf-8")
