@@ -94,9 +94,7 @@ def read_table(path: Path) -> RawTable:
         raise InputError(what, value=str(path), allowed=allowed, remedy="check the path")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError(
-            "measurement file", value=str(path), allowed=allowed, remedy="save it as one of these"
-        )
+        raise InputError("measurement file", value=str(path), allowed=allowed, remedy="save it as one of these")
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -15,13 +15,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fem.condensation import solve_positive_definite
-from fem.inputs import as_points
+from fem.inputs import as_points, as_wrenches
 from fem.model import ArmModel, LinkPart
 from fem.shell import CoupledShell, couple, rigid_motion
 from fem.transfers import axial_transfers
+from meshes import ShellMesh
 from robots import InputError
 from robots.kinematics import BodyFrames, as_poses, forward_kinematics, tool_position
 
@@ -35,7 +36,8 @@ class ShellArmSolution:
 
     ``displacement`` (l, 6): tool point, m and rad, base axes. ``links``: nodal displacements (l, k, 6) of each
     link's shell mesh by name, m and rad, base axes; "crank" is the parallelogram's crank. ``bar_force`` (l,) N,
-    positive when the bar pushes the forearm; None for the serial load path. ``unknowns``: size of the system.
+    positive when the bar pushes the forearm; None for the serial load path. ``unknowns``: how many freedoms
+    the arm has before the bar ties its pins together.
     """
 
     displacement: Array
@@ -55,43 +57,247 @@ class _Node:
         """Displacement of a point rigidly connected, r (3,) m away."""
         return _Node(self.freedoms, rigid_motion(r[None])[0] @ self.G)
 
+    def over(self, size: int) -> Array:
+        """G over all unknowns (6, size)."""
+        G = np.zeros((6, size))
+        G[:, self.freedoms] = self.G
+        return G
+
 
 @dataclass
 class _System:
-    """Unknowns, links (stiffness, freedoms from the unknowns) and relative freedoms with their springs."""
+    """What the parts add: unknowns, links' reduced freedoms (rows, columns, values) of them, springs."""
 
-    shells: Mapping[str, CoupledShell]
     size: int = 0
-    links: dict[str, tuple[sp.coo_array, Array]] = field(default_factory=dict)
+    links: dict[str, tuple[CoupledShell, Array, Indices, Indices, Array]] = field(default_factory=dict)
     springs: list[tuple[int, float]] = field(default_factory=list)
-    row: Array | None = None
 
     def new(self, count: int) -> Indices:
         self.size += count
         return np.arange(self.size - count, self.size)
 
+    def relative(self, node: _Node, directions: Array, stiffness: Array) -> _Node:
+        """Add freedoms along ``directions`` (6, k) with spring constants (k,)."""
+        new = self.new(len(stiffness))
+        self.springs += zip(new.tolist(), stiffness.tolist(), strict=True)
+        return _Node(np.concatenate([node.freedoms, new]), np.hstack([node.G, directions]))
+
+    def link(self, link: LinkPart, shell: CoupledShell, root: _Node, R: Array) -> dict[str, _Node]:
+        """Fasten a link to its root; returns the nodes of its other interfaces."""
+        names = link.element.interfaces
+        count = shell.stiffness.shape[0]
+        first = count - 6 * len(names)  # the interface points come last, in the interfaces' order
+        own = np.setdiff1d(np.arange(count), first + np.arange(6))
+        new = self.new(own.size)
+        turn = both(R)
+        at_root = turn.T @ root.G
+        self.links[link.name] = (
+            shell,
+            R,
+            np.concatenate([own, np.repeat(first + np.arange(6), root.freedoms.size)]),
+            np.concatenate([new, np.tile(root.freedoms, 6)]),
+            np.concatenate([np.ones(own.size), at_root.ravel()]),
+        )
+        return {name: _Node(new[first + 6 * j : first + 6 * j + 6], turn) for j, name in enumerate(names[1:])}
+
+    def reduced(self, name: str) -> sp.csc_array:
+        """Reduced freedoms (r, n) of a link from all unknowns."""
+        shell, _, rows, columns, values = self.links[name]
+        return sp.coo_array((values, (rows, columns)), shape=(shell.stiffness.shape[0], self.size)).tocsc()
+
     def matrix(self) -> sp.csc_array:
-        """Stiffness (n, n) of all unknowns, bar left out."""
+        """Stiffness (n, n) of all unknowns."""
         at = np.array([freedom for freedom, _ in self.springs], dtype=np.int64)
-        values = np.array([stiffness for _, stiffness in self.springs])
+        values = np.array([stiffness for _, stiffness in self.springs], dtype=np.float64)
         K = sp.coo_array((values, (at, at)), shape=(self.size, self.size)).tocsc()
-        for name in self.links:
-            B = self.freedoms_of(name)
-            K = K + B.T @ self.shells[name].stiffness @ B
+        for name, (shell, *_) in self.links.items():
+            B = self.reduced(name)
+            K = K + B.T @ shell.stiffness @ B
         return sp.csc_array(K)
 
-    def freedoms_of(self, name: str) -> sp.csc_array:
-        """Reduced freedoms (r, n) of a link from all unknowns."""
-        B = self.links[name][0]
-        return sp.coo_array((B.data, (B.row, B.col)), shape=(B.shape[0], self.size)).tocsc()
 
-
-def couple_links(model: ArmModel) -> dict[str, CoupledShell]:
-    """Couple the shell of each link (the crank's too) to its interface points by rigid rings, as the model's are.
+def shell_of(link: LinkPart) -> ShellMesh:
+    """Shell mesh of a link.
 
     Raises
     ------
     InputError
-        The model's links are not shells.
+        It has none.
     """
-    return {link.name: couple(mesh_part.shell, mesh_part.element.points) for link, mesh_part in _shells(model)}
+    if link.shell is None:
+        raise InputError(f"link {link.name}", value="no shell mesh", allowed="a model built with links='shell'")
+    return link.shell
+
+
+def all_links(model: ArmModel) -> list[LinkPart]:
+    """Links from base to tip, then the parallelogram's crank if it is flexible."""
+    crank = None if model.bar is None else model.bar.crank
+    return list(model.links) if crank is None else [*model.links, crank]
+
+
+def couple_links(model: ArmModel) -> dict[str, CoupledShell]:
+    """Shells of all links by name, the crank's included, coupled by rigid rings as the model's superelements are.
+
+    They depend on the links alone: compute them once for many poses, springs or loads.
+
+    Raises
+    ------
+    InputError
+        The model has no links, or links that are not shells.
+    """
+    if not model.links:
+        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell")
+    return {link.name: couple(shell_of(link), link.element.points) for link in all_links(model)}
+
+
+def solve_shell_arm(
+    model: ArmModel,
+    q: ArrayLike,
+    wrench: ArrayLike,
+    point: ArrayLike | None = None,
+    *,
+    shells: Mapping[str, CoupledShell] | None = None,
+) -> ShellArmSolution:
+    """Solve the assembled shell model of the whole arm for one pose.
+
+    Parameters
+    ----------
+    model : built with ``links="shell"``, either load path
+    q : (dof,) rad; limits are not checked here
+    wrench : (6,) or (l, 6) loads, force N and moment N m in base axes at the tool point
+    point : (3,) m in the flange frame instead of the model's tool point
+    shells : what :func:`couple_links` gave for these links, to save its work
+
+    Raises
+    ------
+    InputError
+        Shapes, values that are not finite, links that are not shells, a flat parallelogram, or an arm too close
+        to a mechanism for the solver.
+
+    Notes
+    -----
+    Equals :func:`fem.statics.deflection` to round-off, which walls far stiffer than the springs enlarge to some
+    1e-9 (tests/fem/test_shell_arm.py).
+    """
+    pose, loads, at = one_pose(model, q, wrench, point)
+    shells = couple_links(model) if shells is None else shells
+    frames = forward_kinematics(model.robot, pose)
+    tool = tool_position(model.robot, frames, at)
+    list(axial_transfers(model, frames, tool))  # raises InputError if the parallelogram is flat
+    system = _System()
+    end, bar = _assemble(system, model, shells, frames, pose, tool[0])
+    K, to_tool = system.matrix(), end.over(system.size)
+    force = np.asarray(to_tool.T @ loads.T)
+    try:
+        x = _solve(K, force, bar, 0.0 if model.bar is None else model.bar.compliance)
+    except ArithmeticError as error:
+        raise InputError(
+            f"{model.robot.name}: {error}", value=pose[0].tolist(), remedy="check the joint angles and the springs"
+        ) from error
+    push = None
+    if bar is not None:
+        pivot = int(np.argmax(np.abs(bar)))
+        # Equilibrium of one freedom the bar pushes at.
+        push = np.asarray((K[[pivot]] @ x)[0] - force[pivot]) / bar[pivot]
+    links = {name: _nodal(system, name, x) for name in system.links}
+    return ShellArmSolution(np.asarray((to_tool @ x).T), links, push, system.size)
+
+
+def both(R: Array) -> Array:
+    """Rotation (6, 6) of displacement and rotation, or of force and moment, by R (3, 3)."""
+    return np.asarray(np.kron(np.eye(2), R), dtype=np.float64)
+
+
+def one_pose(
+    model: ArmModel, q: ArrayLike, wrench: ArrayLike, point: ArrayLike | None
+) -> tuple[Array, Array, Array | None]:
+    """Check one pose (dof,), loads (6,) or (l, 6) and a point (3,); returned as (1, dof), (l, 6) and (1, 3)."""
+    pose = as_poses(model.robot, np.atleast_2d(np.asarray(q, dtype=np.float64)))
+    if len(pose) != 1:
+        raise InputError("poses of a full solve", value=len(pose), allowed="one at a time")
+    loads = np.asarray(wrench, dtype=np.float64)
+    loads = as_wrenches(loads, len(loads) if loads.ndim == 2 else 1)
+    return pose, loads, as_points(point, 1)
+
+
+def _assemble(
+    system: _System, model: ArmModel, shells: Mapping[str, CoupledShell], frames: BodyFrames, q: Array, tool: Array
+) -> tuple[_Node, Array | None]:
+    """Walk down the chain; returns the tool's node and the bar's elongation as a row (n,) of the unknowns."""
+    robot = model.robot
+    links = {link.body: link for link in model.links}
+    p = robot.parallelogram if model.bar is not None else None
+    R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
+    node, at = _Node(np.zeros(0, dtype=np.int64), np.zeros((6, 0))), np.zeros(3)
+    crank = pin = None
+    for body in range(robot.dof + 1):
+        tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
+        if body > 0:
+            joint = body - 1
+            node = node.carried(origin[body] - at)
+            if p is not None and joint == p.crank_about:
+                turned = _turn(system, model, axis[p.driven], node, p.driven, q)
+                crank = _crank(system, model, shells, turned, R[p.driven + 1])
+            free = p is not None and joint == p.driven
+            node = _turn(system, model, axis[joint], node, joint, q, free=free)
+            node = _other_directions(system, model, R[body] @ robot.R_post[joint].T, node, joint)
+        link = links.get(body)
+        ends = {} if link is None else system.link(link, shells[link.name], node, R[body])
+        if p is not None and body == p.driven + 1:
+            pin = ends.get("pin", node.carried(R[body] @ p.pin))
+        node, at = ends.get("tip", node.carried(tip - origin[body])), tip
+    node = node.carried(tool - at)
+    if p is None or crank is None or pin is None:
+        return node, None
+    u = origin[p.driven + 1] - origin[p.crank_about + 1]
+    return node, u @ (pin.over(system.size) - crank.over(system.size))[:3] / np.linalg.norm(u)
+
+
+def _turn(
+    system: _System, model: ArmModel, axis: Array, node: _Node, joint: int, q: Array, *, free: bool = False
+) -> _Node:
+    """Turn about the joint's axis against its spring (or freely, as a parallelogram's elbow does)."""
+    compliance = model.joints[joint].axial.compliance(q)[:1]
+    if not free and not compliance.any():
+        return node
+    direction = np.concatenate([np.zeros(3), axis])[:, None]
+    return system.relative(node, direction, np.zeros(1) if free else 1.0 / compliance)
+
+
+def _other_directions(system: _System, model: ArmModel, R: Array, node: _Node, joint: int) -> _Node:
+    other = model.joints[joint].other
+    kept = np.flatnonzero(other)
+    return system.relative(node, both(R)[:, kept], 1.0 / other[kept])
+
+
+def _crank(system: _System, model: ArmModel, shells: Mapping[str, CoupledShell], node: _Node, R: Array) -> _Node:
+    assert model.bar is not None and model.robot.parallelogram is not None  # noqa: S101, PT018 - the caller knows
+    crank = model.bar.crank
+    if crank is None:
+        return node.carried(R @ model.robot.parallelogram.pin)
+    return system.link(crank, shells[crank.name], node, R)["tip"]
+
+
+def _solve(K: sp.csc_array, force: Array, bar: Array | None, compliance: float) -> Array:
+    """Unknowns (n, l) under ``force`` (n, l); the bar's elongation ``e = bar . x`` replaces one of them."""
+    if bar is None:
+        return solve_positive_definite(K, force)
+    n, pivot = bar.size, int(np.argmax(np.abs(bar)))
+    kept = np.delete(np.arange(n), pivot)
+    used = kept[bar[kept] != 0.0]
+    rows = np.concatenate([kept, np.full(used.size, pivot), [pivot]])
+    columns = np.concatenate([np.arange(n - 1), np.searchsorted(kept, used), [n - 1]])
+    values = np.concatenate([np.ones(n - 1), -bar[used] / bar[pivot], [1.0 / bar[pivot]]])
+    Z = sp.coo_array((values, (rows, columns)), shape=(n, n)).tocsc()
+    if compliance == 0.0:
+        Z = Z[:, :-1]
+        return np.asarray(Z @ solve_positive_definite(sp.csc_array(Z.T @ K @ Z), np.asarray(Z.T @ force)))
+    spring = sp.coo_array(([1.0 / compliance], ([n - 1], [n - 1])), shape=(n, n))
+    return np.asarray(Z @ solve_positive_definite(sp.csc_array(Z.T @ K @ Z + spring), np.asarray(Z.T @ force)))
+
+
+def _nodal(system: _System, name: str, x: Array) -> Array:
+    """Displacements (l, k, 6) of a link's nodes in base axes from the unknowns (n, l)."""
+    shell, R = system.links[name][:2]
+    local = np.asarray(shell.expansion @ (system.reduced(name) @ x))
+    return np.asarray(local.T.reshape(x.shape[1], -1, 2, 3) @ R.T).reshape(x.shape[1], -1, 6)

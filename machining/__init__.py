@@ -1,0 +1,1 @@
+"""Use: indices, posture, rail placement, toolpaths, NC programs (still to come)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,6 +21,9 @@ from robots import InputError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+# Has no type hints.
+_triangles: Any = trimesh.triangles
 
 SUFFIXES = (".stl", ".obj", ".dae", ".ply")
 # Corners nearer than this share of the diagonal are one; a 32 bit STL resolves 1e-7 of its extents.
@@ -121,13 +125,9 @@ def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tupl
             f"surface {name}: edges with more than two faces",
             remedy="remove inner walls and touching parts, or wrap the surface (alpha wrap) before the import",
         )
-    before = mesh.faces.copy()
-    trimesh.repair.fix_winding(mesh)
-    turned = int((mesh.faces != before).any(axis=1).sum())
-    nodes, faces, filled = _fill_holes(name, nodes, np.asarray(mesh.faces, dtype=np.int64), hole)
+    faces, turned = _wound(name, faces)
+    nodes, faces, filled = _fill_holes(name, nodes, faces, hole)
     mesh = trimesh.Trimesh(nodes, faces, process=False)
-    if not mesh.is_winding_consistent:
-        raise InputError(f"surface {name} has no inside and outside", remedy="repair it in a CAD program")
     if mesh.volume < 0.0:
         faces = faces[:, ::-1].copy()
         more.append("all faces turned: their normals pointed inward")
@@ -181,7 +181,7 @@ def _largest_body(name: str, nodes: Array, faces: Indices) -> tuple[Indices, lis
     rows, columns = np.concatenate([faces[:, :2], faces[:, 1:]]).T
     label = connected_components(sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(n, n)), False)[1]
     body = label[faces[:, 0]]
-    area = np.bincount(body, trimesh.triangles.area(nodes[faces]))
+    area = np.bincount(body, _triangles.area(nodes[faces]))
     order = np.argsort(-area)
     order = order[area[order] > 0.0]
     if order.size == 1:
@@ -189,12 +189,34 @@ def _largest_body(name: str, nodes: Array, faces: Indices) -> tuple[Indices, lis
     share = float(area[order[1]] / area[order[0]])
     if share > SECOND_BODY:
         raise InputError(
-            f"surface {name}: {order.size} separate bodies, the second has {100 * share:.0f} % of the largest one's area",
-            allowed=f"one body, others below {100 * SECOND_BODY:.0f} %",
+            f"surface {name}: {order.size} separate bodies, areas of the two largest 1 : {share:.2f}",
+            allowed=f"one body, others below {SECOND_BODY:g} of its area",
             remedy="export the casing's outer skin alone, or unite the parts",
         )
     lost = 100 * float(area[order[1:]].sum() / area.sum())
     return faces[body == order[0]], [f"{order.size - 1} smaller bodies dropped, {lost:.1f} % of the area"]
+
+
+def _wound(name: str, faces: Indices) -> tuple[Indices, int]:
+    """Turn faces until neighbours run along their common edge in opposite ways; how many were turned."""
+    m = len(faces)
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    order = np.lexsort(np.sort(half, axis=1).T)
+    same = (np.sort(half[order[1:]], axis=1) == np.sort(half[order[:-1]], axis=1)).all(axis=1)
+    one, two = order[:-1][same], order[1:][same]
+    against = half[one, 0] == half[two, 0]
+    one, two = one // 3, two // 3
+    # Each face stands twice, as it is (f) and turned (f + m); agreeing neighbours are joined.
+    rows = np.concatenate([one, one + m])
+    columns = np.concatenate([np.where(against, two + m, two), np.where(against, two, two + m)])
+    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(2 * m, 2 * m))
+    label = connected_components(graph, directed=False)[1].reshape(2, m)
+    if (label[0] == label[1]).any():
+        raise InputError(f"surface {name} has one side only", remedy="repair it in a CAD program")
+    turned = label[0] > label[1]
+    if turned.sum() > m / 2:
+        turned = ~turned
+    return np.where(turned[:, None], faces[:, ::-1], faces), int(turned.sum())
 
 
 def _open_edges(faces: Indices) -> Indices:

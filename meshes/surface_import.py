@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,11 +26,15 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+# Has no type hints.
+_triangles: Any = trimesh.triangles
+
 # Edges between these shares of the target size stay (Botsch and Kobbelt).
 SHORT, LONG = 0.8, 4.0 / 3.0
 # Faces that meet at more than 40 deg form an edge of the part, which remeshing keeps.
 SHARP = np.cos(np.deg2rad(40.0))
 ROUNDS = 8
+LEFT_OVER = 0.002
 # Elements beyond this come from a target size in the wrong unit.
 MOST_ELEMENTS = 400_000
 # Directions in which the faces around a node say less than this about the mid-surface are left alone.
@@ -201,7 +206,7 @@ def _nearest_piece(ring: Indices, faces: Indices, distance: Array) -> Indices:
     edges = edges[np.isin(edges, ring).all(axis=1)]
     shape = (len(distance), len(distance))
     label = connected_components(sp.coo_array((np.ones(len(edges)), tuple(edges.T)), shape=shape), False)[1]
-    return ring[label[ring] == label[ring[np.argmin(distance[ring])]]]
+    return np.asarray(ring[label[ring] == label[ring[np.argmin(distance[ring])]]])
 
 
 def _check_apart(rings: Mapping[str, Indices]) -> None:
@@ -227,7 +232,7 @@ def offset_inward(name: str, nodes: Array, faces: Indices, depth: float) -> tupl
         Elements fold even so.
     """
     normal = _unit(_normals(nodes, faces))
-    weight = trimesh.triangles.angles(nodes[faces])[:, :, None]
+    weight = _triangles.angles(nodes[faces])[:, :, None]
     matrix, side = np.zeros((len(nodes), 3, 3)), np.zeros((len(nodes), 3))
     np.add.at(matrix, faces, weight[..., None] * (normal[:, :, None] * normal[:, None, :])[:, None])
     np.add.at(side, faces, -depth * weight * normal[:, None])
@@ -237,7 +242,7 @@ def offset_inward(name: str, nodes: Array, faces: Indices, depth: float) -> tupl
     move *= np.minimum(1.0, FARTHEST * depth / np.maximum(np.linalg.norm(move, axis=1), 1e-300))[:, None]
     less = np.zeros(len(nodes), dtype=bool)
     for _ in range(5):
-        folded = np.einsum("ij,ij->i", _unit(_normals(nodes + move, faces)), normal) < 0.5
+        folded = _folded(nodes, nodes + move, faces)
         if not folded.any():
             return nodes + move, int(less.sum())
         worst = np.unique(faces[folded])
@@ -250,9 +255,16 @@ def offset_inward(name: str, nodes: Array, faces: Indices, depth: float) -> tupl
     )
 
 
+def _folded(before: Array, after: Array, faces: Indices) -> Flags:
+    """Faces (m,) that turned by more than 60 deg or with an edge that all but vanished or turned round."""
+    tilted = np.einsum("ij,ij->i", _unit(_normals(after, faces)), _unit(_normals(before, faces))) < 0.5
+    old, new = (np.roll(nodes[faces], -1, axis=1) - nodes[faces] for nodes in (before, after))
+    return np.asarray(tilted | ((old * new).sum(axis=2) < 0.1 * (old**2).sum(axis=2)).any(axis=1))
+
+
 def _quality(nodes: Array, faces: Indices) -> str:
     mesh = trimesh.Trimesh(nodes, faces, process=False)
-    least = float(np.rad2deg(trimesh.triangles.angles(nodes[faces]).min()))
+    least = float(np.rad2deg(_triangles.angles(nodes[faces]).min()))
     edge = mesh.edges_unique_length
     poor = " (POOR: stresses near it are not to be trusted)" if least < POOR_ANGLE_DEG else ""
     return (
@@ -285,7 +297,7 @@ class _Edges:
 
 def _edges(faces: Indices) -> _Edges:
     half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    pairs = np.lexsort(np.sort(half, axis=1).T).reshape(-1, 2)
+    pairs = np.argsort(half.min(axis=1) * (faces.max() + 1) + half.max(axis=1), kind="stable").reshape(-1, 2)
     sides = np.empty(len(half), dtype=np.int64)
     sides[pairs] = np.arange(len(pairs))[:, None]
     return _Edges(half[pairs[:, 0]], pairs // 3, faces[pairs // 3, (pairs + 2) % 3], sides.reshape(-1, 3))
@@ -358,9 +370,9 @@ def _collapse(nodes: Array, faces: Indices, size: float) -> tuple[Array, Indices
         edges = _edges(faces)
         n = len(nodes)
         gone, kept = _collapsible(nodes, faces, edges, size)
-        if not gone.size:
+        # The last few block each other for many passes; the next round takes them.
+        if gone.size <= LEFT_OVER * len(edges.ends):
             break
-        rank = np.full(len(edges.ends), np.inf)
         own = order.permutation(gone.size).astype(np.float64)
         first = _first_of(own, np.stack([gone, kept], axis=1), n)
         for _ring_out in range(2):
@@ -414,7 +426,7 @@ def _flip(nodes: Array, faces: Indices) -> Indices:
         n = len(nodes)
         sharp, _ = _sharpness(nodes, faces, edges)
         (a, b), (c, d) = edges.ends.T, edges.opposite.T
-        angle = trimesh.triangles.angles(nodes[faces])
+        angle = _triangles.angles(nodes[faces])
         corner = [
             angle[f, np.argmax(faces[f] == o[:, None], axis=1)] for f, o in zip(edges.faces.T, (c, d), strict=True)
         ]
@@ -475,7 +487,7 @@ class _Surface:
         """Nearest point on the surface (p, 3)."""
         count = min(12, len(self._triangles))
         near = self._tree.query(points, k=count)[1]
-        on = trimesh.triangles.closest_point(self._triangles[near].reshape(-1, 3, 3), np.repeat(points, count, axis=0))
+        on = _triangles.closest_point(self._triangles[near].reshape(-1, 3, 3), np.repeat(points, count, axis=0))
         return _nearest_of(points, np.asarray(on).reshape(-1, count, 3))
 
     def nearest_sharp(self, points: Array) -> Array:

@@ -62,9 +62,7 @@ def parse_description(text: str, where: str) -> ModelDescription:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"{where} is not valid TOML ({error})", remedy="mend the file at that line"
-        ) from error
+        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
     try:
         return ModelDescription.model_validate(data)
     except ValidationError as error:

@@ -71,9 +71,7 @@ class Robot:
     def coordinate_index(self, coordinate: str) -> int:
         """Column of a joint coordinate in a pose array."""
         if coordinate not in self.coordinates:
-            raise InputError(
-                f"joint coordinate of {self.name}", value=coordinate, allowed=", ".join(self.coordinates)
-            )
+            raise InputError(f"joint coordinate of {self.name}", value=coordinate, allowed=", ".join(self.coordinates))
         return self.coordinates.index(coordinate)
 
     def reachable(self, q: Array) -> NDArray[np.bool_]:
@@ -110,9 +108,7 @@ class Robot:
         for c in self.couplings:
             value = c.offset + float(c.factors @ q)
             if not c.lower - LIMIT_TOLERANCE_RAD <= value <= c.upper + LIMIT_TOLERANCE_RAD:
-                terms = " ".join(
-                    f"{f:+g} {n}" for n, f in zip(self.coordinates, c.factors, strict=True) if f != 0.0
-                )
+                terms = " ".join(f"{f:+g} {n}" for n, f in zip(self.coordinates, c.factors, strict=True) if f != 0.0)
                 out.append(
                     f"{c.name} = {_deg(value)} is outside {_deg(c.lower)} to {_deg(c.upper)} deg "
                     f"({c.name} = {_deg(c.offset)} {terms})"

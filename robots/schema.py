@@ -495,8 +495,7 @@ def _unlisted_sources(model: ModelDescription) -> list[str]:
     if not missing:
         return []
     return [
-        f"source not listed under [sources]: {', '.join(sorted(missing))} "
-        f"(or use one of {', '.join(BUILT_IN_SOURCES)})"
+        f"source not listed under [sources]: {', '.join(sorted(missing))} (or use one of {', '.join(BUILT_IN_SOURCES)})"
     ]
 
 

@@ -40,9 +40,9 @@ def write(
         pose = middle_pose(robot)
         bodies = draw_robot(description, robot, pose)
         shown = ", ".join(
-            f"{n.removesuffix('_deg')} {v:g}"
-            for n, v in zip(robot.coordinates, np.degrees(pose), strict=True)
+            f"{n.removesuffix('_deg')} {v:g}" for n, v in zip(robot.coordinates, np.degrees(pose), strict=True)
         )
+        origin = made.metadata.get("stiffness_from", "the model")
         for view in VIEWS:
             name = f"stiffness_map_{view}.png"
             picture = render_map(
@@ -51,7 +51,7 @@ def write(
                 folder.path(name),
                 view=view,
                 title=f"Structural stiffness of the {description.title.split(' (')[0]}",
-                subtitle=f"vertical load; stiffness from {made.metadata.get('stiffness_from', 'the model')}; robot drawn at {shown} deg",
+                subtitle=f"vertical load; stiffness from {origin}; robot drawn at {shown} deg",
             )
             files.append(name)
             if picture.message and picture.message not in messages and picture.renderer != "pyvista":

@@ -234,9 +234,7 @@ def _log_ticks(low: float, high: float, *, exact: bool) -> Array:
 def colour_bar(figure: Figure, norm: Normalize, ticks: Array, values: Array) -> None:
     """Draw the bar of structural stiffness (N/mm); ends that cut values off say so ("≥ 700")."""
     below, above = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(
-        (below, above), "both"
-    )
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get((below, above), "both")
     axes = figure.add_axes((0.872, 0.20, 0.022, 0.56))
     bar = figure.colorbar(ScalarMappable(norm, STIFFNESS_COLOURS), cax=axes, extend=extend, ticks=ticks)
     labels = [f"{t:.6g}" for t in ticks]

@@ -170,19 +170,14 @@ def _link(robot: Robot, frames: BodyFrames, link: Link) -> list[DrawnBody]:
         along = _direction(step)
         axes = own_axis, (tip_axis if i == len(steps) - 1 else own_axis)
         # An oblique segment (a carousel reaching up and forward) gets a flat foot across its own axis.
-        ends = [
-            _rounded_end(path[i + k], axes[k], along, _mixed(start, end, fractions[i + k]), up)
-            for k in (0, 1)
-        ]
+        ends = [_rounded_end(path[i + k], axes[k], along, _mixed(start, end, fractions[i + k]), up) for k in (0, 1)]
         name = link.name if len(steps) == 1 else f"{link.name} {i + 1}"
         pieces.append(DrawnBody(name, _hull(*ends), "base" if body == 0 else "link"))
     return pieces
 
 
 def _base_plate(description: ModelDescription) -> list[DrawnBody]:
-    radius = 0.68 * max(
-        (_outline(k.section).width for k in description.link if k.body == "base"), default=0.3
-    )
+    radius = 0.68 * max((_outline(k.section).width for k in description.link if k.body == "base"), default=0.3)
     thickness = 0.04
     plate = _cylinder(np.array([0.0, 0.0, 0.5 * thickness]), np.array([0.0, 0.0, 1.0]), radius, thickness)
     return [DrawnBody("base plate", plate, "joint")]

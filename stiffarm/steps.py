@@ -85,7 +85,7 @@ class Variant:
 
 
 def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
-    """Simulate the readings with rigid joints: how much do the links alone give?"""
+    """Simulate the readings with rigid joints, to see how much the links alone give."""
     system = equations(given.model.with_rigid_joints(), data, DEFAULT_GAUGE_mm * 1e-3)
     system = system.take(system.component == 2)
     if poses is not None:
@@ -126,9 +126,7 @@ def calibrate_by_stages(
     return Variant(
         name=f"staged, {given.model.load_path}",
         scheme="staged",
-        description=with_spring_laws(
-            given.description, given.model, result.laws, used, loads, result.rms_mm, remarks
-        ),
+        description=with_spring_laws(given.description, given.model, result.laws, used, loads, result.rms_mm, remarks),
         model=result.model,
         system=result.system,
         residual_m=result.residual_m,
@@ -200,9 +198,7 @@ def factorial_runs(model: ArmModel, scheme: Scheme) -> FactorialRuns:
     """Structural stiffness (vertical load) over the scheme's adjusted full factorial."""
     q = factorial_poses(model.robot, scheme.factorial)
     columns = [model.robot.coordinate_index(name) for name in scheme.factorial.inputs]
-    return FactorialRuns(
-        scheme.factorial.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3
-    )
+    return FactorialRuns(scheme.factorial.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)
 
 
 def learn(
@@ -290,9 +286,7 @@ def stiffness_map(
     )
 
 
-def nine_pose_check(
-    learned: Surrogate, model: ArmModel, data: Measurements
-) -> tuple[list[str], Array, Array]:
+def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
     """Surrogate and model stiffness (n,) N/mm at the distinct measured poses, with their labels."""
     rows = [rows[0] for rows in data.pose_groups().values()]
     q = data.q[rows]

@@ -95,7 +95,8 @@ def _calibrations(
     straight = scheme.sensitivity.poses
     rigid = steps.rigid_joints(given, used, straight)
     say(
-        f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one (median of poses {', '.join(straight)})"
+        f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
+        f"(median of poses {', '.join(straight)})"
     )
     effects: dict[str, list[PoseEffects]] = {}
     variants: list[Variant] = []
@@ -106,9 +107,7 @@ def _calibrations(
         )
         staged = steps.calibrate_by_stages(one, table, scheme, scheme.loads_N)
         bounds = (scheme.low_Nm_per_rad, scheme.high_Nm_per_rad)
-        constant = steps.calibrate_constant(
-            one, table, scheme.constant.joints, scheme.loads_N, bounds, scheme.gauge_mm
-        )
+        constant = steps.calibrate_constant(one, table, scheme.constant.joints, scheme.loads_N, bounds, scheme.gauge_mm)
         for variant in (staged, constant):
             say(
                 f"{variant.name}: {variant.parameters} parameters, RMS {variant.rms_mm:.3f} mm, "

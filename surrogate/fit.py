@@ -254,9 +254,7 @@ def _checked(scope: Scope, Q: Array, y: Array, Q_test: Array, y_test: Array) -> 
 def _runs(scope: Scope, Q: Array, y: Array, what: str) -> tuple[Array, Array]:
     Q, y = scope.poses(Q, what), np.asarray(y, dtype=np.float64)
     if len(Q) == 0 or y.shape != (len(Q),):
-        raise InputError(
-            f"{what}: {len(Q)} poses, compliances {y.shape}", allowed="one for each pose, at least one"
-        )
+        raise InputError(f"{what}: {len(Q)} poses, compliances {y.shape}", allowed="one for each pose, at least one")
     bad = np.flatnonzero(~(np.isfinite(y) & (y > 0.0)))
     if len(bad):
         shown = ", ".join(f"row {i + 1}: {y[i]:.6g}" for i in bad[:5])

@@ -119,10 +119,7 @@ def load_surrogate(path: str | Path) -> Surrogate:
     try:
         file = _File.model_validate(data)
     except ValidationError as error:
-        faults = [
-            InputError(f"{where}: {'.'.join(map(str, item['loc']))}: {item['msg']}")
-            for item in error.errors()
-        ]
+        faults = [InputError(f"{where}: {'.'.join(map(str, item['loc']))}: {item['msg']}") for item in error.errors()]
         raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
     try:
         surrogate = _surrogate(file)

@@ -73,9 +73,7 @@ def sweep_map(
         count += int(keep.sum())
     q = np.vstack(poses)
     if len(q) == 0:
-        raise InputError(
-            f"map of {robot.name}: no pose of the sweep can be taken", remedy="use other layer values"
-        )
+        raise InputError(f"map of {robot.name}: no pose of the sweep can be taken", remedy="use other layer values")
     position, value_arrays = _evaluate(robot, q, {"stiffness": stiffness, **(scalars or {})}, progress)
     return StiffnessMap(
         positions=position,

@@ -179,9 +179,7 @@ def train(
 
     # Boundary poses fall on the same corners again and again; each counts once.
     boundary = np.unique(design(HELD_OUT_BOUNDARY, "boundary"), axis=0)
-    poses = np.vstack(
-        [design(runs, "arcsine"), design(HELD_OUT_UNIFORM, "uniform"), boundary]
-    )
+    poses = np.vstack([design(runs, "arcsine"), design(HELD_OUT_UNIFORM, "uniform"), boundary])
     done = run_model(model, scope, poses, progress)
     training = Runs(done.Q[:runs], done.compliance[:runs])
     held_out = Runs(done.Q[runs:], done.compliance[runs:])

@@ -169,9 +169,7 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
     writer.SetCompressorTypeToZLib()
     try:
         if writer.Write() != 1 or writer.GetErrorCode() != 0:
-            raise InputError(
-                f"map file {path} could not be written", remedy="check the free space of the disk"
-            )
+            raise InputError(f"map file {path} could not be written", remedy="check the free space of the disk")
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -273,9 +271,7 @@ def _checked_cells(cells: ArrayLike, n: int) -> Indices:
     if out.ndim != 2 or out.shape[1] not in (4, 8) or out.dtype.kind not in "iu":
         raise InputError("map cells", value=f"shape {out.shape}, {out.dtype}", allowed="(m, 8) or (m, 4) int")
     if out.size and (out.min() < 0 or out.max() >= n):
-        raise InputError(
-            "map cells", value=f"{out.min()} to {out.max()}", allowed=f"point numbers 0 to {n - 1}"
-        )
+        raise InputError("map cells", value=f"{out.min()} to {out.max()}", allowed=f"point numbers 0 to {n - 1}")
     return out.astype(np.int64)
 
 

@@ -151,9 +151,7 @@ def test_select_wants_a_boolean_for_each_reading(mask: Any, table: Write, xr701:
 )
 def test_container_refuses_what_does_not_fit(change: dict[str, Any], table: Write, xr701: Robot) -> None:
     m = read_measurements(table(HEADER, ROW), xr701)
-    with pytest.raises(
-        InputError, match=f"measurements: .*{'who' if 'extra' in change else next(iter(change))}"
-    ):
+    with pytest.raises(InputError, match=f"measurements: .*{'who' if 'extra' in change else next(iter(change))}"):
         replace(m, **change)
 
 
@@ -294,9 +292,7 @@ def test_xlsx_error_cell_is_not_an_empty_cell(tmp_path: Path, xr701: Robot) -> N
         ("data.xlsx", b"PK\x03\x04broken", "not a readable XLSX"),
     ],
 )
-def test_files_that_cannot_be_read(
-    name: str, content: bytes | None, words: str, tmp_path: Path, xr701: Robot
-) -> None:
+def test_files_that_cannot_be_read(name: str, content: bytes | None, words: str, tmp_path: Path, xr701: Robot) -> None:
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -332,9 +328,7 @@ def test_an_empty_workbook(tmp_path: Path, xr701: Robot) -> None:
         ("sigma_um", "sigma_mm"), ("Pose", "pose"), ("REPEAT", "repeat"), ("Phase", "phase"),
     ],
 )  # fmt: skip
-def test_wrong_units_are_faults_not_unknown_columns(
-    wrong: str, right: str, table: Write, xr701: Robot
-) -> None:
+def test_wrong_units_are_faults_not_unknown_columns(wrong: str, right: str, table: Write, xr701: Robot) -> None:
     kept = {name: cell for name, cell in zip(HEADER.split(","), ROW.split(","), strict=True) if name != right}
     head, row = ",".join([*kept, wrong]), ",".join([*kept.values(), "1"])
     fault = only_fault(table(head, row), xr701)
@@ -342,9 +336,7 @@ def test_wrong_units_are_faults_not_unknown_columns(
     assert f"allowed: {right}." in fault
 
 
-@pytest.mark.parametrize(
-    "name", ["dz_note", "operator", "temperature_degC", "steps", "gauge mm", "dz_mm_raw"]
-)
+@pytest.mark.parametrize("name", ["dz_note", "operator", "temperature_degC", "steps", "gauge mm", "dz_mm_raw"])
 def test_other_columns_are_kept_and_named(name: str, table: Write, xr701: Robot) -> None:
     m = read_measurements(table(f"{HEADER},{name}", f"{ROW}, NA "), xr701)
     assert m.extra == {name: ("NA",)}
@@ -454,9 +446,7 @@ def test_cells_of_the_other_columns(head: str, cells: str, words: str, table: Wr
 @pytest.mark.parametrize("row", ["5,77.5,-650", "5,77.5,-650,-1.88,", "5,77,5,-650,-1.88"])
 def test_ragged_rows(row: str, table: Write, xr701: Robot) -> None:
     fault = only_fault(table(HEADER, ROW, row), xr701)
-    assert (
-        f"row 3, the row does not fit the header: got '{row.count(',') + 1} cells'; allowed: 4 cells" in fault
-    )
+    assert f"row 3, the row does not fit the header: got '{row.count(',') + 1} cells'; allowed: 4 cells" in fault
 
 
 # --- the rows ------------------------------------------------------------------------------------
@@ -532,9 +522,7 @@ def test_each_surplus_row_is_reported_once(table: Write, xr701: Robot) -> None:
         ("px_mm,py_mm,pz_mm", "0,0,0", ",,"),
     ],
 )
-def test_rows_that_differ_in_their_setting(
-    column: str, first: str, second: str, table: Write, xr701: Robot
-) -> None:
+def test_rows_that_differ_in_their_setting(column: str, first: str, second: str, table: Write, xr701: Robot) -> None:
     lines = (f"{HEADER},{column}", f"{ROW},{first}", f"{ROW},{second}")
     assert read_measurements(table(*lines), xr701).n == 2
     assert "repeats" in only_fault(table(lines[0], lines[1], lines[1]), xr701)
@@ -613,9 +601,7 @@ def test_bundled_round_trip_is_exact(tmp_path: Path, xr701: Robot) -> None:
     again = read_measurements(tmp_path / "a.csv", xr701)
     assert_same(again, m, rtol=0.0)  # written digits are those of the source
     assert again.notes == ()
-    assert (
-        (tmp_path / "a.csv").read_text().splitlines()[6].startswith("41,0,5,77.5,0,0,0,0,0,-150,0,0,0,-0.34")
-    )
+    assert (tmp_path / "a.csv").read_text().splitlines()[6].startswith("41,0,5,77.5,0,0,0,0,0,-150,0,0,0,-0.34")
     write_measurements(again, tmp_path / "b.csv", xr701)
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.csv"]

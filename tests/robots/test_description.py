@@ -32,9 +32,7 @@ Data = dict[str, Any]
 
 
 def raw(name: str) -> Data:
-    return tomllib.loads(
-        resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
-    )
+    return tomllib.loads(resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def figures(node: Any, place: str = "") -> Iterator[tuple[str, Data]]:
@@ -400,9 +398,7 @@ def test_the_parallelograms_axes_must_be_parallel() -> None:
     data = raw("xr701")
     data["joint"][2]["frame"]["axis"] = [1, 0, 0]
     error = refused(data)
-    assert str(error).startswith(
-        "xr701: [parallelogram] joint axes: got '[0.0, 1.0, 0.0] and [1.0, 0.0, 0.0]'"
-    )
+    assert str(error).startswith("xr701: [parallelogram] joint axes: got '[0.0, 1.0, 0.0] and [1.0, 0.0, 0.0]'")
     assert error.allowed == "parallel, in the same direction"
     assert error.remedy
 

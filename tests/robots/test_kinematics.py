@@ -27,9 +27,7 @@ TO_SI = {"m": 1.0, "mm": 1e-3, "rad": 1.0, "deg": math.pi / 180.0}
 
 
 def raw(name: str) -> dict[str, Any]:
-    return tomllib.loads(
-        resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
-    )
+    return tomllib.loads(resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def si(figure: dict[str, Any]) -> Any:
@@ -70,9 +68,7 @@ def pinocchio_chain(pin: Any, data: dict[str, Any]) -> tuple[Any, int, Array, Ar
     for joint in data["joint"]:
         if "dh" in joint:
             dh = {key: float(si(figure)) for key, figure in joint["dh"].items()}
-            placement = (
-                placed((0, 0, 0), (dh["alpha"], 0, 0)) * placed((dh["a"], 0, 0)) * placed((0, 0, dh["d"]))
-            )
+            placement = placed((0, 0, 0), (dh["alpha"], 0, 0)) * placed((dh["a"], 0, 0)) * placed((0, 0, dh["d"]))
             kind = pin.JointModelRZ()
         else:
             placement = framed(joint["frame"])
@@ -157,14 +153,10 @@ def xr701_by_hand(q2_deg: float, q3real_deg: float, q5_deg: float) -> tuple[floa
         (40, 5.0, 77.5, -100.0, 107.5),
     ],
 )
-def test_xr701_flange_by_hand(
-    pose: int, q2_deg: float, q3real_deg: float, q5_deg: float, forearm_deg: float
-) -> None:
+def test_xr701_flange_by_hand(pose: int, q2_deg: float, q3real_deg: float, q5_deg: float, forearm_deg: float) -> None:
     x, z, by_hand_deg = xr701_by_hand(q2_deg, q3real_deg, q5_deg)
     assert by_hand_deg == forearm_deg, f"pose {pose}"
-    frames = forward_kinematics(
-        load_robot("xr701"), np.radians([[0.0, q2_deg, q3real_deg, 0.0, q5_deg, 0.0]])
-    )
+    frames = forward_kinematics(load_robot("xr701"), np.radians([[0.0, q2_deg, q3real_deg, 0.0, q5_deg, 0.0]]))
     np.testing.assert_allclose(frames.p_flange[0], [x, 0.0, z], rtol=0, atol=ROUND_OFF)
     forearm = [math.sin(math.radians(forearm_deg)), 0.0, math.cos(math.radians(forearm_deg))]
     np.testing.assert_allclose(frames.R[0, 3] @ [0, 0, 1], forearm, rtol=0, atol=ROUND_OFF)

@@ -59,8 +59,7 @@ def test_the_coupled_limit_is_explained_with_its_sum() -> None:
     messages = load_robot("xr701").violations(xr701_pose(-35, 115))
     # 180 - 35 - 115 = 30.
     assert messages == [
-        f"forearm_deg = 30 is outside {lower_deg:g} to {upper_deg:g} deg "
-        "(forearm_deg = 180 +1 q2_deg -1 q3real_deg)"
+        f"forearm_deg = 30 is outside {lower_deg:g} to {upper_deg:g} deg (forearm_deg = 180 +1 q2_deg -1 q3real_deg)"
     ]
 
 

@@ -8,10 +8,10 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from typer.testing import CliRunner
 
@@ -57,21 +57,29 @@ def environment(**more: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8", **more}
 
 
-def start(arguments: Sequence[str | Path], **more: Any) -> subprocess.Popen[str]:
+def start(
+    arguments: Sequence[str | Path], env: Mapping[str, str] | None = None, stdout: int | IO[str] = subprocess.PIPE
+) -> subprocess.Popen[str]:
     """Start a command as a process of its own, with Ctrl-C as a shell gives it to a command."""
     return subprocess.Popen(  # noqa: S603 - our own interpreter
         [sys.executable, "-m", "stiffarm", *map(str, arguments)],
-        **{"env": environment(), "stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        | more,
+        env=environment() if env is None else env,
+        stdin=subprocess.DEVNULL,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
         encoding="utf-8",
-        # A test run in the background may ignore SIGINT, and its children would inherit that.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=heed_ctrl_c,
     )
 
 
-def run_apart(*arguments: str | Path, **more: Any) -> Outcome:
+def heed_ctrl_c() -> None:
+    """Undo what a test run in the background may hand down: that SIGINT is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def run_apart(*arguments: str | Path, env: Mapping[str, str] | None = None) -> Outcome:
     """Run a command as a user does."""
-    process = start(arguments, **more)
+    process = start(arguments, env)
     out, err = process.communicate(timeout=300)
     return Outcome(process.returncode, out, err)
 

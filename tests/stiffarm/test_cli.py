@@ -126,7 +126,7 @@ def test_calibrate_writes_model_results_and_provenance(calibrated: Path, data_fi
     assert run["versions"]["stiffarm"] == stiffarm.__version__
     assert run["seed"] is None, "nothing random in a calibration"
     assert run["timings_s"]["total"] >= 0.0
-    calibration = load_description(calibrated / "model.toml").calibration  # type: ignore[arg-type]
+    calibration = load_description(calibrated / "model.toml").calibration
     assert calibration is not None
     assert calibration.data_sha256 == run["inputs_sha256"]["data"]
 

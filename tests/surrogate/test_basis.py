@@ -148,9 +148,7 @@ def test_designs_have_exactly_n_distinct_accepted_poses(density):
         assert np.all(np.clip(Q, LOWER[:2], UPPER[:2]) == Q)
         assert accept(Q).all()
         assert COUPLED.kept(Q).all()
-    np.testing.assert_array_equal(
-        Q, space_filling_design(LOWER[:2], UPPER[:2], 777, rng(0), accept, **limits)
-    )
+    np.testing.assert_array_equal(Q, space_filling_design(LOWER[:2], UPPER[:2], 777, rng(0), accept, **limits))
     assert not np.array_equal(Q, space_filling_design(LOWER[:2], UPPER[:2], 777, rng(1), accept, **limits))
     if density != "boundary":
         assert len(np.unique(Q, axis=0)) == 777
@@ -176,14 +174,10 @@ def test_boundary_poses_have_an_input_at_its_limit():
 
 def test_an_empty_design_space_names_the_limits():
     never = replace(COUPLED, lower=np.radians([20.0]), upper=np.radians([40.0]))
-    words = (
-        r"0 of 10 poses.*q2_deg -35 to 45 deg.*forearm refuses .*spans -150 to 5 deg, allowed 20 to 40 deg"
-    )
+    words = r"0 of 10 poses.*q2_deg -35 to 45 deg.*forearm refuses .*spans -150 to 5 deg, allowed 20 to 40 deg"
     with pytest.raises(InputError, match=words):
         space_filling_design(
             LOWER[:2], UPPER[:2], 10, np.random.default_rng(0), couplings=never, names=("q2_deg", "q3_deg")
         )
     with pytest.raises(InputError, match=r"accept\(\) refuses"):
-        space_filling_design(
-            LOWER[:2], UPPER[:2], 10, np.random.default_rng(0), lambda Q: np.zeros(len(Q), dtype=bool)
-        )
+        space_filling_design(LOWER[:2], UPPER[:2], 10, np.random.default_rng(0), lambda Q: np.zeros(len(Q), dtype=bool))

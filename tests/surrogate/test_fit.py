@@ -145,9 +145,7 @@ def coupled_surrogate():
     rng = np.random.default_rng
     Q = space_filling_design(LOWER[:2], UPPER[:2], 150, rng(1), couplings=coupled())
     Q_test = space_filling_design(LOWER[:2], UPPER[:2], 50, rng(2), couplings=coupled())
-    return fit(
-        Q, arm_compliance(Q), scope=scope_of(2, coupled()), Q_test=Q_test, y_test=arm_compliance(Q_test)
-    )
+    return fit(Q, arm_compliance(Q), scope=scope_of(2, coupled()), Q_test=Q_test, y_test=arm_compliance(Q_test))
 
 
 def test_extrapolated_answers_are_flagged_and_have_no_error_bar():
@@ -241,9 +239,7 @@ def test_runs_that_cannot_carry_a_fit_are_refused():
     constant = Q.copy()
     constant[:, 1] = np.radians(90.0)
     refused_fit("q3_deg is 90 deg in all of them.*fixed coordinate", Q=constant)
-    refused_fit(
-        r"held-out runs: 2 of 20 poses were fitted too \(row 1", Q_test=np.vstack([Q[:2], poses(18, 2, 2)])
-    )
+    refused_fit(r"held-out runs: 2 of 20 poses were fitted too \(row 1", Q_test=np.vstack([Q[:2], poses(18, 2, 2)]))
     refused_fit("fitted runs: poses outside .* row 1: q2_deg", Q=Q + np.array([2.0, 0.0]))
     refused_fit("held-out runs: 0 poses", Q_test=np.empty((0, 2)))
     refused_fit("target", target="stiffness")

@@ -22,9 +22,7 @@ def test_vtu_round_trip_keeps_values_names_units_and_metadata(tmp_path):
     write_vtu(original, path)
     back = read_vtu(path)
     # Only the factor 1e3 stands between map and file: round-off.
-    np.testing.assert_allclose(
-        back.points_mm, [[1000, 0, 2000], [1500, -250, 500], [2000, 100, -300]], rtol=1e-15
-    )
+    np.testing.assert_allclose(back.points_mm, [[1000, 0, 2000], [1500, -250, 500], [2000, 100, -300]], rtol=1e-15)
     assert set(back.point_arrays) == {"stiffness_N_per_mm", "q2_deg", "q3real_deg", "deflection_mm"}
     np.testing.assert_allclose(back.point_arrays["stiffness_N_per_mm"], [250.0, 400.0, 990.0], rtol=1e-15)
     np.testing.assert_array_equal(back.point_arrays["q3real_deg"], [40.0, 77.5, 115.0])
