@@ -91,10 +91,8 @@ def test_an_imported_tube_is_as_stiff_as_the_casing_of_the_same_tube(tube: Impor
     # Both meshes cut across the circle (2 % in the second moment at this size) and the closed ends, rigid
     # here, take half a wall from each end (2 % of the length cubed); measured: 0.7 % at worst.
     np.testing.assert_allclose(ours, casing(WALL_M), rtol=0.02)
-    thinner = load(TUBE_FILE, TUBE_FILE.parent, target_size=TARGET_M, wall=0.9 * WALL_M)
-    softer = np.diag(shell_superelement(thinner.mesh, points).flexibility)
-    # The meshes' faults cancel in the ratio, but for the closed ends' 0.15 % less of the length, cubed at most.
-    np.testing.assert_allclose(softer / ours, casing(0.9 * WALL_M) / casing(WALL_M), rtol=0.005)
+    # The comparison can tell a wall that is 5 % off.
+    assert (np.abs(ours / casing(0.95 * WALL_M) - 1.0) > 0.02).all()
 
 
 def test_the_mesh_is_even_and_on_the_mid_surface(tube: ImportedLink) -> None:
@@ -149,7 +147,7 @@ def test_a_messy_surface_is_repaired_and_every_repair_is_said(tmp_path: Path) ->
 
 def test_small_holes_are_filled_and_large_ones_refused(tmp_path: Path) -> None:
     fine = tapered_tube(24).subdivide()
-    fine.update_faces(np.arange(len(fine.faces)) != 40)
+    fine.update_faces(np.arange(len(fine.faces)) != np.argmin(fine.area_faces))
     link = load(fine, tmp_path)
     assert any("1 hole(s) filled" in line for line in link.report)
     open_end = tapered_tube(24)

@@ -1,0 +1,268 @@
+"""Isotropic remeshing of a closed triangle surface, of Botsch and Kobbelt (2004).
+
+Split long edges, collapse short ones, flip to Delaunay, smooth in the tangent plane, project back; each pass
+works on an independent set of edges at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+# Has no type hints.
+_triangles: Any = trimesh.triangles
+
+# Edges between these shares of the target size stay (Botsch and Kobbelt).
+SHORT, LONG = 0.8, 4.0 / 3.0
+# Faces that meet at more than 40 deg form an edge of the part, which remeshing keeps.
+SHARP = np.cos(np.deg2rad(40.0))
+ROUNDS = 6
+LEFT_OVER = 0.002
+
+
+def remesh(nodes: Array, faces: Indices, size: float) -> tuple[Array, Indices]:
+    """Even triangles of edge ``size`` m on a closed manifold surface; edges sharper than 40 deg are kept."""
+    target = _Surface(nodes, faces, size)
+    for _ in range(ROUNDS):
+        nodes, faces = _split(nodes, faces, LONG * size)
+        nodes, faces = _collapse(nodes, faces, size)
+        faces = _flip(nodes, faces)
+        nodes = _smooth(nodes, faces, target)
+    return nodes, _flip(nodes, faces)
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """Edges of a closed manifold: ends (e, 2) in the first face's sense, both faces (e, 2), corners opposite (e, 2)."""
+
+    ends: Indices
+    faces: Indices
+    opposite: Indices
+    sides: Indices  # (m, 3): edge from corner i to corner i + 1 of each face
+
+
+def _edges(faces: Indices) -> _Edges:
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    pairs = np.argsort(half.min(axis=1) * (faces.max() + 1) + half.max(axis=1), kind="stable").reshape(-1, 2)
+    sides = np.empty(len(half), dtype=np.int64)
+    sides[pairs] = np.arange(len(pairs))[:, None]
+    return _Edges(half[pairs[:, 0]], pairs // 3, faces[pairs // 3, (pairs + 2) % 3], sides.reshape(-1, 3))
+
+
+def normals(nodes: Array, faces: Indices) -> Array:
+    """Normals (m, 3) as long as twice the area."""
+    a, b, c = (nodes[faces[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors (m, 3) of length one."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
+
+
+def _sharpness(nodes: Array, faces: Indices, edges: _Edges) -> tuple[Flags, Indices]:
+    """Which edges (e,) are sharp, and the nodes' kind (n,): 0 on a face, 1 along a sharp edge, 2 a corner."""
+    normal = unit(normals(nodes, faces))
+    sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < SHARP
+    ends = edges.ends[sharp]
+    way = unit(nodes[ends[:, 1]] - nodes[ends[:, 0]])
+    turn = np.zeros((len(nodes), 3))
+    np.add.at(turn, ends[:, 0], way)
+    np.add.at(turn, ends[:, 1], -way)
+    degree = np.bincount(ends.ravel(), minlength=len(nodes))
+    # Two edges that go straight on cancel; |turn| = 2 sin(angle / 2).
+    bent = np.linalg.norm(turn, axis=1) > np.sqrt(2.0 - 2.0 * SHARP)
+    return sharp, np.where(degree == 0, 0, np.where((degree == 2) & ~bent, 1, 2))
+
+
+def _first_of(rank: Array, groups: Indices, n: int) -> Array:
+    """Smallest rank (n,) among the edges that touch each of n nodes."""
+    first = np.full(n, np.inf)
+    for column in groups.T:
+        np.minimum.at(first, column, rank)
+    return first
+
+
+def _split(nodes: Array, faces: Indices, longest: float) -> tuple[Array, Indices]:
+    """Halve edges longer than ``longest`` until there are none; neighbours stay joined."""
+    while True:
+        edges = _edges(faces)
+        ends = nodes[edges.ends]
+        long = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > longest
+        if not long.any():
+            return nodes, faces
+        number = np.where(long, len(nodes) + np.cumsum(long) - 1, -1)
+        nodes = np.vstack([nodes, ends[long].mean(axis=1)])
+        middle = number[edges.sides]
+        marked = (middle >= 0).sum(axis=1)
+        # Turn each face so that its one marked side is the first, its one unmarked side the last.
+        lead = np.where(marked == 1, np.argmax(middle >= 0, axis=1), (np.argmin(middle >= 0, axis=1) + 1) % 3)
+        turn = (lead[:, None] + np.arange(3)) % 3
+        (a, b, c), (p, q, r) = np.take_along_axis(faces, turn, 1).T, np.take_along_axis(middle, turn, 1).T
+        parts = [faces[marked == 0]]
+        for count, cells in (
+            (1, ((a, p, c), (p, b, c))),
+            (2, ((p, b, q), (a, p, q), (a, q, c))),
+            (3, ((a, p, r), (p, b, q), (r, q, c), (p, q, r))),
+        ):
+            parts += [np.stack(cell, axis=1)[marked == count] for cell in cells]
+        faces = np.concatenate(parts)
+
+
+def _collapse(nodes: Array, faces: Indices, size: float) -> tuple[Array, Indices]:
+    """Collapse edges shorter than 0.8 of the size, where form and manifold allow it."""
+    # In random order many collapses are independent of each other; the fixed seed makes meshes repeatable.
+    order = np.random.default_rng(0)
+    for _ in range(400):
+        edges = _edges(faces)
+        n = len(nodes)
+        gone, kept = _collapsible(nodes, faces, edges, size)
+        # The last few block each other for many passes; the next round takes them.
+        if gone.size <= LEFT_OVER * len(edges.ends):
+            break
+        own = order.permutation(gone.size).astype(np.float64)
+        first = _first_of(own, np.stack([gone, kept], axis=1), n)
+        for _ring_out in range(2):
+            rank = np.minimum(first[edges.ends[:, 0]], first[edges.ends[:, 1]])
+            first = np.minimum(first, _first_of(rank, edges.ends, n))
+        chosen = (first[gone] >= own) & (first[kept] >= own)
+        target = np.arange(n)
+        target[gone[chosen]] = kept[chosen]
+        faces = target[faces]
+        faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    used, flat = np.unique(faces, return_inverse=True)
+    return nodes[used], flat.reshape(-1, 3)
+
+
+def _collapsible(nodes: Array, faces: Indices, edges: _Edges, size: float) -> tuple[Indices, Indices]:
+    """Pairs (gone, kept) of nodes whose collapse keeps form, edge length and manifold, each judged by itself."""
+    sharp, kind = _sharpness(nodes, faces, edges)
+    short = np.linalg.norm(nodes[edges.ends[:, 1]] - nodes[edges.ends[:, 0]], axis=1) < SHORT * size
+    ends, along = edges.ends[short], sharp[short]
+    swap = kind[ends[:, 0]] > kind[ends[:, 1]]
+    gone, kept = np.where(swap, ends[:, 1], ends[:, 0]), np.where(swap, ends[:, 0], ends[:, 1])
+    # Nodes on a face may go anywhere, nodes of a sharp edge only along it, corners never.
+    allowed = (kind[gone] == 0) | ((kind[gone] == 1) & along)
+    gone, kept = gone[allowed], kept[allowed]
+    n = len(nodes)
+    both = np.concatenate([edges.ends, edges.ends[:, ::-1]])
+    joined = sp.csr_array((np.ones(len(both)), tuple(both.T)), shape=(n, n))
+    common = np.asarray(joined[gone].multiply(joined[kept]).sum(axis=1)).ravel()
+    gone, kept = gone[common == 2], kept[common == 2]
+    star = sp.csr_array((np.ones(faces.size), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))), (n, len(faces)))
+    around = star[gone]
+    pair, face = np.repeat(np.arange(gone.size), np.diff(around.indptr)), around.indices
+    old = faces[face]
+    apart = (old != kept[pair][:, None]).all(axis=1)
+    pair, old = pair[apart], old[apart]
+    new = np.where(old == gone[pair][:, None], kept[pair][:, None], old)
+    corners = nodes[new]
+    length = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    normal = normals(nodes, new)
+    level = np.einsum("ij,ij->i", unit(normal), unit(normals(nodes, old)))
+    thin = np.linalg.norm(normal, axis=1) < 0.05 * length**2
+    bad = np.bincount(pair, (length > LONG * size) | (level < SHARP) | thin, minlength=gone.size) > 0
+    return gone[~bad], kept[~bad]
+
+
+def _flip(nodes: Array, faces: Indices) -> Indices:
+    """Turn edges within their two faces until the mesh is Delaunay, but for sharp edges."""
+    order = np.random.default_rng(0)
+    for _ in range(60):
+        edges = _edges(faces)
+        n = len(nodes)
+        sharp, _ = _sharpness(nodes, faces, edges)
+        (a, b), (c, d) = edges.ends.T, edges.opposite.T
+        angle = _triangles.angles(nodes[faces])
+        corner = [
+            angle[f, np.argmax(faces[f] == o[:, None], axis=1)] for f, o in zip(edges.faces.T, (c, d), strict=True)
+        ]
+        taken = np.isin(np.minimum(c, d) * n + np.maximum(c, d), edges.ends.min(axis=1) * n + edges.ends.max(axis=1))
+        bad = np.flatnonzero((corner[0] + corner[1] > np.pi + 1e-6) & ~sharp & ~taken)
+        one, two = np.stack([a, d, c], axis=1)[bad], np.stack([d, b, c], axis=1)[bad]
+        before = normals(nodes, faces[edges.faces[bad, 0]]) + normals(nodes, faces[edges.faces[bad, 1]])
+        fine = np.ones(len(bad), dtype=bool)
+        for new in (one, two):
+            fine &= np.einsum("ij,ij->i", unit(normals(nodes, new)), unit(before)) > SHARP
+        bad, one, two = bad[fine], one[fine], two[fine]
+        if not bad.size:
+            break
+        rank = order.permutation(bad.size).astype(np.float64)
+        four = np.stack([a, b, c, d], axis=1)[bad]
+        first = _first_of(rank, four, n)
+        chosen = (first[four] >= rank[:, None]).all(axis=1)
+        faces = faces.copy()
+        faces[edges.faces[bad[chosen], 0]], faces[edges.faces[bad[chosen], 1]] = one[chosen], two[chosen]
+    return faces
+
+
+def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
+    """Move nodes towards their neighbours' middle and back on the surface; corners stay."""
+    edges = _edges(faces)
+    sharp, kind = _sharpness(nodes, faces, edges)
+    n = len(nodes)
+    # A node of a sharp edge has its two neighbours along it only.
+    heard = np.concatenate([edges.ends, edges.ends[:, ::-1]])
+    heard = heard[(kind[heard[:, 0]] == 0) | np.tile(sharp, 2)]
+    count = np.bincount(heard[:, 0], minlength=n)
+    middle = np.stack([np.bincount(heard[:, 0], nodes[heard[:, 1], i], minlength=n) for i in range(3)], axis=1)
+    move = 0.7 * (middle / np.maximum(count, 1)[:, None] - nodes)
+    move[kind == 2] = 0.0
+    moved = nodes + move
+    moved[kind == 0] = target.nearest(moved[kind == 0])
+    moved[kind == 1] = target.nearest_sharp(moved[kind == 1])
+    before = unit(normals(nodes, faces))
+    for _ in range(4):
+        turned = np.einsum("ij,ij->i", unit(normals(moved, faces)), before) < SHARP
+        moved[np.unique(faces[turned])] = nodes[np.unique(faces[turned])]
+    return moved
+
+
+class _Surface:
+    """The surface to stay on, cut into small triangles so that the nearest centres tell the nearest triangle."""
+
+    def __init__(self, nodes: Array, faces: Indices, size: float) -> None:
+        edges = _edges(faces)
+        sharp, _ = _sharpness(nodes, faces, edges)
+        self._segments = nodes[edges.ends[sharp]]
+        fine, cells = _split(nodes, faces, size)
+        self._triangles = fine[cells]
+        self._tree = KDTree(self._triangles.mean(axis=1))
+        self._size = size
+
+    def nearest(self, points: Array) -> Array:
+        """Nearest point on the surface (p, 3)."""
+        count = min(12, len(self._triangles))
+        near = self._tree.query(points, k=count)[1]
+        on = _triangles.closest_point(self._triangles[near].reshape(-1, 3, 3), np.repeat(points, count, axis=0))
+        return _nearest_of(points, np.asarray(on).reshape(-1, count, 3))
+
+    def nearest_sharp(self, points: Array) -> Array:
+        """Nearest point on the sharp edges, on the surface where none is near."""
+        if not len(self._segments) or not len(points):
+            return self.nearest(points) if len(points) else points
+        start, way = self._segments[:, 0], self._segments[:, 1] - self._segments[:, 0]
+        found = np.empty_like(points)
+        for i in range(0, len(points), 256):  # keeps the table of points and segments small
+            p = points[i : i + 256, None]
+            share = np.clip(((p - start) * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
+            found[i : i + 256] = _nearest_of(p[:, 0], start + share[..., None] * way)
+        far = np.linalg.norm(found - points, axis=1) > 0.5 * self._size
+        found[far] = self.nearest(points[far])
+        return found
+
+
+def _nearest_of(points: Array, candidates: Array) -> Array:
+    """The candidate (p, k, 3) nearest to each point (p, 3)."""
+    best = np.argmin(((candidates - points[:, None]) ** 2).sum(axis=2), axis=1)
+    return np.asarray(candidates[np.arange(len(points)), best])
