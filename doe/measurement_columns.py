@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -214,6 +213,10 @@ def _check_groups(robot: Robot, present: set[str], faults: Faults) -> None:
                    remedy="give all three coordinates of the loaded point in the flange frame")  # fmt: skip
 
 
+# No angle, load or deflection of an arm in the file's units comes near; beyond it products overflow.
+LARGEST_NUMBER = 1e12
+
+
 def parse_number(text: str, *, positive: bool = False) -> float:
     """Read one finite number written with a decimal point, above 0 if ``positive``.
 
@@ -224,8 +227,8 @@ def parse_number(text: str, *, positive: bool = False) -> float:
     """
     if _NUMBER.fullmatch(text):
         value = float(text)
-        if not math.isfinite(value):
-            raise ValueError("the number is too large: check its exponent")
+        if not abs(value) < LARGEST_NUMBER:
+            raise ValueError(f"the number is too large (below {LARGEST_NUMBER:.0e}): check its exponent")
         if positive and value <= 0.0:
             raise ValueError("give a value above 0, or leave the cell empty")
         return value

@@ -1,7 +1,9 @@
 """Mechanics: beam elements, condensation, joint springs, the parallelogram loop, statics."""
 
 from fem.direct import compliance_direct, deflection_direct
+from fem.fields import ArmFields, arm_fields, link_shapes
 from fem.model import LINK_KINDS, ArmModel, LinkKind, build_model
+from fem.shell_arm import ShellArmSolution, solve_shell_arm
 from fem.springs import ConstantSpring, LogPolynomialSpring, SpringLaw
 from fem.statics import (
     compliance,
@@ -13,11 +15,14 @@ from fem.statics import (
 
 __all__ = [
     "LINK_KINDS",
+    "ArmFields",
     "ArmModel",
     "ConstantSpring",
     "LinkKind",
     "LogPolynomialSpring",
+    "ShellArmSolution",
     "SpringLaw",
+    "arm_fields",
     "build_model",
     "compliance",
     "compliance_direct",
@@ -25,5 +30,7 @@ __all__ = [
     "deflection_by_part",
     "deflection_direct",
     "directional_stiffness",
+    "link_shapes",
+    "solve_shell_arm",
     "spring_influence",
 ]

@@ -183,7 +183,12 @@ def _flexible(system: _System, link: LinkPart, root: _Node, R: Array, condensed:
         K, names = link.element.stiffness, dict.fromkeys(link.element.interfaces)
         index = {name: i for i, name in enumerate(names)}
     elif link.shell is not None:
-        raise InputError(f"full assembly of link {link.name}", value="shell", allowed="beam links, or condensed=True")
+        raise InputError(
+            f"full assembly of link {link.name}",
+            value="shell",
+            allowed="beam links, or condensed=True",
+            remedy="use fem.solve_shell_arm",
+        )
     else:
         K, index = beam.assemble(link.mesh).toarray(), link.mesh.interfaces
     count = len(K) // 6

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import ArmModel, LinkPart
-from fem.shell import CoupledShell, _beside_quads, freedoms, rigid_motion
+from fem.shell import CoupledShell, beside_quads, freedoms, rigid_motion
 from fem.shell_arm import all_links, both, couple_links, one_pose, shell_of
 from fem.shell_quad import quad_frames, quad_stiffness
 from fem.shell_triangle import (
@@ -106,7 +106,7 @@ def link_shapes(model: ArmModel, shells: Mapping[str, CoupledShell] | None = Non
     for link in all_links(model):
         mesh = shell_of(link)
         material, m = (mesh.youngs_modulus, mesh.poissons_ratio), len(mesh.triangles)
-        triangles = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:m], _beside_quads(mesh))
+        triangles = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:m], beside_quads(mesh))
         quads = quad_stiffness(mesh.quad_corners, *material, mesh.thickness[m:])
         out[link.name] = LinkShapes(shells[link.name].modes()[0], (triangles, quads))
     return out
@@ -159,8 +159,7 @@ def arm_fields(
         if model.bar is not None and link is model.bar.crank and model.robot.parallelogram is not None:
             origin = frames.p[0, model.robot.parallelogram.crank_about + 1]
         fields.append(_link_field(link, shapes[link.name], carried[link.name], roots[link.name], R, origin))
-    names = {link.name for link in all_links(model)}
-    return ArmFields(end, tuple(fields), {name: value for name, value in energy.items() if name not in names})
+    return ArmFields(end, tuple(fields), {name: value for name, value in energy.items() if name not in roots})
 
 
 def _roots(
@@ -194,8 +193,8 @@ def _roots(
             u = span / np.linalg.norm(span)
             shortening = deformed["bar"][0] if "bar" in deformed else 0.0
             # The elbow turns until the bar's pins are as far apart as its shortening says.
-            turn_angle = (u @ (crank_pin - pin)[:3] - shortening) / (u @ np.cross(axis[p.driven], rho))
-            motion = motion + _turn(axis[p.driven], np.array([turn_angle]))
+            elbow = (u @ (crank_pin - pin)[:3] - shortening) / (u @ np.cross(axis[p.driven], rho))
+            motion = motion + _turn(axis[p.driven], np.array([elbow]))
         if link is not None:
             roots[link.name] = motion
         tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
@@ -271,25 +270,18 @@ def von_mises(stress: Array) -> Array:
 
 def _triangle_strains(mesh: ShellMesh, displacement: Array) -> tuple[Array, Array]:
     """Membrane strain and curvature (m, 3) of the triangles at their centroids."""
-    if len(mesh.triangles) == 0:
-        return np.zeros((0, 3)), np.zeros((0, 3))
     axes, xy = facet_axes(mesh.triangle_corners)
-    alpha = np.where(_beside_quads(mesh), 0.0, ALPHA_B)
+    alpha = np.where(beside_quads(mesh), 0.0, ALPHA_B)
     mean, _ = membrane_strains(xy, 0.5 * np.linalg.det(xy[:, 1:] - xy[:, :1]), alpha)
     # Linear in the element: the mean over the three-point rule is the value at the centroid.
     bending = bending_curvatures(xy).mean(axis=1)
-    v = displacement[mesh.triangles].reshape(-1, 3, 2, 3) @ np.swapaxes(axes, 1, 2)[:, None]
-    v = v.reshape(-1, 3, 6)
-    return (
-        np.einsum("escf,ecf->es", mean, v[..., [0, 1, 5]]),
-        np.einsum("escf,ecf->es", bending, v[..., [2, 3, 4]]),
-    )
+    v = (displacement[mesh.triangles].reshape(-1, 3, 2, 3) @ np.swapaxes(axes, 1, 2)[:, None]).reshape(-1, 3, 6)
+    strain = np.einsum("escf,ecf->es", mean, v[..., [0, 1, 5]])
+    return strain, np.einsum("escf,ecf->es", bending, v[..., [2, 3, 4]])
 
 
 def _quad_strains(mesh: ShellMesh, displacement: Array) -> tuple[Array, Array]:
     """Membrane strain and curvature (q, 3) of the quads at their centres."""
-    if len(mesh.quads) == 0:
-        return np.zeros((0, 3)), np.zeros((0, 3))
     corners = mesh.quad_corners
     R = quad_frames(corners)
     local = (corners - corners.mean(axis=1, keepdims=True)) @ R

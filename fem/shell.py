@@ -40,7 +40,7 @@ def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
     material = (mesh.youngs_modulus, mesh.poissons_ratio)
     parts = []
     if first_quad:
-        seam = _beside_quads(mesh)
+        seam = beside_quads(mesh)
         K = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:first_quad], seam)
         parts.append(_scatter(K, mesh.triangles))
     if len(mesh.quads):
@@ -51,7 +51,7 @@ def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
     return sp.coo_array((values, (rows, columns)), shape=(size, size)).tocsc()
 
 
-def _beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
+def beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
     """Which sides (m, 3) of the triangles are quads' sides too."""
     edges = np.sort(mesh.edges, axis=1)
     key = edges[:, 0] * np.int64(len(mesh.nodes)) + edges[:, 1]

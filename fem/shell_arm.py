@@ -107,9 +107,10 @@ class _System:
 
     def matrix(self) -> sp.csc_array:
         """Stiffness (n, n) of all unknowns."""
-        at = np.array([freedom for freedom, _ in self.springs], dtype=np.int64)
-        values = np.array([stiffness for _, stiffness in self.springs], dtype=np.float64)
-        K = sp.coo_array((values, (at, at)), shape=(self.size, self.size)).tocsc()
+        diagonal = np.zeros(self.size)
+        for freedom, stiffness in self.springs:
+            diagonal[freedom] = stiffness
+        K = sp.diags_array(diagonal, format="csc")
         for name, (shell, *_) in self.links.items():
             B = self.reduced(name)
             K = K + B.T @ shell.stiffness @ B
@@ -117,13 +118,7 @@ class _System:
 
 
 def shell_of(link: LinkPart) -> ShellMesh:
-    """Shell mesh of a link.
-
-    Raises
-    ------
-    InputError
-        It has none.
-    """
+    """Shell mesh of a link; without one it raises an InputError."""
     if link.shell is None:
         raise InputError(f"link {link.name}", value="no shell mesh", allowed="a model built with links='shell'")
     return link.shell
@@ -291,9 +286,10 @@ def _solve(K: sp.csc_array, force: Array, bar: Array | None, compliance: float) 
     Z = sp.coo_array((values, (rows, columns)), shape=(n, n)).tocsc()
     if compliance == 0.0:
         Z = Z[:, :-1]
-        return np.asarray(Z @ solve_positive_definite(sp.csc_array(Z.T @ K @ Z), np.asarray(Z.T @ force)))
-    spring = sp.coo_array(([1.0 / compliance], ([n - 1], [n - 1])), shape=(n, n))
-    return np.asarray(Z @ solve_positive_definite(sp.csc_array(Z.T @ K @ Z + spring), np.asarray(Z.T @ force)))
+    reduced = Z.T @ K @ Z
+    if compliance > 0.0:
+        reduced = reduced + sp.coo_array(([1.0 / compliance], ([n - 1], [n - 1])), shape=(n, n))
+    return np.asarray(Z @ solve_positive_definite(sp.csc_array(reduced), np.asarray(Z.T @ force)))
 
 
 def _nodal(system: _System, name: str, x: Array) -> Array:

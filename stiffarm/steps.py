@@ -88,6 +88,12 @@ def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] |
     """Simulate the readings with rigid joints, to see how much the links alone give."""
     system = equations(given.model.with_rigid_joints(), data, DEFAULT_GAUGE_mm * 1e-3)
     system = system.take(system.component == 2)
+    if not len(system):
+        raise InputError(
+            f"{data.source}: no vertical deflection was read",
+            allowed="readings in the column dz_mm",
+            remedy="`stiffarm calibrate --scheme global` takes readings in any direction",
+        )
     if poses is not None:
         system = system.of_poses(poses)
     return RigidJoints(system.pose, system.value * 1e3, system.rest * 1e3)

@@ -129,7 +129,7 @@ def test_patch_test_across_a_seam_of_triangles_and_quads(monkeypatch: pytest.Mon
     turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
     assert _seam_error(turn) < 1e-10
     # Sides of triangles that bend beside straight ones of quads do not fit.
-    monkeypatch.setattr(shell, "_beside_quads", lambda mesh: None)
+    monkeypatch.setattr(shell, "beside_quads", lambda mesh: None)
     assert _seam_error(turn) > 1e-3
 
 
