@@ -24,13 +24,14 @@ def spring_key(joint: str) -> str:
 
 
 def estimate(spring: SpringEstimate) -> dict[str, Any]:
-    """A constant spring with its interval; no plain number where the data do not determine it."""
-    identified = spring.status != "not identified"
-    return {
-        "k_Nm_per_rad": number(spring.stiffness) if identified else None,
+    """A constant spring with its interval; no plain number where it stands at a bound or is not determined."""
+    known = spring.status in ("determined", "one-sided")
+    out = {
+        "k_Nm_per_rad": number(spring.stiffness) if known else None,
         "interval95_Nm_per_rad": [number(v) for v in spring.interval],
         "status": spring.status,
     }
+    return out | ({"bound_Nm_per_rad": number(spring.stiffness)} if spring.status == "at bound" else {})
 
 
 def variant(result: Variant) -> dict[str, Any]:

@@ -56,7 +56,7 @@ def variant(result: steps.Variant) -> None:
             [
                 [
                     s.joint,
-                    "-" if np.isnan(s.stiffness) else f"{s.stiffness:.3g}",
+                    f"{s.stiffness:.3g}" if s.status in ("determined", "one-sided") else "-",
                     _interval(s.interval),
                     s.status,
                 ]
