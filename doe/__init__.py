@@ -6,14 +6,13 @@ from doe.comparison import (
     constant_fit,
     constant_left_out,
     leave_one_pose_out,
-    model_compliances,
     staged_left_out,
 )
 from doe.constant import ConstantFit, SpringEstimate, fit_constant
 from doe.designs import factorial_poses, level_grid, two_level_factorial
 from doe.measurements import Measurements, bundled_data, read_measurements, write_measurements
 from doe.parametric import PoseFit, fit_pose
-from doe.readings import Equations, equations, select_loads
+from doe.readings import Equations, equations, loaded_points, model_compliances, select_loads
 from doe.scheme import Scheme, bundled_scheme, load_scheme
 from doe.sensitivity import PoseEffects, sensitivity_study
 from doe.spring_regression import SpringPoints, fit_law
@@ -43,6 +42,7 @@ __all__ = [
     "leave_one_pose_out",
     "level_grid",
     "load_scheme",
+    "loaded_points",
     "model_compliances",
     "read_measurements",
     "select_loads",

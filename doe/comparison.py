@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from doe.constant import MIXED, ConstantFit, blind_directions, fit_constant
 from doe.measurements import Measurements
-from doe.readings import Equations, equations, rms_mm
+from doe.readings import Equations, equations, model_compliances, rms_mm
 from doe.scheme import Scheme
 from doe.staged import StagedResult, calibrate_staged
 from fem import ArmModel
@@ -29,11 +29,6 @@ class Prediction:
     error_m: Array
     rms_mm: float
     skipped: dict[str, str]
-
-
-def model_compliances(model: ArmModel, q: Array) -> Array:
-    """Axial compliances (m, dof) in rad/(N m) of a model at poses q (m, dof)."""
-    return np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1)
 
 
 def constant_fit(

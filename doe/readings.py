@@ -70,15 +70,24 @@ class Equations:
         return np.asarray(self.rest + np.sum(self.influence * compliances, axis=1))
 
 
+def model_compliances(model: ArmModel, q: Array) -> Array:
+    """Axial compliances (m, dof) in rad/(N m) of a model at poses q (m, dof)."""
+    return np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1)
+
+
+def loaded_points(model: ArmModel, data: Measurements) -> Array:
+    """Loaded and measured points (n, 3) m in the flange frame: the reading's own, else the model's tool point."""
+    tool = np.broadcast_to(model.robot.T_flange_tool[:3, 3], (data.n, 3))
+    return np.where(np.isnan(data.point), tool, data.point)
+
+
 def equations(model: ArmModel, data: Measurements, gauge_m: float) -> Equations:
     """Set up the equations of all read components.
 
     ``gauge_m`` is the standard deviation (m; for rotations the same number in rad) of readings that
     carry no ``sigma_mm`` of their own.
     """
-    tool = np.broadcast_to(model.robot.T_flange_tool[:3, 3], (data.n, 3))
-    point = np.where(np.isnan(data.point), tool, data.point)
-    influence, rest = spring_influence(model, data.q, data.wrench, point)
+    influence, rest = spring_influence(model, data.q, data.wrench, loaded_points(model, data))
     row, component = np.nonzero(data.used)
     sigma = np.where(np.isnan(data.sigma), gauge_m, data.sigma)
     return Equations(

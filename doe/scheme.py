@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -10,6 +9,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
 from robots import InputError, InputErrors, Robot
+from robots.library import parse_toml, read_text
 
 # With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
 FEWEST_LEVELS = 4
@@ -175,19 +175,14 @@ def load_scheme(path: Path) -> Scheme:
     InputError
         The file is missing, unreadable, or does not fit the schema (all faults at once).
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"scheme file {path} cannot be read ({error})") from error
-    return parse_scheme(text, str(path))
+    return parse_scheme(read_text(path, "scheme file"), str(path))
 
 
 def parse_scheme(text: str, where: str) -> Scheme:
     """Parse and validate a scheme; ``where`` names it in messages."""
+    data = parse_toml(text, where)
     try:
-        return Scheme.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+        return Scheme.model_validate(data)
     except ValidationError as error:
         faults = [_fault(where, item) for item in error.errors()]
         raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error

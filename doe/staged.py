@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from doe.measurements import Measurements
 from doe.parametric import PoseFit, fit_pose
-from doe.readings import Equations, check_poses, equations, rms_mm
+from doe.readings import Equations, check_poses, equations, model_compliances, rms_mm
 from doe.scheme import Law, Scheme, Stage
 from doe.spring_regression import SpringPoints, fit_law
 from fem import ArmModel
@@ -95,17 +95,12 @@ def calibrate_staged(
             laws[joint] = fit_law(model.robot, points[joint], scheme.regression_degree, _plain(source))
             springs[joint] = spring_from(model.robot, laws[joint])
     calibrated = model.with_springs(springs)
-    residual = system.predict(_compliances(calibrated, system.q)) - system.value
+    residual = system.predict(model_compliances(calibrated, system.q)) - system.value
     return StagedResult(scheme, fits, points, laws, calibrated, system, residual)
 
 
 def _plain(source: str) -> str:
     return " ".join(source.split())
-
-
-def _compliances(model: ArmModel, q: Array) -> Array:
-    """Axial compliances (m, dof) of a model at poses q."""
-    return np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1)
 
 
 def _run_stage(
@@ -123,7 +118,7 @@ def _run_stage(
     out = []
     for pose in poses:
         one = system.of_poses((pose,))
-        fixed = _compliances(current, one.q[:1])[0]
+        fixed = model_compliances(current, one.q[:1])[0]
         out.append(
             fit_pose(
                 one,

@@ -37,14 +37,7 @@ def as_poses(robot: Robot, q: Array) -> Array:
     InputError
         Wrong shape, or a value that is not finite.
     """
-    poses = np.asarray(q, dtype=np.float64)
-    if poses.ndim != 2 or poses.shape[1] != robot.dof:
-        raise InputError(
-            f"pose array for {robot.name}",
-            value=f"shape {poses.shape}",
-            allowed=f"(n, {robot.dof}) in rad",
-            remedy="pass one row a pose",
-        )
+    poses = robot.pose_batch(q)
     if not np.isfinite(poses).all():
         row = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
         raise InputError(

@@ -50,19 +50,28 @@ def load_description(model: str | Path) -> ModelDescription:
             allowed=f"{', '.join(bundled_names())}, or the path of a model TOML",
             remedy="`stiffarm robots` lists the bundled ones",
         )
+    return parse_description(read_text(path, "model file"), str(path))
+
+
+def read_text(path: Path, kind: str) -> str:
+    """Text of a UTF-8 file; raises InputError if it cannot be read, naming the ``kind`` of file."""
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"model file {path} cannot be read ({error})") from error
-    return parse_description(text, str(path))
+        raise InputError(f"{kind} {path} cannot be read ({error})") from error
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Parse TOML; raises InputError with the place of a syntax error, ``where`` naming the file."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
 
 
 def parse_description(text: str, where: str) -> ModelDescription:
     """Parse and validate a model TOML; ``where`` names it in messages."""
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+    data = parse_toml(text, where)
     try:
         return ModelDescription.model_validate(data)
     except ValidationError as error:

@@ -74,14 +74,8 @@ class Robot:
             raise InputError(f"joint coordinate of {self.name}", value=coordinate, allowed=", ".join(self.coordinates))
         return self.coordinates.index(coordinate)
 
-    def reachable(self, q: Array) -> NDArray[np.bool_]:
-        """Which poses keep all joint limits and couplings; q (n, dof) rad -> (n,). NaN is not reachable.
-
-        Raises
-        ------
-        InputError
-            Wrong shape.
-        """
+    def pose_batch(self, q: Array) -> Array:
+        """Poses as a float array (n, dof); raises InputError for another shape."""
         q = np.asarray(q, dtype=np.float64)
         if q.ndim != 2 or q.shape[1] != self.dof:
             raise InputError(
@@ -90,6 +84,17 @@ class Robot:
                 allowed=f"(n, {self.dof}) in rad",
                 remedy="pass one row a pose",
             )
+        return q
+
+    def reachable(self, q: Array) -> NDArray[np.bool_]:
+        """Which poses keep all joint limits and couplings; q (n, dof) rad -> (n,). NaN is not reachable.
+
+        Raises
+        ------
+        InputError
+            Wrong shape.
+        """
+        q = self.pose_batch(q)
         inside = np.all(
             (q >= self.limits[:, 0] - LIMIT_TOLERANCE_RAD) & (q <= self.limits[:, 1] + LIMIT_TOLERANCE_RAD),
             axis=1,

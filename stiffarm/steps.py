@@ -24,7 +24,7 @@ from doe import (
     constant_left_out,
     equations,
     factorial_poses,
-    model_compliances,
+    loaded_points,
     select_loads,
     sensitivity_study,
     staged_left_out,
@@ -306,11 +306,4 @@ def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> 
 
 def simulate(model: ArmModel, data: Measurements) -> Array:
     """Simulated displacement (n, 6) of every reading."""
-    tool = np.broadcast_to(model.robot.T_flange_tool[:3, 3], (data.n, 3))
-    return deflection(model, data.q, data.wrench, np.where(np.isnan(data.point), tool, data.point))
-
-
-def axial_stiffness(model: ArmModel, q: Array) -> Array:
-    """Joint stiffness (m, dof) in N m/rad at poses q (m, dof); inf where rigid."""
-    c = model_compliances(model, q)
-    return np.asarray(np.divide(1.0, c, out=np.full_like(c, np.inf), where=c > 0.0))
+    return deflection(model, data.q, data.wrench, loaded_points(model, data))
