@@ -9,7 +9,8 @@ from doe.constant import ConstantFit
 from doe.measurements import Measurements
 from fem import ArmModel
 from robots import ModelDescription
-from robots.schema import Calibration, Joint, LogPolynomialLaw, RotationalStiffness
+from robots.quantities import RotationalStiffness
+from robots.schema import Calibration, Joint, LogPolynomialLaw
 
 SOURCE_KEY = "calibrated"
 

@@ -6,21 +6,33 @@ table, or ``"assumed"``, ``"derived"`` or ``"definition"``; so no figure is with
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from numbers import Real
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
-from robots.units import factor
+from robots.quantities import (
+    Angle,
+    AngleRange,
+    Angles,
+    Density,
+    Length,
+    Mass,
+    Modulus,
+    PoissonsRatio,
+    Position,
+    PositiveLength,
+    RotationalStiffness,
+    Strict,
+    TranslationalStiffness,
+)
 
 SCHEMA = "stiffarm-model/1"
 BUILT_IN_SOURCES = ("assumed", "derived", "definition")
 
 LoadPath = Literal["parallelogram", "serial"]
+FlangeCoupling = Literal["rigid", "distributing"]
 
 
 class ReferenceFaults(ValueError):  # noqa: N818 - a list of faults
@@ -31,169 +43,7 @@ class ReferenceFaults(ValueError):  # noqa: N818 - a list of faults
         super().__init__("; ".join(faults))
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Quantity(_Strict):
-    """A number (or a list of them) with its unit and the source of the figure."""
-
-    dimension: ClassVar[str] = ""
-
-    value: float | tuple[float, ...]
-    unit: str
-    source: str
-    note: str | None = None
-
-    @field_validator("value", mode="before")
-    @classmethod
-    def _finite_numbers(cls, value: Any) -> Any:
-        # Before pydantic's own reading, which takes "12" for 12 and true for 1.
-        for entry in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(entry, bool) or not isinstance(entry, Real):
-                raise ValueError("must be a number or a list of numbers")  # noqa: TRY004 - as below
-            if not math.isfinite(entry):
-                raise ValueError("must be a finite number")
-        return value
-
-    @field_validator("unit")
-    @classmethod
-    def _known_unit(cls, unit: str) -> str:
-        factor(cls.dimension, unit)
-        return unit
-
-    @property
-    def si(self) -> float:
-        """The single value in SI units."""
-        if isinstance(self.value, tuple):
-            raise TypeError("this quantity is a list; use si_array")
-        return self.value * factor(self.dimension, self.unit)
-
-    @property
-    def si_array(self) -> NDArray[np.float64]:
-        """The values in SI units, shape (m,)."""
-        return np.atleast_1d(np.asarray(self.value, dtype=np.float64)) * factor(self.dimension, self.unit)
-
-
-class _Scalar(Quantity):
-    @field_validator("value")
-    @classmethod
-    def _one(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if isinstance(value, tuple):
-            raise ValueError("must be one number, not a list")  # noqa: TRY004 - pydantic wants ValueError
-        return value
-
-
-class _Positive(_Scalar):
-    @field_validator("value")
-    @classmethod
-    def _above_zero(cls, value: float) -> float:
-        if not value > 0.0:
-            raise ValueError("must be greater than zero")
-        return value
-
-
-class _Triple(Quantity):
-    @field_validator("value")
-    @classmethod
-    def _three(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if not isinstance(value, tuple) or len(value) != 3:
-            raise ValueError("must be a list of three numbers")
-        return value
-
-
-class _Range(Quantity):
-    @field_validator("value")
-    @classmethod
-    def _ordered_pair(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if not isinstance(value, tuple) or len(value) != 2 or not value[0] < value[1]:
-            raise ValueError("must be a pair [lower, upper] with lower < upper")
-        return value
-
-
-class Length(_Scalar):
-    """A length, which may be zero or negative."""
-
-    dimension = "length"
-
-
-class PositiveLength(_Positive):
-    """A length greater than zero."""
-
-    dimension = "length"
-
-
-class Position(_Triple):
-    """Three lengths x, y, z."""
-
-    dimension = "length"
-
-
-class Angle(_Scalar):
-    """An angle."""
-
-    dimension = "angle"
-
-
-class Angles(_Triple):
-    """Roll, pitch, yaw about fixed x, y, z, as in URDF."""
-
-    dimension = "angle"
-
-
-class AngleRange(_Range):
-    """Lower and upper angle."""
-
-    dimension = "angle"
-
-
-class Mass(_Positive):
-    """A mass."""
-
-    dimension = "mass"
-
-
-class Density(_Positive):
-    """A mass density."""
-
-    dimension = "density"
-
-
-class Modulus(_Positive):
-    """An elastic modulus."""
-
-    dimension = "pressure"
-
-
-class Ratio(_Scalar):
-    """A pure number."""
-
-    dimension = "ratio"
-
-
-class PoissonsRatio(Ratio):
-    """A Poisson's ratio: an isotropic material is stable only between -1 and 0.5."""
-
-    @model_validator(mode="after")
-    def _stable(self) -> Self:
-        if not -1.0 < self.si < 0.5:
-            raise ValueError(f"Poisson's ratio {self.si:g} is not between -1 and 0.5")
-        return self
-
-
-class RotationalStiffness(_Positive):
-    """A stiffness against rotation."""
-
-    dimension = "rotational stiffness"
-
-
-class TranslationalStiffness(_Positive):
-    """A stiffness against displacement."""
-
-    dimension = "translational stiffness"
-
-
-class DHRow(_Strict):
+class DHRow(Strict):
     """One row of modified DH parameters: ``Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d)``.
 
     ``alpha`` and ``a`` belong to the link before the joint (alpha_{i-1}, a_{i-1}; Craig's convention).
@@ -204,7 +54,7 @@ class DHRow(_Strict):
     d: Length
 
 
-class FrameRow(_Strict):
+class FrameRow(Strict):
     """A joint's frame in its parent body's frame, and the joint axis in that frame."""
 
     xyz: Position
@@ -219,7 +69,7 @@ class FrameRow(_Strict):
         return axis
 
 
-class LogPolynomialLaw(_Strict):
+class LogPolynomialLaw(Strict):
     """Angle-dependent spring: ln(k / (N m/rad)) is a polynomial in scaled joint coordinates.
 
     ``k = exp(sum_t c_t prod_i u_i^e_ti)``, ``u_i = (q_i - centre_i) / half_range_i``; k stays positive.
@@ -258,7 +108,7 @@ Spring = Annotated[
 ]
 
 
-class Joint(_Strict):
+class Joint(Strict):
     """A revolute joint: where it sits, how its coordinate turns it, its limits and its springs."""
 
     name: str
@@ -286,7 +136,7 @@ class Joint(_Strict):
         return self
 
 
-class BoxSection(_Strict):
+class BoxSection(Strict):
     """Hollow rectangle; ``width`` along local y, ``height`` along local z of the beam."""
 
     kind: Literal["box"]
@@ -304,7 +154,7 @@ class BoxSection(_Strict):
         return self
 
 
-class TubeSection(_Strict):
+class TubeSection(Strict):
     """Hollow circle."""
 
     kind: Literal["tube"]
@@ -323,7 +173,7 @@ class TubeSection(_Strict):
 Section = Annotated[BoxSection | TubeSection, Field(discriminator="kind")]
 
 
-class Material(_Strict):
+class Material(Strict):
     """Isotropic elastic material."""
 
     youngs_modulus: Modulus
@@ -331,11 +181,57 @@ class Material(_Strict):
     density: Density
 
 
-class Link(_Strict):
+class Opening(Strict):
+    """A rectangular hole in a wall of a box casing (shell links).
+
+    ``side``: the wall, by its outward direction in the section's axes (y along its width, z along its height).
+    ``along``: share of the centre line from root to tip; ``across``: share of the wall in the direction of
+    growing z or y. Both start and end strictly inside the wall.
+    """
+
+    side: Literal["+y", "-y", "+z", "-z"]
+    along: tuple[float, float]
+    across: tuple[float, float]
+    source: str
+    note: str | None = None
+
+    @field_validator("along", "across")
+    @classmethod
+    def _inside(cls, share: tuple[float, float]) -> tuple[float, float]:
+        if not 0.0 < share[0] < share[1] < 1.0:
+            raise ValueError("must be a pair [from, to] with 0 < from < to < 1")
+        return share
+
+
+class Rim(Strict):
+    """A thicker wall over a length from each interface: the flange that is cast or welded on (shell links)."""
+
+    length: PositiveLength
+    wall: PositiveLength
+
+
+class Surface(Strict):
+    """A prepared shell mesh of a link that takes the casing's place (shell links); written by `import`.
+
+    ``file`` is relative to the model file; ``sha256`` is that of the file's content. ``changes`` says what was
+    done to the source to get it.
+    """
+
+    file: str
+    sha256: str
+    wall: PositiveLength
+    size: PositiveLength
+    source: str
+    changes: tuple[str, ...] = ()
+
+
+class Link(Strict):
     """A link: the body it is, its material, its section (tapering to ``section_end``), its mass.
 
     The centre line runs from the body's own joint to the next one, through ``via`` if given.
-    ``beam_up`` is the direction (body frame) that the section's height follows.
+    ``beam_up`` is the direction (body frame) that the section's height follows. For shell links: openings and
+    rims of the casing, or the ``surface`` in its place, and how the interfaces (``root``, ``tip``, ``pin``) are
+    coupled to their points (``flanges``; rigid where nothing is said).
     """
 
     name: str
@@ -346,6 +242,10 @@ class Link(_Strict):
     via: tuple[Position, ...] = ()
     beam_up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     mass: Mass | None = None
+    opening: tuple[Opening, ...] = ()
+    rim: Rim | None = None
+    surface: Surface | None = None
+    flanges: dict[Literal["root", "tip", "pin"], FlangeCoupling] = Field(default_factory=dict)
 
     @field_validator("beam_up")
     @classmethod
@@ -360,8 +260,14 @@ class Link(_Strict):
             raise ValueError(f"link {self.name!r} cannot taper from {self.section.kind} to another kind")
         return self
 
+    @model_validator(mode="after")
+    def _openings_in_boxes(self) -> Self:
+        if self.opening and self.section.kind != "box":
+            raise ValueError(f"link {self.name!r} is a {self.section.kind}; only box casings can have openings")
+        return self
 
-class ParallelogramBar(_Strict):
+
+class ParallelogramBar(Strict):
     """The parallelogram that drives the forearm from a motor at the shoulder.
 
     ``pin`` is the bar's pin on the driven link, in that link's body frame; crank and driven lever
@@ -377,14 +283,14 @@ class ParallelogramBar(_Strict):
     crank_material: str
 
 
-class CouplingTerm(_Strict):
+class CouplingTerm(Strict):
     """One coordinate with its factor in a coupled limit."""
 
     coordinate: str
     factor: float
 
 
-class Coupling(_Strict):
+class Coupling(Strict):
     """A limit on a sum of joint coordinates: ``lower <= offset + sum(factor * q) <= upper``."""
 
     name: str
@@ -393,21 +299,21 @@ class Coupling(_Strict):
     limits: AngleRange
 
 
-class Tool(_Strict):
+class Tool(Strict):
     """The tool point in the flange frame."""
 
     xyz: Position
     rpy: Angles | None = None
 
 
-class Flange(_Strict):
+class Flange(Strict):
     """The flange in the last body's frame."""
 
     xyz: Position
     rpy: Angles | None = None
 
 
-class Calibration(_Strict):
+class Calibration(Strict):
     """Where calibrated springs came from."""
 
     scheme: str
@@ -420,7 +326,7 @@ class Calibration(_Strict):
     notes: tuple[str, ...] = ()
 
 
-class ModelDescription(_Strict):
+class ModelDescription(Strict):
     """A whole model file."""
 
     schema_version: Literal["stiffarm-model/1"] = Field(alias="schema")

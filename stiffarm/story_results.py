@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robots.schema import Quantity
+from robots.quantities import Quantity
 from stiffarm import figures_surrogate as fs
 from stiffarm.report import Block, Bullets, Note, Picture, Section, Table, Text
 from stiffarm.story_blocks import Pictures, percent

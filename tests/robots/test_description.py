@@ -25,8 +25,9 @@ from robots import (
     save_description,
 )
 from robots.library import parse_description, to_toml
+from robots.quantities import RotationalStiffness
 from robots.robot import robot_from
-from robots.schema import BUILT_IN_SOURCES, RotationalStiffness
+from robots.schema import BUILT_IN_SOURCES
 
 Data = dict[str, Any]
 

@@ -1,0 +1,39 @@
+"""The whole chain: `run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stiffarm.console import emit_json, user_errors
+from stiffarm.options import (
+    DataArg,
+    Debug,
+    Json,
+    Links,
+    SchemeFile,
+    Seed,
+    command_line,
+)
+
+
+def run(
+    model: Annotated[str, typer.Argument(metavar="[MODEL]", help="a robot with a bundled or given scheme")] = "xr701",
+    data: DataArg = None,
+    scheme_file: SchemeFile = None,
+    links: Links = None,
+    out: Annotated[Path, typer.Option("--out", help="folder for results")] = Path("out"),
+    points: Annotated[int, typer.Option(help="values of each swept coordinate of the map", min=2, max=200)] = 21,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """The whole chain: data, first model, sensitivity, calibration, surrogate, maps, report."""
+    with user_errors(debug):
+        from stiffarm.workflow import run_all
+
+        content = run_all(model, data, scheme_file, links, out, points, seed, command_line())
+        if as_json:
+            emit_json(content)

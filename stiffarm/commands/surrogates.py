@@ -1,0 +1,166 @@
+"""Commands of the surrogate: `fit`, `query`, `map`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from robots import InputError
+from stiffarm import inputs, payloads, steps, tables
+from stiffarm.console import emit_json, progress, say, user_errors
+from stiffarm.options import (
+    Debug,
+    Json,
+    Links,
+    LoadPathOpt,
+    ModelArg,
+    Out,
+    Seed,
+    model_hash,
+    output_folder,
+    say_notes,
+)
+from stiffarm.pose_tables import query_poses
+
+
+def fit(
+    model: ModelArg,
+    out: Annotated[Path, typer.Option("--out", help="folder for the surrogate")],
+    basis: Annotated[str, typer.Option(help="best, polynomial or trigonometric")] = "best",
+    degree: Annotated[int, typer.Option(help="total degree of the polynomial", min=1, max=12)] = 6,
+    order: Annotated[int, typer.Option(help="order of the trigonometric basis in each angle", min=1, max=4)] = 2,
+    runs: Annotated[int, typer.Option(help="model runs to fit on", min=1, max=1_000_000)] = 4096,
+    over: Annotated[str | None, typer.Option("--inputs", help="joint coordinates, as in q2_deg,q3real_deg")] = None,
+    fixed: Annotated[
+        str | None, typer.Option(help="where the other coordinates stand, as in q5_deg=30; default: 0")
+    ] = None,
+    direction: Annotated[str, typer.Option(help="load direction in base axes")] = "0,0,-1",
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Learn a surrogate from joint angles to structural stiffness, judged on runs it has not seen."""
+    with user_errors(debug):
+        from surrogate import save_surrogate
+
+        if basis not in ("best", "polynomial", "trigonometric"):
+            raise InputError(
+                "--basis", value=basis, allowed="best, polynomial, trigonometric", remedy="choose one of them"
+            )
+        given = inputs.read_model(model, links, load_path)
+        names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
+        others = inputs.fixed_coordinates(given.robot, names, fixed)
+        along = inputs.parse_direction(direction)
+        with output_folder(out, {"model": model_hash(given)}, seed) as folder, progress("model runs") as bar:
+            trained = steps.learn(
+                given.description,
+                given.model,
+                names,
+                seed,
+                basis=basis,  # type: ignore[arg-type]
+                degree=degree,
+                order=order,
+                runs=runs,
+                fixed_deg=others,
+                direction=along,
+                progress=bar,
+            )
+            for one in trained.surrogates:
+                save_surrogate(one, folder.path(f"surrogate_{one.basis.name}.json"))
+            save_surrogate(trained.best, folder.path("surrogate.json"))
+            content = payloads.trained(trained)
+            folder.write_json("surrogate_errors.json", content)
+        if as_json:
+            emit_json(content)
+        else:
+            tables.surrogates(content)
+            say(f"written: {out / 'surrogate.json'} ({content['best']})")
+
+
+def query(
+    surrogate_file: Annotated[Path, typer.Argument(metavar="SURROGATE", help="surrogate.json")],
+    table: Annotated[
+        Path | None, typer.Argument(metavar="[POSES]", help="table with joint columns, CSV or XLSX")
+    ] = None,
+    pose: Annotated[
+        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; may be repeated")
+    ] = None,
+    extrapolate: Annotated[
+        bool, typer.Option("--extrapolate", help="answer outside the fitted domain too, flagged")
+    ] = False,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Structural stiffness at poses, from a surrogate, with its error."""
+    with user_errors(debug):
+        from surrogate import load_surrogate
+        from surrogate import query as ask
+
+        learned = load_surrogate(surrogate_file)
+        degrees, labels, remarks = query_poses(learned, pose, table)
+        say_notes(tuple(remarks))
+        answer = ask(learned, np.radians(degrees), extrapolate=extrapolate)
+        rows = payloads.query_rows(learned, degrees, labels, answer)
+        content = {
+            "robot": learned.robot,
+            "load_direction": list(learned.load_direction),
+            "fixed_deg": dict(learned.fixed_deg),
+            "errors": payloads.surrogate_errors(learned),
+            "answers": rows,
+        }
+        if out is not None:
+            import pandas as pd
+
+            files = {"surrogate": surrogate_file} | ({} if table is None else {"poses": table})
+            with output_folder(out, dict(files)) as folder:
+                folder.write_json("query.json", content)
+                folder.write_text("query.csv", pd.DataFrame(rows).to_csv(index=False))
+        if as_json:
+            emit_json(content)
+        else:
+            tables.answers(learned.robot, learned.inputs, rows)
+
+
+def map_command(
+    model: ModelArg,
+    out: Annotated[Path, typer.Option("--out", help="folder for the map")],
+    surrogate_file: Annotated[
+        Path | None, typer.Option("--surrogate", help="take the stiffness from this surrogate")
+    ] = None,
+    points: Annotated[int, typer.Option(help="values of each swept coordinate", min=2, max=200)] = 21,
+    layers: Annotated[
+        str | None, typer.Option("--layers", help="values in deg of the coordinate that leaves the plane")
+    ] = None,
+    pictures: Annotated[bool, typer.Option(help="also draw PNGs")] = True,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """The 3-D stiffness map as a .vtu for ParaView, with pictures."""
+    with user_errors(debug):
+        from stiffarm import maps
+
+        given = inputs.read_model(model, links, load_path)
+        learned = None if surrogate_file is None else inputs.read_surrogate_for_map(given, surrogate_file)
+        if learned is not None and learned.model_hash != model_hash(given):
+            say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
+        wanted = inputs.parse_layers(given.robot, layers)
+        files: dict[str, Path | str] = {"model": model_hash(given)}
+        if surrogate_file is not None:
+            files["surrogate"] = surrogate_file
+        with output_folder(out, files) as folder, progress("map poses") as bar:
+            made = steps.stiffness_map(given.description, given.model, points, learned, wanted, progress=bar)
+            content = maps.write(made, given.description, given.robot, folder, pictures)
+        if as_json:
+            emit_json(content)
+        else:
+            say(f"written: {', '.join(str(out / name) for name in content['files'])}")
+            for message in content["messages"]:
+                say(f"note: {message}")

@@ -1,0 +1,63 @@
+"""Options that several commands share, and what all commands do first."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robots import content_hash
+from stiffarm.console import say
+from stiffarm.inputs import ModelInput
+from stiffarm.outputs import OutputFolder
+
+ModelArg = Annotated[str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`) or a model TOML")]
+DataArg = Annotated[
+    Path | None,
+    typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one"),
+]
+Links = Annotated[str | None, typer.Option("--links", help="beam, shell or rigid; default: as calibrated, else beam")]
+LoadPathOpt = Annotated[str | None, typer.Option("--load-path", help="parallelogram or serial; default: the model's")]
+Out = Annotated[Path | None, typer.Option("--out", help="folder for results")]
+Json = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
+Debug = Annotated[bool, typer.Option("--debug", help="show tracebacks")]
+Joints = Annotated[
+    str | None, typer.Option("--joints", help="joints, as in j2,j3; default: the scheme's or all that matter")
+]
+Loads = Annotated[
+    str | None,
+    typer.Option("--loads", help="force magnitudes in N, as in 150,650, or all; default: the scheme's, else all"),
+]
+Seed = Annotated[int, typer.Option("--seed", help="of the random numbers", min=0)]
+SchemeFile = Annotated[
+    Path | None, typer.Option("--scheme-file", help="calibration scheme TOML; default: the bundled one")
+]
+
+
+def command_line() -> list[str]:
+    """The command as the user typed it, for run.json."""
+    return ["stiffarm", *sys.argv[1:]]
+
+
+def output_folder(out: Path, files: dict[str, Path | str], seed: int | None = None) -> OutputFolder:
+    """The folder of ``--out``, with the hashes of what went in."""
+    return OutputFolder(out, command_line(), files, seed)
+
+
+def folder_if(out: Path | None, files: dict[str, Path | str]) -> AbstractContextManager[OutputFolder | None]:
+    """The folder of ``--out``, or nothing where that was not given."""
+    return nullcontext() if out is None else output_folder(out, files)
+
+
+def model_hash(given: ModelInput) -> str:
+    """Content hash of the model, for run.json."""
+    return content_hash(given.description)
+
+
+def say_notes(notes: tuple[str, ...]) -> None:
+    """Remarks on the input, to stderr."""
+    for note in notes:
+        say(f"note: {note}")
