@@ -191,6 +191,20 @@ def axial_transfers(model: ArmModel, frames: BodyFrames, tool: Array, first: int
         yield joint.joint, _axial(arm, loop, joint.joint)
 
 
+def joint_rows(model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0) -> Iterator[tuple[int, Array]]:
+    """What each joint carries in its own axes, T (6, 6, n): forces and moments; see :func:`transfers`.
+
+    The last row is the torque that the joint's axial spring feels. Behind a parallelogram that is the torque of
+    the crank's actuator, and the joint's own bearing feels none.
+    """
+    arm = _arm(model, frames, tool)
+    loop = _loop(arm, first)
+    for joint in model.joints:
+        T = _bearing(arm, loop, joint.joint, np.zeros((6, 6))).matrix()
+        T[5] = _axial(arm, loop, joint.joint).row
+        yield joint.joint, T
+
+
 def _arm(model: ArmModel, frames: BodyFrames, tool: Array) -> _Arm:
     return _Arm(model, poses_last(frames.R), poses_last(frames.p), poses_last(frames.axis), poses_last(tool))
 
@@ -246,7 +260,12 @@ def _axial(arm: _Arm, loop: _Loop | None, joint: int) -> Along:
 
 
 def _other_directions(arm: _Arm, loop: _Loop | None, joint: int) -> Transfer:
-    """Let the joint translate and tilt, in the axes of its frame turned with it."""
+    """Let the joint translate and tilt."""
+    return _bearing(arm, loop, joint, np.diag([*arm.model.joints[joint].other, 0.0]))
+
+
+def _bearing(arm: _Arm, loop: _Loop | None, joint: int, compliance: Array) -> Transfer:
+    """All six directions of a joint, in the axes of its frame turned with it."""
     part, robot = arm.model.joints[joint], arm.model.robot
     R = times_constant(arm.R[joint + 1], robot.R_post[joint].T)
     origin = arm.p[joint + 1]
@@ -254,5 +273,4 @@ def _other_directions(arm: _Arm, loop: _Loop | None, joint: int) -> Transfer:
     along = None
     if loop is not None and p is not None and joint in (p.crank_about, p.driven):
         along = loop.at(R, origin)
-    compliance = np.diag([*part.other, 0.0])
     return Transfer(f"{part.name} other directions", compliance, Moved(R, arm.tool - origin), along)

@@ -1,0 +1,94 @@
+"""Is the model wrong beyond the noise? Pure error from replicates, the F test, chi-square, outliers, patterns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, f
+
+from doe.estimate import OUTLIER, Estimate
+from doe.noise import Blocks
+
+Array = NDArray[np.float64]
+
+# Beyond this many standard deviations a reading is named as an outlier: one in 16 000 good ones is.
+FLAGGED = 4.0
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """Tests of an estimate against the scatter of its replicates.
+
+    ``pure_error_m``: standard deviation of replicates of translations (NaN without any); ``pure_dof``;
+    ``ratio``: F = mean square of the lack of fit over that of pure error, in units of each reading's variance;
+    ``fit_dof``; ``p_value`` (NaN without replicates or spare groups). ``chi_square`` and ``chi_dof``: of the
+    residuals against the noise as estimated (close to one another by construction when the noise was free).
+    """
+
+    pure_error_m: float
+    pure_dof: int
+    ratio: float
+    fit_dof: int
+    p_value: float
+    chi_square: float
+    chi_dof: int
+    chi_p_value: float
+
+
+def lack_of_fit(e: Estimate) -> LackOfFit:
+    """Classical test of lack of fit (Draper and Smith, Applied Regression Analysis, 3rd ed., section 2.1).
+
+    Readings are weighted by their white variance. What set-ups have in common is in the numerator: a set-up's
+    scatter looks like lack of fit to this test, and the estimated noise beside it says how much of it that may be.
+    """
+    p = e.problem
+    sd = np.sqrt(e.noise.variance(p, e.prediction) / e.weight)
+    z, w = e.residual / sd, 1.0 / sd
+    groups = int(p.replicate.max()) + 1
+    count = np.bincount(p.replicate, minlength=groups)
+    # Weighted mean residual of each group; readings of a group share their prediction, so weights are equal but for
+    # given sigmas and outliers.
+    mean = np.bincount(p.replicate, w**2 * e.residual, minlength=groups) / np.bincount(
+        p.replicate, w**2, minlength=groups
+    )
+    within = e.residual - mean[p.replicate]
+    pure, pure_dof = float(np.sum((within * w) ** 2)), int((count - 1).sum())
+    fitted = int(np.linalg.matrix_rank(e.whitened * _safe(e.whitened)))
+    fit_dof = groups - fitted
+    lack = float(np.sum(z**2)) - pure
+    ratio = (lack / fit_dof) / (pure / pure_dof) if fit_dof > 0 and pure_dof > 0 and pure > 0.0 else math.nan
+    p_value = float(f.sf(ratio, fit_dof, pure_dof)) if not math.isnan(ratio) else math.nan
+    linear = p.component < 3
+    linear_dof = int(sum(max(n - 1, 0) for n in np.bincount(p.replicate[linear])))
+    spread = math.sqrt(float(np.sum(within[linear] ** 2)) / linear_dof) if linear_dof else math.nan
+    white, _ = Blocks.of(p).whiten(sd**2, e.noise.common(p, e.prediction), e.residual[:, None])
+    square, dof = float(np.sum(white**2)), len(p) - fitted
+    return LackOfFit(
+        spread,
+        pure_dof,
+        ratio,
+        max(fit_dof, 0),
+        p_value,
+        square,
+        dof,
+        float(chi2.sf(square, dof)) if dof > 0 else math.nan,
+    )
+
+
+def _safe(A: Array) -> Array:
+    norm = np.linalg.norm(A, axis=0)
+    return np.asarray(1.0 / np.where(norm > 0.0, norm, 1.0))
+
+
+def outliers(e: Estimate) -> NDArray[np.intp]:
+    """Positions of the components that stand out, farthest first."""
+    far = np.abs(e.own)
+    return np.asarray([k for k in np.argsort(-far) if far[k] > FLAGGED], dtype=np.intp)
+
+
+def downweighted(e: Estimate) -> int:
+    """How many components count less than the others."""
+    return int(np.sum(np.abs(e.own) > OUTLIER))

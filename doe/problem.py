@@ -1,0 +1,114 @@
+"""Readings and a model with numbers set free, as one estimation problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.measurements import Measurements
+from doe.readings import loaded_points
+from fem import ArmModel
+from fem.free_model import FreeModel, LoadedPoses
+from fem.laws import FreeLaw
+from fem.parameters import Parameter
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flexibility = Callable[[float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """m read components and a model with p numbers set free.
+
+    ``value`` (m,) m or rad as read; ``row`` (m,): the reading it belongs to; ``component`` (m,): 0..5 for dx, dy,
+    dz, rx, ry, rz; ``pose`` (m,): number of the pose (set-up) it was read in, ``poses`` their labels;
+    ``replicate`` (m,): number of the group of readings of one component under the same pose, load, point and
+    phase; ``sigma`` (m,): standard deviation given with the reading, NaN where none was.
+    """
+
+    free: FreeModel
+    value: Array
+    row: Indices
+    component: Indices
+    pose: Indices
+    poses: tuple[str, ...]
+    replicate: Indices
+    sigma: Array
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The numbers set free."""
+        return self.free.parameters
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (p,) of the estimator's variables."""
+        ends = np.array([p.inner_bounds for p in self.parameters]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Predicted readings (m,) and their derivatives (m, p) by the estimator's variables u (p,)."""
+        value, J = self.free.evaluate(u)
+        return value[self.row, self.component], J[self.row, self.component]
+
+    def of_poses(self, wanted: Sequence[str]) -> Problem:
+        """The part of the problem read in some poses (labels)."""
+        numbers = [k for k, label in enumerate(self.poses) if label in set(wanted)]
+        return self.take(np.isin(self.pose, numbers))
+
+    def take(self, mask: NDArray[np.bool_]) -> Problem:
+        """Keep the components where ``mask`` (m,) is true; loaded poses that none of them needs are dropped."""
+        rows, row = np.unique(self.row[mask], return_inverse=True)
+        at = self.free.at
+        free = FreeModel(
+            self.free.model,
+            self.free.parameters,
+            LoadedPoses(at.q[rows], at.wrench[rows], at.point[rows]),
+            self.free.laws,
+            self.free.walls,
+        )
+        kept, pose = np.unique(self.pose[mask], return_inverse=True)
+        return Problem(
+            free,
+            self.value[mask],
+            row,
+            self.component[mask],
+            pose,
+            tuple(self.poses[k] for k in kept),
+            np.unique(self.replicate[mask], return_inverse=True)[1],
+            self.sigma[mask],
+        )
+
+
+def problem(
+    model: ArmModel,
+    data: Measurements,
+    parameters: Sequence[Parameter],
+    laws: Sequence[FreeLaw] = (),
+    walls: Mapping[str, Flexibility] | None = None,
+) -> Problem:
+    """Set up the estimation of ``parameters`` from all components that were read."""
+    at = LoadedPoses(data.q, data.wrench, loaded_points(model, data))
+    row, component = np.nonzero(data.used)
+    labels = tuple(dict.fromkeys(data.pose))
+    number = {label: k for k, label in enumerate(labels)}
+    phase = np.unique([p or "" for p in data.phase], return_inverse=True)[1]
+    case = np.column_stack([at.q, at.wrench, at.point, phase, [number[p] for p in data.pose]])
+    same = np.unique(np.round(case, 12), axis=0, return_inverse=True)[1].reshape(-1)
+    return Problem(
+        free=FreeModel(model, tuple(parameters), at, tuple(laws), dict(walls or {})),
+        value=data.displacement[row, component],
+        row=row.astype(np.int64),
+        component=component.astype(np.int64),
+        pose=np.array([number[data.pose[i]] for i in row], dtype=np.int64),
+        poses=labels,
+        replicate=np.unique(6 * same[row] + component, return_inverse=True)[1].astype(np.int64),
+        sigma=data.sigma[row],
+    )

@@ -1,0 +1,156 @@
+"""A model with numbers set free: displacements and their exact derivatives, for all loaded poses at once.
+
+Stiffnesses, moduli and laws act at ports (:mod:`fem.ports`), where derivatives are exact; angles and points move
+the poses and loads themselves, and their derivatives are central differences of the same formula (1e-9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.laws import FreeLaw
+from fem.model import ArmModel
+from fem.parameters import GEOMETRIC, Parameter, own_compliance
+from fem.ports import Port, port_of, ports
+from fem.statics import deflection
+from robots import InputError
+from robots.kinematics import forward_kinematics
+from robots.robot import rotation_rpy
+
+Array = NDArray[np.float64]
+Flexibility = Callable[[float], tuple[Array, Array]]
+
+# Steps of the central differences: a third-order error below 1e-9 of the value, and round-off below that.
+STEP = {"zero": 1e-4, "tilt": 1e-4, "load": 1e-4, "point": 1e-4}
+
+
+@dataclass(frozen=True)
+class LoadedPoses:
+    """n loaded poses: ``q`` (n, dof) rad, ``wrench`` (n, 6) base axes at ``point`` (n, 3) m in the flange frame."""
+
+    q: Array
+    wrench: Array
+    point: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+@dataclass(frozen=True)
+class FreeModel:
+    """A model, the numbers set free, and the loaded poses at which it is asked.
+
+    ``laws``: springs over angles whose coefficients are among the parameters. ``walls``: by link, the link's
+    flexibility and its derivative with ln(wall) as functions of the wall (m).
+    """
+
+    model: ArmModel
+    parameters: tuple[Parameter, ...]
+    at: LoadedPoses
+    laws: tuple[FreeLaw, ...] = ()
+    walls: dict[str, Flexibility] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        seen = [(p.kind, p.place, p.index) for p in self.parameters]
+        for k, (p, key) in enumerate(zip(self.parameters, seen, strict=True)):
+            if key in seen[:k]:
+                raise InputError(f"parameter {p.name}", value="given twice", allowed="each number once")
+            clash = p.kind == "stiffness" and p.index == (5,) and any(law.joint == p.place for law in self.laws)
+            if clash:
+                raise InputError(f"parameter {p.name}", value="a constant and a law", allowed="one of them")
+            if p.kind == "wall" and p.place not in self.walls:
+                raise InputError(f"parameter {p.name}", value="no sections to vary", allowed="a link with a section")
+            if p.kind == "wall" and any(
+                other.kind == "modulus" and other.place == p.place for other in self.parameters
+            ):
+                raise InputError(
+                    f"parameters {p.name} and {p.place}.modulus",
+                    value="both free",
+                    allowed="one of them: readings only see their product",
+                )
+
+    @property
+    def start(self) -> Array:
+        """The estimator's variables (p,) at the model's own values, clipped into their ranges."""
+        inner = np.array([p.inner(p.value) for p in self.parameters])
+        low, high = np.array([p.inner_bounds for p in self.parameters]).reshape(-1, 2).T
+        return np.asarray(np.clip(inner, low, high))
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Displacements (n, 6) and derivatives (n, 6, p) by the estimator's variables u (p,)."""
+        value, J = self._at_ports(u, self.moved(u))
+        for k, p in enumerate(self.parameters):
+            if p.kind in GEOMETRIC:
+                h = STEP[p.kind]
+                ends = [self._at_ports(_stepped(u, k, s * h), self.moved(_stepped(u, k, s * h)))[0] for s in (1, -1)]
+                J[:, :, k] = (ends[0] - ends[1]) / (2.0 * h)
+        return value, J
+
+    def moved(self, u: Array) -> LoadedPoses:
+        """The loaded poses with angles, points and loads as the parameters say."""
+        shift = {kind: np.zeros(self.at.q.shape[1] if kind == "zero" else 3) for kind in GEOMETRIC}
+        for p, v in zip(self.parameters, u, strict=True):
+            if p.kind in GEOMETRIC:
+                shift[p.kind][p.index[0]] += v
+        if not any(s.any() for s in shift.values()):
+            return self.at
+        q, point = self.at.q + shift["zero"], self.at.point + shift["point"]
+        R = rotation_rpy(shift["tilt"])
+        force, moment = self.at.wrench[:, :3] @ R.T, self.at.wrench[:, 3:] @ R.T
+        lever = forward_kinematics(self.model.robot, q).R_flange @ shift["load"]
+        return LoadedPoses(q, np.concatenate([force, moment + np.cross(lever, force)], axis=1), point)
+
+    @cached_property
+    def _unmoved(self) -> tuple[dict[str, Port], Array]:
+        return self._mechanics(self.at)
+
+    def _mechanics(self, at: LoadedPoses) -> tuple[dict[str, Port], Array]:
+        """Ports, and the displacement (n, 6) of the model as it is."""
+        return ports(self.model, at.q, at.wrench, at.point), deflection(self.model, at.q, at.wrench, at.point)
+
+    def _at_ports(self, u: Array, at: LoadedPoses) -> tuple[Array, Array]:
+        """Displacements and derivatives by everything but geometry."""
+        places, as_it_is = self._unmoved if at is self.at else self._mechanics(at)
+        value = as_it_is.copy()
+        J = np.zeros((len(at), 6, len(self.parameters)))
+        for k, (p, v) in enumerate(zip(self.parameters, u, strict=True)):
+            if p.kind in ("stiffness", "coupling"):
+                a, b = p.index[0], p.index[-1]
+                J[:, :, k] = port_of(places, p.place).influence(a, b)
+                change = v - own_compliance(self.model, p.place, a, b, at.q)
+                value += change[:, None] * J[:, :, k]
+            elif p.kind == "modulus":
+                port = port_of(places, p.place)
+                J[:, :, k] = p.value * _share(port)
+                value += (v - 1.0 / p.value) * J[:, :, k]
+            elif p.kind == "wall":
+                F, dF = self.walls[p.place](p.outer(float(v)))
+                port = port_of(places, p.place)
+                # The serial load path leaves the lever's pin, the last six rows, without load.
+                s = len(port.T)
+                J[:, :, k] = port.share(dF[:s, :s])
+                value += port.share(F[:s, :s]) - _share(port)
+        for law in self.laws:
+            columns = slice(law.first, law.first + law.basis.size)
+            basis = law.basis(at.q)
+            compliance = np.exp(-basis @ u[columns])
+            influence = port_of(places, law.joint).influence(5, 5)
+            value += (compliance - own_compliance(self.model, law.joint, 5, 5, at.q))[:, None] * influence
+            J[:, :, columns] = -(compliance[:, None] * basis)[:, None, :] * influence[:, :, None]
+        return value, J
+
+
+def _share(port: Port) -> Array:
+    assert port.flexibility is not None  # noqa: S101 - links and the bar have one
+    return port.share(port.flexibility)
+
+
+def _stepped(u: Array, k: int, h: float) -> Array:
+    out = np.array(u, dtype=np.float64)
+    out[k] += h
+    return out
