@@ -1,0 +1,159 @@
+"""Which of many possible experiments to do next: D-, A- and I-optimal choice by exchange.
+
+Experiment j adds the information ``B_j^T B_j`` (B_j (r, p): derivatives of its readings with unit covariance). To
+what is known already, M, a choice of n is added that makes the covariance ``C = (M + sum B_j^T B_j)^-1`` small: in
+volume (D: ln det C), in the mean variance of the parameters (A: tr C), or in the mean variance of predictions
+(I: tr(W C), W the mean of ``x x^T`` over the predictions x). Greedy choice, then Fedorov exchange until no single
+swap gains, from several starts (Atkinson, Donev and Tobias 2007, Optimum Experimental Designs with SAS, ch. 12). A
+local optimum: good, not proven best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Criterion = Literal["D", "A", "I"]
+Progress = Callable[[int, int], None]
+
+CRITERIA: tuple[Criterion, ...] = ("D", "A", "I")
+MOST_SWEEPS = 30
+# A swap must gain this share of the criterion, or sweeps would go on over rounding.
+LEAST_GAIN = 1e-9
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The experiments chosen.
+
+    ``chosen`` (n,): in the order of choice; ``covariance`` (p, p) after them; ``value`` of the criterion, smaller is
+    better (D: ln det C; A, I: the trace).
+    """
+
+    chosen: Indices
+    covariance: Array
+    value: float
+
+
+def choose(
+    known: Array,
+    experiments: Array,
+    n: int,
+    criterion: Criterion = "D",
+    *,
+    weight: Array | None = None,
+    rng: np.random.Generator | None = None,
+    starts: int = 4,
+    progress: Progress | None = None,
+) -> Choice:
+    """Choose n of N experiments, each at most once.
+
+    Parameters
+    ----------
+    known : (p, p) information so far, positive definite (a weak prior makes it so)
+    experiments : (N, r, p) the factors B_j; rows of zeros where an experiment reads less
+    weight : (p, p) positive semi-definite W of the A and I criteria; identity for A
+    starts : the greedy one, then random ones; needs ``rng`` beyond the first
+
+    Raises
+    ------
+    InputError
+        n out of range, unknown criterion, or information that is not positive definite.
+    """
+    if criterion not in CRITERIA:
+        raise InputError("criterion of a plan", value=criterion, allowed=", ".join(CRITERIA))
+    if not 0 < n <= len(experiments):
+        raise InputError("experiments to choose", value=n, allowed=f"1 to {len(experiments)}, the number of candidates")
+    W = np.eye(len(known)) if weight is None else weight
+    best: Choice | None = None
+    for start in range(starts if rng is not None else 1):
+        first = _greedy(known, experiments, n, criterion, W)
+        if start and rng is not None:
+            first = rng.choice(len(experiments), n, replace=False)
+        found = _exchange(known, experiments, first, criterion, W)
+        if best is None or found.value < best.value:
+            best = found
+        if progress is not None:
+            progress(start + 1, starts)
+    assert best is not None  # noqa: S101 - there is at least one start
+    return best
+
+
+def judge(
+    known: Array, experiments: Array, chosen: Indices, criterion: Criterion, weight: Array | None = None
+) -> Choice:
+    """The value of a given choice."""
+    W = np.eye(len(known)) if weight is None else weight
+    C = _covariance(_information(known, experiments, chosen))
+    return Choice(np.asarray(chosen), C, _value(C, criterion, W))
+
+
+def _information(known: Array, experiments: Array, chosen: Indices) -> Array:
+    B = experiments[chosen].reshape(-1, experiments.shape[2])
+    return np.asarray(known + B.T @ B)
+
+
+def _covariance(M: Array) -> Array:
+    try:
+        L = np.linalg.cholesky(M)
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            "what is known already does not bound all parameters", remedy="give the parameters ranges or priors"
+        ) from error
+    half = np.linalg.solve(L, np.eye(len(M)))
+    return np.asarray(half.T @ half)
+
+
+def _value(C: Array, criterion: Criterion, W: Array) -> float:
+    return float(np.linalg.slogdet(C)[1]) if criterion == "D" else float(np.sum(W * C))
+
+
+def _gains(C: Array, experiments: Array, criterion: Criterion, W: Array) -> Array:
+    """By how much each experiment (N,) lowers the criterion when added to covariance C."""
+    BC = experiments @ C
+    inner = BC @ np.swapaxes(experiments, 1, 2)
+    r = np.arange(inner.shape[1])
+    inner[:, r, r] += 1.0
+    if criterion == "D":
+        return np.asarray(np.linalg.slogdet(inner)[1])
+    return np.asarray(np.trace(np.linalg.solve(inner, BC @ W @ np.swapaxes(BC, 1, 2)), axis1=1, axis2=2))
+
+
+def _greedy(known: Array, experiments: Array, n: int, criterion: Criterion, W: Array) -> Indices:
+    chosen: list[int] = []
+    M = known
+    for _ in range(n):
+        gain = _gains(_covariance(M), experiments, criterion, W)
+        gain[chosen] = -np.inf
+        chosen.append(int(np.argmax(gain)))
+        M = M + experiments[chosen[-1]].T @ experiments[chosen[-1]]
+    return np.array(chosen)
+
+
+def _exchange(known: Array, experiments: Array, first: Indices, criterion: Criterion, W: Array) -> Choice:
+    """Swap one experiment for a better one until nothing gains."""
+    chosen = np.array(first)
+    now = judge(known, experiments, chosen, criterion, W)
+    for _ in range(MOST_SWEEPS):
+        before = now.value
+        for k in range(len(chosen)):
+            rest = np.delete(chosen, k)
+            C = _covariance(_information(known, experiments, rest))
+            gain = _gains(C, experiments, criterion, W)
+            gain[rest] = -np.inf
+            trial = chosen.copy()
+            trial[k] = int(np.argmax(gain))
+            value = _value(C, criterion, W) - float(gain[trial[k]])
+            if value < now.value - LEAST_GAIN * max(abs(now.value), 1.0):
+                chosen, now = trial, judge(known, experiments, trial, criterion, W)
+        if before - now.value <= LEAST_GAIN * max(abs(now.value), 1.0):
+            break
+    return now
