@@ -2,9 +2,9 @@
 
 from fem.direct import compliance_direct, deflection_direct
 from fem.fields import ArmFields, arm_fields, link_shapes
-from fem.model import LINK_KINDS, ArmModel, LinkKind, build_model
+from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
 from fem.shell_arm import ShellArmSolution, solve_shell_arm
-from fem.springs import ConstantSpring, LogPolynomialSpring, SpringLaw
+from fem.springs import ConstantSpring, LawSpring, SpringLaw
 from fem.statics import (
     compliance,
     deflection,
@@ -14,12 +14,13 @@ from fem.statics import (
 )
 
 __all__ = [
+    "FLANGES",
     "LINK_KINDS",
     "ArmFields",
     "ArmModel",
     "ConstantSpring",
     "LinkKind",
-    "LogPolynomialSpring",
+    "LawSpring",
     "ShellArmSolution",
     "SpringLaw",
     "arm_fields",

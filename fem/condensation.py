@@ -14,6 +14,10 @@ Array = NDArray[np.float64]
 
 # A backward stable factorisation leaves some 1e-14 of |K| |x|; a wrong or broken one leaves far more.
 RESIDUAL = 1e-9
+# Below this size SciPy is done before pypardiso has found its library on the disk (a second or so).
+SMALL = 3000
+# What MKL's PARDISO says of a pivot that is zero or negative.
+PARDISO_PIVOT = -4
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,11 @@ def solve_positive_definite(K: sp.csc_array, b: Array) -> Array:
     Raises
     ------
     ArithmeticError
-        K is singular to working precision: the residual stays above ``RESIDUAL``.
+        K is singular to working precision: the residual stays above ``RESIDUAL``, or a pivot is not positive.
     """
-    for solver in (_pardiso, _cholmod, _superlu):
+    if not (K.diagonal() > 0.0).all():
+        raise ArithmeticError("the stiffness matrix is singular")
+    for solver in (_superlu,) if K.shape[0] < SMALL else (_pardiso, _cholmod, _superlu):
         try:
             x = solver(sp.csc_array(K), b)
         except ImportError:
@@ -75,19 +81,28 @@ def solve_positive_definite(K: sp.csc_array, b: Array) -> Array:
 
 
 def _pardiso(K: sp.csc_array, b: Array) -> Array:
-    solver = importlib.import_module("pypardiso").PyPardisoSolver(mtype=2)
+    pypardiso = importlib.import_module("pypardiso")
+    solver = pypardiso.PyPardisoSolver(mtype=2)
     solver.set_iparm(1, 1)
     solver.set_iparm(2, 2)  # METIS nested dissection
     upper = sp.csr_matrix(sp.triu(K, format="csr"))
     try:
         solver.factorize(upper)
         return np.asarray(solver.solve(upper, b))
+    except pypardiso.pardiso_wrapper.PyPardisoError as error:
+        if error.value == PARDISO_PIVOT:
+            raise ArithmeticError("the stiffness matrix is singular") from error
+        raise
     finally:
         solver.free_memory(everything=True)
 
 
 def _cholmod(K: sp.csc_array, b: Array) -> Array:
-    return np.asarray(importlib.import_module("sksparse.cholmod").cholesky(sp.csc_matrix(K))(b))
+    cholmod = importlib.import_module("sksparse.cholmod")
+    try:
+        return np.asarray(cholmod.cholesky(sp.csc_matrix(K))(b))
+    except cholmod.CholmodNotPositiveDefiniteError as error:
+        raise ArithmeticError("the stiffness matrix is singular") from error
 
 
 def _superlu(K: sp.csc_array, b: Array) -> Array:

@@ -14,17 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.couplings import rigid_motion
 from fem.model import ArmModel, LinkPart
-from fem.shell import CoupledShell, beside_quads, freedoms, rigid_motion
+from fem.shell import CoupledShell
 from fem.shell_arm import all_links, both, couple_links, one_pose, shell_of
-from fem.shell_quad import quad_frames, quad_stiffness
+from fem.shell_assembly import beside_quads, element_stiffness, freedoms
+from fem.shell_quad import quad_frames
 from fem.shell_triangle import (
     ALPHA_B,
     bending_curvatures,
     facet_axes,
     membrane_strains,
     plane_stress,
-    triangle_stiffness,
 )
 from fem.transfers import transfers
 from fem.vectors import poses_last
@@ -102,14 +103,10 @@ def link_shapes(model: ArmModel, shells: Mapping[str, CoupledShell] | None = Non
         The model has no links, or links that are not shells.
     """
     shells = couple_links(model) if shells is None else shells
-    out = {}
-    for link in all_links(model):
-        mesh = shell_of(link)
-        material, m = (mesh.youngs_modulus, mesh.poissons_ratio), len(mesh.triangles)
-        triangles = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:m], beside_quads(mesh))
-        quads = quad_stiffness(mesh.quad_corners, *material, mesh.thickness[m:])
-        out[link.name] = LinkShapes(shells[link.name].modes()[0], (triangles, quads))
-    return out
+    return {
+        link.name: LinkShapes(shells[link.name].modes()[0], element_stiffness(shell_of(link)))
+        for link in all_links(model)
+    }
 
 
 def arm_fields(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Literal
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from fem import beam
 from fem.condensation import Superelement, condense
-from fem.shell import shell_superelement
+from fem.couplings import Coupling
+from fem.link_cache import cached_superelement
 from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
 from meshes import (
     BeamMesh,
@@ -20,28 +21,35 @@ from meshes import (
     casing_mesh,
     crank_beam_mesh,
     link_beam_mesh,
+    link_shell_mesh,
     section_dimensions,
     section_properties,
 )
 from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot
+from robots.quantities import RotationalStiffness
 from robots.robot import robot_from
-from robots.schema import Joint, LogPolynomialLaw
+from robots.schema import Joint, Link
 
 Array = NDArray[np.float64]
 LinkKind = Literal["rigid", "beam", "shell"]
 LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell")
+FLANGES: tuple[Coupling, ...] = ("rigid", "distributing")
 
 
 @dataclass(frozen=True)
 class LinkPart:
-    """A flexible link: the body it is (0 = base) its condensed FE model, its beam, and its shell if it is one."""
+    """A flexible link: the body it is (0 = base), its condensed FE model, its beam, and its shell if it is one.
+
+    ``flanges``: how the shell's interfaces were coupled to their points, by name; rigid where nothing is said.
+    """
 
     name: str
     body: int
     element: Superelement
     mesh: BeamMesh
     shell: ShellMesh | None = None
+    flanges: Mapping[str, Coupling] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,22 +106,35 @@ class ArmModel:
         return replace(self, joints=tuple(replace(j, axial=RIGID, other=np.zeros(5)) for j in self.joints))
 
 
-def build_model(description: ModelDescription, links: LinkKind = "beam", load_path: LoadPath | None = None) -> ArmModel:
+def build_model(
+    description: ModelDescription,
+    links: LinkKind = "beam",
+    load_path: LoadPath | None = None,
+    flanges: Coupling | None = None,
+) -> ArmModel:
     """Build the mechanical model of a described robot.
 
     Parameters
     ----------
     links : "beam" or "shell" for flexible links, "rigid" for joints alone
     load_path : overrides the description's; "parallelogram" needs a robot that has one
+    flanges : couples all interfaces of shell links and of the crank so, "rigid" (upper bound of the stiffness) or
+        "distributing" (lower bound), see :mod:`fem.couplings`; None takes what the description says of each link,
+        and rigid where it says nothing
+
+    Shell links condensed before come from the user's cache (:mod:`fem.link_cache`).
 
     Raises
     ------
     InputError
-        Unknown kind of links, a parallelogram asked of a robot without one, or a link named like another
-        part (a joint, "bar" or "crank").
+        Unknown kind of links or flanges, a parallelogram asked of a robot without one, a link named like another
+        part (a joint, "bar" or "crank"), flanges of an interface that the link does not have; for shell links, what
+        :func:`meshes.link_shell_mesh` and :func:`fem.shell.shell_superelement` refuse.
     """
     if links not in LINK_KINDS:
         raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))
+    if flanges not in (None, *FLANGES):
+        raise InputError("flanges", value=flanges, allowed=", ".join(FLANGES))
     robot = robot_from(description)
     path: LoadPath = description.load_path if load_path is None else load_path
     if path not in ("parallelogram", "serial"):
@@ -130,37 +151,54 @@ def build_model(description: ModelDescription, links: LinkKind = "beam", load_pa
         )
     parts: tuple[LinkPart, ...] = ()
     if links != "rigid":
-        parts = tuple(
-            _link_part(link.name, body_index(robot, link.body), link_beam_mesh(description, robot, link), links)
-            for link in description.link
-        )
+        parts = tuple(_described_link(description, robot, link, links, flanges) for link in description.link)
     return ArmModel(
         robot=robot,
         link_kind=links,
         load_path=path,
         links=parts,
         joints=tuple(_joint_part(robot, i, joint) for i, joint in enumerate(description.joint)),
-        bar=_bar_part(description, robot, links) if path == "parallelogram" else None,
+        bar=_bar_part(description, robot, links, flanges) if path == "parallelogram" else None,
     )
 
 
-def _link_part(name: str, body: int, mesh: BeamMesh, kind: LinkKind) -> LinkPart:
-    if kind == "shell":
-        shell = casing_mesh(mesh)
-        return LinkPart(name, body, shell_superelement(shell, mesh.interface_points), mesh, shell)
+def _described_link(
+    description: ModelDescription, robot: Robot, link: Link, kind: LinkKind, flanges: Coupling | None
+) -> LinkPart:
+    mesh, body = link_beam_mesh(description, robot, link), body_index(robot, link.body)
+    unknown = [name for name in link.flanges if name not in mesh.interfaces]
+    if unknown:
+        raise InputError(
+            f"flanges of link {link.name}",
+            value=unknown[0],
+            allowed=", ".join(mesh.interfaces),
+            remedy="remove it: only the link that a parallelogram drives has a pin",
+        )
+    if kind == "beam":
+        return _beam_part(link.name, body, mesh)
+    described: dict[str, Coupling] = {str(name): coupling for name, coupling in link.flanges.items()}
+    couplings = {name: flanges or described.get(name, "rigid") for name in mesh.interfaces}
+    return _shell_part(link.name, body, mesh, link_shell_mesh(link, mesh), couplings)
+
+
+def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
     nodes = np.array(list(mesh.interfaces.values()))
     element = condense(name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
     return LinkPart(name, body, element, mesh)
+
+
+def _shell_part(name: str, body: int, mesh: BeamMesh, shell: ShellMesh, flanges: Mapping[str, Coupling]) -> LinkPart:
+    return LinkPart(name, body, cached_superelement(shell, mesh.interface_points, flanges), mesh, shell, flanges)
 
 
 def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
     axial: SpringLaw
     if joint.stiffness is None:
         axial = RIGID
-    elif isinstance(joint.stiffness, LogPolynomialLaw):
-        axial = spring_from(robot, joint.stiffness)
-    else:
+    elif isinstance(joint.stiffness, RotationalStiffness):
         axial = ConstantSpring(joint.stiffness.si)
+    else:
+        axial = spring_from(robot, joint.stiffness)
     other = np.zeros(5)
     if joint.translational_stiffness is not None:
         other[:3] = 1.0 / joint.translational_stiffness.si
@@ -169,7 +207,7 @@ def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
     return JointPart(joint.name, index, axial, other)
 
 
-def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind) -> BarPart:
+def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind, flanges: Coupling | None) -> BarPart:
     p, geometry = description.parallelogram, robot.parallelogram
     if links == "rigid" or p is None or geometry is None:
         return BarPart(0.0, None)
@@ -177,5 +215,8 @@ def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind) -> B
     section = section_properties(p.bar.kind, section_dimensions(p.bar), material.poissons_ratio.si)
     length = float(np.linalg.norm(robot.T_pre[geometry.driven][:3, 3]))
     compliance = length / (material.youngs_modulus.si * float(section.area))
-    crank = _link_part("crank", geometry.driven + 1, crank_beam_mesh(description, robot), links)
-    return BarPart(compliance, crank)
+    mesh, body = crank_beam_mesh(description, robot), geometry.driven + 1
+    if links == "beam":
+        return BarPart(compliance, _beam_part("crank", body, mesh))
+    couplings = dict.fromkeys(mesh.interfaces, flanges or "rigid")
+    return BarPart(compliance, _shell_part("crank", body, mesh, casing_mesh(mesh), couplings))

@@ -1,128 +1,35 @@
-"""Shell meshes as mechanics: assembly, rings coupled to interface points, condensation to superelements.
-
-A ring of nodes meets its interface point p by one of two couplings. *Rigid*: the ring moves as a rigid body,
-``u_i = u_p + theta x (x_i - p)``, ``theta_i = theta``, so that p's six freedoms replace the ring's. It holds the
-section's shape and warping: an upper bound of the stiffness of a flange. *Distributing* (the RBE3 of
-MSC/Nastran): p follows the ring's displacements by weighted least squares, the ring stays free, and a force
-at p spreads over it with the same resultant: a lower bound. The truth of a bolted flange lies between them.
-"""
+"""Shell meshes as mechanics: interfaces coupled to points, condensation to superelements."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.sparse.csgraph import connected_components
 
 from fem.condensation import Superelement, solve_positive_definite
-from fem.shell_quad import quad_stiffness
-from fem.shell_triangle import triangle_stiffness
+from fem.couplings import (
+    Coupling,
+    distributing_coupling,
+    edge_weights,
+    giving_way,
+    led_by,
+    rigid_coupling,
+    rigid_motion,
+)
+from fem.shell_assembly import assemble_shell, freedoms
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Coupling = Literal["rigid", "distributing"]
 
-# Least of the ring's three spreads over the greatest: below it the nodes lie on a line and feel no twist.
-SMALLEST_SPREAD = 1e-6
 # Round-off makes the flexibility of casings asymmetric by 1e-14 to 1e-11 (walls of 0.5 mm, 50 000 freedoms).
 ASYMMETRY = 1e-7
-
-
-def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
-    """Stiffness of the whole free mesh, (6k, 6k), six freedoms a node (u, rotation), body's axes."""
-    first_quad = len(mesh.triangles)
-    material = (mesh.youngs_modulus, mesh.poissons_ratio)
-    parts = []
-    if first_quad:
-        seam = beside_quads(mesh)
-        K = triangle_stiffness(mesh.triangle_corners, *material, mesh.thickness[:first_quad], seam)
-        parts.append(_scatter(K, mesh.triangles))
-    if len(mesh.quads):
-        K = quad_stiffness(mesh.quad_corners, *material, mesh.thickness[first_quad:])
-        parts.append(_scatter(K, mesh.quads))
-    values, rows, columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    size = 6 * len(mesh.nodes)
-    return sp.coo_array((values, (rows, columns)), shape=(size, size)).tocsc()
-
-
-def beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
-    """Which sides (m, 3) of the triangles are quads' sides too."""
-    edges = np.sort(mesh.edges, axis=1)
-    key = edges[:, 0] * np.int64(len(mesh.nodes)) + edges[:, 1]
-    first_quad = 3 * len(mesh.triangles)
-    return np.isin(key[:first_quad], key[first_quad:]).reshape(-1, 3)
-
-
-def _scatter(K: Array, elements: Indices) -> tuple[Array, NDArray[np.int32], NDArray[np.int32]]:
-    """Values, rows and columns of element matrices (e, 6n, 6n) in the global one."""
-    dofs = freedoms(elements).reshape(len(elements), -1).astype(np.int32)
-    n = dofs.shape[1]
-    return K.ravel(), np.repeat(dofs, n, axis=1).ravel(), np.tile(dofs, (1, n)).ravel()
-
-
-def freedoms(nodes: Indices) -> Indices:
-    """Numbers (..., 6) of the freedoms of nodes (...)."""
-    return np.asarray(6 * np.asarray(nodes, dtype=np.int64)[..., None] + np.arange(6))
-
-
-def rigid_motion(offsets: Array) -> Array:
-    """Motion (n, 6, 6) of points at ``offsets`` (n, 3) m on a rigid body from the body's motion at the origin."""
-    x, y, z = np.moveaxis(np.asarray(offsets, dtype=np.float64), 1, 0)
-    R = np.tile(np.eye(6), (len(offsets), 1, 1))
-    R[:, 0, 4], R[:, 0, 5] = z, -y
-    R[:, 1, 3], R[:, 1, 5] = -z, x
-    R[:, 2, 3], R[:, 2, 4] = y, -x
-    return R
-
-
-def rigid_coupling(nodes: Array, ring: Indices, point: Array) -> Array:
-    """Transformation (6r, 6) from the motion of ``point`` (3,) m to the freedoms of the ring's r nodes.
-
-    ``nodes`` (k, 3) m. The transpose gives the resultant force and moment at the point of forces at the ring.
-    """
-    return rigid_motion(nodes[ring] - point).reshape(-1, 6)
-
-
-def distributing_coupling(nodes: Array, ring: Indices, point: Array, weights: Array | None = None) -> Array:
-    """Weighted mean motion (6, 6r) at ``point`` (3,) m of the freedoms of the ring's r nodes.
-
-    Displacement and rotation are those of the rigid motion that fits the nodes' displacements best by least
-    squares with ``weights`` (r,), by default all equal; nodes' own rotations have no part. The transpose
-    distributes a wrench at the point over the ring with exactly that force and moment.
-
-    Raises
-    ------
-    InputError
-        Fewer than three nodes with weight, all on one line, or weights that are negative or not finite.
-    """
-    r = len(ring)
-    w = np.ones(r) if weights is None else np.asarray(weights, dtype=np.float64)
-    if w.shape != (r,) or not np.isfinite(w).all() or (w < 0.0).any() or not w.any():
-        raise InputError("weights of a distributing coupling", value=w.tolist(), allowed=f"{r} numbers, none negative")
-    centre = w @ nodes[ring] / w.sum()
-    arms = nodes[ring] - centre
-    spread = np.linalg.svd(np.sqrt(w)[:, None] * arms, compute_uv=False)
-    if r < 3 or not spread[1] > SMALLEST_SPREAD * spread[0]:
-        raise InputError(
-            "a distributing coupling whose nodes lie on one line",
-            value=f"{r} node(s)",
-            allowed="three nodes or more that span a surface",
-            remedy="choose more nodes or the rigid coupling",
-        )
-    # Fitted about the centre and scaled by the ring's size, where displacement and rotation do not mix.
-    size = spread[0] / np.sqrt(w.sum())
-    fit = rigid_motion(arms / size)[:, :3]
-    moments = np.einsum("r,rki,rkj->ij", w, fit, fit)
-    mean = np.zeros((6, r, 6))
-    mean[..., :3] = np.linalg.solve(moments, np.einsum("r,rki->irk", w, fit).reshape(6, -1)).reshape(6, r, 3)
-    mean[3:] /= size
-    return np.asarray(rigid_motion((point - centre)[None])[0] @ mean.reshape(6, -1))
 
 
 @dataclass(frozen=True)
@@ -145,6 +52,15 @@ class CoupledShell:
     def transport(self) -> Array:
         """Motion (6(i-1), 6) of the other interfaces as a rigid body moves with the root."""
         return rigid_motion(self.points[1:] - self.points[0]).reshape(-1, 6)
+
+    def led_by_points(self) -> sp.csc_array:
+        """Change of variables (n, n): reduced freedoms from others that end with the points' motion, root first.
+
+        Six freedoms of each ring give way to the motion of its point; those of a rigid ring are that motion
+        already. The stiffness in the new freedoms, ``S.T @ stiffness @ S``, has a full block for each distributing
+        ring: (3r)^2 entries for r nodes.
+        """
+        return led_by(self.reading, np.eye(6 * len(self.points)))
 
     def modes(self) -> tuple[Array, Array]:
         """Solve once for unit wrenches at the other interfaces, reaction at the root.
@@ -176,32 +92,39 @@ class CoupledShell:
 def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Coupling] = "rigid") -> CoupledShell:
     """Couple the interfaces of a mesh to ``points`` (i, 3) m, in the order of ``mesh.interfaces``, root first.
 
-    ``coupling``: one kind for all interfaces, or one by name.
+    ``coupling``: one kind for all interfaces, or one by name. A distributing ring on several bodies (the two tubes
+    of a driven link meet at its root alone) joins them: each body's part follows the point by itself.
 
     Raises
     ------
     InputError
-        Points do not match the interfaces, unknown coupling, rigid rings that share nodes, a ring on a line
-        with a distributing coupling, or a mesh that falls apart into several bodies.
+        Points do not match the interfaces, unknown coupling, rigid rings that share nodes, rings that share so many
+        that their points cannot move apart, a ring on a line with a distributing coupling, or a mesh that falls
+        apart into bodies that no ring joins.
     """
     points, rings = np.asarray(points, dtype=np.float64), list(mesh.interfaces.values())
     kinds = _kinds(mesh, points, coupling)
     rigid = [j for j, kind in enumerate(kinds) if kind == "rigid"]
-    _check_one_body(mesh, [rings[j] for j in rigid])
+    parts = _parts(mesh, rings, kinds)
     T = _expansion(mesh, {j: rings[j] for j in rigid}, points)
     first_master = T.shape[1] - 6 * len(rigid)
-    blocks = []
-    for j, (ring, kind) in enumerate(zip(rings, kinds, strict=True)):
+    reading = []
+    for j, (point, kind) in enumerate(zip(points, kinds, strict=True)):
         if kind == "rigid":
-            blocks.append(_columns(np.eye(6), first_master + 6 * rigid.index(j) + np.arange(6), T.shape[1]))
-        else:
-            mean = distributing_coupling(mesh.nodes, ring, points[j], _edge_weights(mesh, ring))
-            blocks.append(_columns(mean, freedoms(ring).ravel(), T.shape[0]) @ T)
-    reading = sp.csc_array(sp.vstack(blocks))
-    # Any six freedoms of one point will do; rings made rigid hold best, else a node of the root's ring.
+            reading.append(_columns(np.eye(6), first_master + 6 * rigid.index(j) + np.arange(6), T.shape[1]))
+            continue
+        means = [distributing_coupling(mesh.nodes, part, point, edge_weights(mesh, part)) for part in parts[j]]
+        spread = [_columns(M, freedoms(part).ravel(), T.shape[0]) for M, part in zip(means, parts[j], strict=True)]
+        reading.append(sp.csc_array(sp.vstack(spread) @ T))
+    # Any six freedoms of one point will do; rings that lead hold best, else a node of the root's ring.
     held = first_master + np.arange(6) if rigid else freedoms(rings[0][:1]).ravel()
+    joints = [j for j, ring_parts in enumerate(parts) if len(ring_parts) > 1]
+    if joints:
+        T, reading, held = _joined(T, reading, joints)
+    motion = sp.csc_array(sp.vstack(reading))
+    giving_way(motion)
     K = sp.csc_array(T.T @ assemble_shell(mesh) @ T)
-    return CoupledShell(mesh.nodes, T, K, reading, points, held)
+    return CoupledShell(mesh.nodes, T, K, motion, points, held)
 
 
 def shell_superelement(
@@ -274,27 +197,38 @@ def _columns(block: Array, columns: Indices, width: int) -> sp.csc_array:
     return sp.coo_array((block.ravel(), (rows, np.tile(columns, len(block)))), shape=(len(block), width)).tocsc()
 
 
-def _edge_weights(mesh: ShellMesh, ring: Indices) -> Array:
-    """Half the length of the ring's edges at each node (r,), so that uneven spacing has no say; else equal."""
-    place = np.full(len(mesh.nodes), -1)
-    place[ring] = np.arange(ring.size)
-    edges = mesh.edges[(place[mesh.edges] >= 0).all(axis=1)]
-    edges = np.unique(np.sort(edges, axis=1), axis=0)
-    length = np.linalg.norm(mesh.nodes[edges[:, 1]] - mesh.nodes[edges[:, 0]], axis=1)
-    weights = np.bincount(place[edges].ravel(), np.repeat(0.5 * length, 2), minlength=ring.size)
-    return np.asarray(weights, dtype=np.float64) if (weights > 0.0).all() else np.ones(ring.size)
+def _joined(
+    T: sp.csc_array, reading: list[sp.csc_array], joints: list[int]
+) -> tuple[sp.csc_array, list[sp.csc_array], Indices]:
+    """Let the points of ``joints`` lead all parts of their rings; new expansion, readings and held freedoms."""
+    rows = sp.csc_array(sp.vstack([reading[j] for j in joints]))
+    follows = [np.tile(np.eye(6), (reading[j].shape[0] // 6, 1)) for j in joints]
+    S = led_by(rows, block_diag(*follows))
+    lead = S.shape[1] - 6 * len(joints) + np.arange(6 * len(joints)).reshape(-1, 6)
+    reading = [
+        _columns(np.eye(6), lead[joints.index(j)], S.shape[1]) if j in joints else sp.csc_array(rows @ S)
+        for j, rows in enumerate(reading)
+    ]
+    return sp.csc_array(T @ S), reading, lead[0]
 
 
-def _check_one_body(mesh: ShellMesh, rigid: Sequence[Indices]) -> None:
-    """Refuse meshes in pieces; rigid rings join what they hold."""
-    links = [mesh.edges, *[np.stack([np.full(ring.size, ring[0]), ring], axis=1) for ring in rigid]]
-    rows, columns = np.concatenate(links).T
-    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(len(mesh.nodes),) * 2)
-    bodies, label = connected_components(graph, directed=False)
-    if bodies > 1:
+def _parts(mesh: ShellMesh, rings: list[Indices], kinds: list[Coupling]) -> list[list[Indices]]:
+    """Each ring's parts that only the ring itself joins: one for a rigid ring; refuses bodies that nothing joins."""
+    pairs = [np.stack([np.full(ring.size, ring[0]), ring], axis=1) for ring in rings]
+    rigid = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == "rigid"]
+    bodies, whole = _bodies(len(mesh.nodes), [mesh.edges, *rigid]), _bodies(len(mesh.nodes), [mesh.edges, *pairs])
+    if whole.max() > 0:
         raise InputError(
             f"shell mesh {mesh.name}",
-            value=f"{bodies} separate bodies of {np.bincount(label).tolist()} nodes",
+            value=f"{whole.max() + 1} separate bodies of {np.bincount(whole).tolist()} nodes",
             allowed="one body",
             remedy="merge the nodes where the bodies touch, or drop the loose ones",
         )
+    return [[ring[bodies[ring] == body] for body in np.unique(bodies[ring])] for ring in rings]
+
+
+def _bodies(count: int, pairs: Sequence[Indices]) -> Indices:
+    """Number of the connected body that each of the nodes belongs to."""
+    rows, columns = np.concatenate(pairs).T
+    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

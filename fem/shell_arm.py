@@ -18,9 +18,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from fem.condensation import solve_positive_definite
+from fem.couplings import Coupling, rigid_motion
 from fem.inputs import as_points, as_wrenches
 from fem.model import ArmModel, LinkPart
-from fem.shell import CoupledShell, couple, rigid_motion
+from fem.shell import CoupledShell, couple
 from fem.transfers import axial_transfers
 from meshes import ShellMesh
 from robots import InputError
@@ -66,10 +67,10 @@ class _Node:
 
 @dataclass
 class _System:
-    """What the parts add: unknowns, links' reduced freedoms (rows, columns, values) of them, springs."""
+    """What the parts add: unknowns, links' reduced freedoms (r, columns so far) from them, springs."""
 
     size: int = 0
-    links: dict[str, tuple[CoupledShell, Array, Indices, Indices, Array]] = field(default_factory=dict)
+    links: dict[str, tuple[CoupledShell, Array, sp.csc_array]] = field(default_factory=dict)
     springs: list[tuple[int, float]] = field(default_factory=list)
 
     def new(self, count: int) -> Indices:
@@ -91,19 +92,18 @@ class _System:
         new = self.new(own.size)
         turn = both(R)
         at_root = turn.T @ root.G
-        self.links[link.name] = (
-            shell,
-            R,
-            np.concatenate([own, np.repeat(first + np.arange(6), root.freedoms.size)]),
-            np.concatenate([new, np.tile(root.freedoms, 6)]),
-            np.concatenate([np.ones(own.size), at_root.ravel()]),
-        )
+        rows = np.concatenate([own, np.repeat(first + np.arange(6), root.freedoms.size)])
+        columns = np.concatenate([new, np.tile(root.freedoms, 6)])
+        values = np.concatenate([np.ones(own.size), at_root.ravel()])
+        led = sp.coo_array((values, (rows, columns)), shape=(count, self.size)).tocsc()
+        self.links[link.name] = (shell, R, sp.csc_array(shell.led_by_points() @ led))
         return {name: _Node(new[first + 6 * j : first + 6 * j + 6], turn) for j, name in enumerate(names[1:])}
 
     def reduced(self, name: str) -> sp.csc_array:
         """Reduced freedoms (r, n) of a link from all unknowns."""
-        shell, _, rows, columns, values = self.links[name]
-        return sp.coo_array((values, (rows, columns)), shape=(shell.stiffness.shape[0], self.size)).tocsc()
+        B = self.links[name][2]
+        later = sp.csc_array((B.shape[0], self.size - B.shape[1]))
+        return sp.csc_array(sp.hstack([B, later]))
 
     def matrix(self) -> sp.csc_array:
         """Stiffness (n, n) of all unknowns."""
@@ -131,7 +131,7 @@ def all_links(model: ArmModel) -> list[LinkPart]:
 
 
 def couple_links(model: ArmModel) -> dict[str, CoupledShell]:
-    """Shells of all links by name, the crank's included, coupled by rigid rings as the model's superelements are.
+    """Shells of all links by name, the crank's included, coupled as the model's superelements are.
 
     They depend on the links alone: compute them once for many poses, springs or loads.
 
@@ -142,7 +142,11 @@ def couple_links(model: ArmModel) -> dict[str, CoupledShell]:
     """
     if not model.links:
         raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell")
-    return {link.name: couple(shell_of(link), link.element.points) for link in all_links(model)}
+    return {link.name: couple(shell_of(link), link.element.points, _flanges(link)) for link in all_links(model)}
+
+
+def _flanges(link: LinkPart) -> dict[str, Coupling]:
+    return {name: link.flanges.get(name, "rigid") for name in link.element.interfaces}
 
 
 def solve_shell_arm(

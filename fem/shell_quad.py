@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuadN1, MeshQuad1
 
-from fem.shell_quad_bending import bending_stiffness
-from fem.shell_quad_membrane import membrane_stiffness
+from fem.shell_quad_bending import bending_rows
+from fem.shell_quad_membrane import membrane_rows
 from robots.errors import InputError
 
 Array = NDArray[np.float64]
@@ -40,6 +40,8 @@ QUADRATURE_ORDER = 3
 _NODES = np.arange(4)
 MEMBRANE_FREEDOMS = (6 * _NODES[:, None] + [0, 1, 5]).ravel()
 BENDING_FREEDOMS = (6 * _NODES[:, None] + [2, 3, 4]).ravel()
+# Elements worked on at a time: their arrays stay in the processor's cache.
+BATCH = 1024
 # A corner's area relative to the diagonals' product below which the corner counts as collapsed or re-entrant.
 SMALLEST_CORNER = 1e-6
 
@@ -72,15 +74,17 @@ def quad_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: float,
     """
     corners, thickness = np.asarray(corners, dtype=float), np.asarray(thickness, dtype=float)
     _check_inputs(corners, youngs_modulus, poissons_ratio, thickness)
-    if len(corners) == 0:
-        return np.zeros((0, 24, 24))
     R = quad_frames(corners)
     local = (corners - corners.mean(axis=1, keepdims=True)) @ R
     flat, height = local[..., :2], local[..., 2]
     _check_shapes(flat)
-    K = _flat_stiffness(flat, youngs_modulus, poissons_ratio, thickness)
-    K = _turned(_linked_to_plane(K, height), R)
-    return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))
+    K = np.empty((len(corners), 24, 24))
+    for first in range(0, len(corners), BATCH):
+        part = slice(first, first + BATCH)
+        rows = _flat_rows(flat[part], youngs_modulus, poissons_ratio, thickness[part])
+        rows = _turned(_linked_to_plane(rows, height[part]), R[part])
+        K[part] = np.swapaxes(rows, 1, 2) @ rows
+    return K
 
 
 def quad_frames(corners: Array) -> Array:
@@ -99,38 +103,34 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _flat_stiffness(flat: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> Array:
-    """Stiffness (e, 24, 24) of the facets with corners (e, 4, 2), facet axes."""
+def _flat_rows(flat: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> Array:
+    """Weighted strains (e, 36, 24) of the facets with corners (e, 4, 2), facet axes: ``S^T S`` is the stiffness."""
     e = len(flat)
     # Disconnected: scikit-fem has no surfaces in space, so each facet lies flat in its own plane.
     mesh = MeshQuad1(np.ascontiguousarray(flat.reshape(-1, 2).T), np.arange(4 * e).reshape(e, 4).T.copy())
     basis = Basis(mesh, ElementQuad1(), intorder=QUADRATURE_ORDER, disable_doflocs=True)
     sides = Basis(mesh, ElementQuadN1(), intorder=QUADRATURE_ORDER, disable_doflocs=True)
     material = (youngs_modulus, poissons_ratio, thickness)
-    K = np.zeros((e, 24, 24))
-    K[:, MEMBRANE_FREEDOMS[:, None], MEMBRANE_FREEDOMS] = membrane_stiffness(basis, flat, *material)
-    K[:, BENDING_FREEDOMS[:, None], BENDING_FREEDOMS] = bending_stiffness(basis, sides, flat, *material)
-    return K
+    rows = np.zeros((e, 36, 24))
+    rows[:, :16, MEMBRANE_FREEDOMS] = membrane_rows(basis, flat, *material)
+    rows[:, 16:, BENDING_FREEDOMS] = bending_rows(basis, sides, flat, *material)
+    return rows
 
 
-def _linked_to_plane(K: Array, height: Array) -> Array:
-    """Stiffness (e, 24, 24) at the corners from that at their projections, facet axes: ``L^T K L``.
+def _linked_to_plane(rows: Array, height: Array) -> Array:
+    """Strains (e, 36, 24) of the corners' motion from those of their projections', facet axes: ``S L``.
 
     The rigid links ``L`` add to the projections' ``u`` and ``v`` what the corners' tilts move them.
     """
-    for _ in range(2):  # K L, then the same on the transpose
-        K = K.copy()
-        K[:, :, 4::6] -= K[:, :, 0::6] * height[:, None, :]
-        K[:, :, 3::6] += K[:, :, 1::6] * height[:, None, :]
-        K = np.swapaxes(K, 1, 2)
-    return K
+    linked = rows.copy()
+    linked[:, :, 4::6] -= rows[:, :, 0::6] * height[:, None, :]
+    linked[:, :, 3::6] += rows[:, :, 1::6] * height[:, None, :]
+    return linked
 
 
-def _turned(K: Array, R: Array) -> Array:
-    """Stiffness (e, 24, 24) in global axes from that in axes R (e, 3, 3): eight blocks of three."""
-    for _ in range(2):  # K Q^T, then the same on the transpose: K is symmetric
-        K = np.swapaxes((K.reshape(-1, 192, 3) @ np.swapaxes(R, 1, 2)).reshape(-1, 24, 24), 1, 2)
-    return K
+def _turned(rows: Array, R: Array) -> Array:
+    """Strains (e, 36, 24) from global freedoms, from those in axes R (e, 3, 3)."""
+    return np.asarray((rows.reshape(len(R), -1, 3) @ np.swapaxes(R, 1, 2)).reshape(rows.shape))
 
 
 def _check_inputs(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis
 
-from fem.shell_quad_membrane import energy_matrix, plane_stress
+from fem.shell_quad_membrane import plane_stress
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ SIDES = np.array([[0, 1], [1, 2], [2, 3], [0, 3]])
 SIDE_SIGNS = np.array([-1.0, 1.0, -1.0, 1.0])
 
 
-def bending_stiffness(
+def bending_rows(
     basis: Basis,
     side_basis: Basis,
     corners: Array,
@@ -32,7 +32,7 @@ def bending_stiffness(
     poissons_ratio: float,
     thickness: Array,
 ) -> Array:
-    """Stiffness of plate bending and transverse shear in the facet's axes.
+    """Weighted curvatures and shear strains S in the facet's axes: the stiffness is ``S^T S``.
 
     Parameters
     ----------
@@ -46,14 +46,16 @@ def bending_stiffness(
 
     Returns
     -------
-    array (e, 12, 12)
-        Freedoms ``(w, theta_x, theta_y)`` of each node, rotations as vectors; N/m, N, N m.
+    array (e, 20, 12)
+        Three curvatures and two shears at four points; freedoms ``(w, theta_x, theta_y)`` of each node,
+        rotations as vectors.
     """
     D = plane_stress(youngs_modulus, poissons_ratio)
-    shear = SHEAR_FACTOR * D[2, 2] * np.eye(2)
-    K = energy_matrix(_curvature(basis), D, basis.dx * thickness[:, None] ** 3 / 12.0)
-    K += energy_matrix(_assumed_shear(side_basis, corners), shear, basis.dx * thickness[:, None])
-    return K
+    weight = np.sqrt(basis.dx * thickness[:, None])[:, :, None, None]
+    bending = np.linalg.cholesky(D).T @ _curvature(basis)
+    bending *= weight * (thickness / np.sqrt(12.0))[:, None, None, None]
+    shear = np.sqrt(SHEAR_FACTOR * D[2, 2]) * weight * _assumed_shear(side_basis, corners)
+    return np.concatenate([bending, shear], axis=2).reshape(len(corners), 20, 12)
 
 
 def _curvature(basis: Basis) -> Array:

@@ -35,17 +35,10 @@ def plane_stress(youngs_modulus: float, poissons_ratio: float) -> Array:
     return E / (1.0 - nu**2) * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]])
 
 
-def energy_matrix(B: Array, D: Array, weight: Array) -> Array:
-    """Sum of ``weight B^T D B`` (e, n, n) over Gauss points: B (e, g, k, n), D (k, k), weight (e, g)."""
-    e, g, k, n = B.shape
-    stress = (weight[:, :, None, None] * (D @ B)).reshape(e, g * k, n)
-    return np.asarray(np.swapaxes(B.reshape(e, g * k, n), 1, 2) @ stress)
-
-
-def membrane_stiffness(
+def membrane_rows(
     basis: Basis, corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array
 ) -> Array:
-    """Stiffness of the membrane and the drilling rotations in the facet's axes.
+    """Weighted strains S of the membrane and the drilling tie in the facet's axes: the stiffness is ``S^T S``.
 
     Parameters
     ----------
@@ -59,18 +52,25 @@ def membrane_stiffness(
 
     Returns
     -------
-    array (e, 12, 12)
-        Freedoms ``(u, v, theta_z)`` of each node; N/m, N, N m.
+    array (e, 16, 12)
+        Four strains at four points; freedoms ``(u, v, theta_z)`` of each node.
     """
     nodal = np.stack([shape[0].grad for shape in basis.basis])
     grad = np.concatenate([nodal, _incompatible_gradients(basis, corners)])
     value = np.stack([np.asarray(shape[0]) for shape in basis.basis])
     D = plane_stress(youngs_modulus, poissons_ratio)
-    weight = basis.dx * thickness[:, None]
-    K = energy_matrix(_strain(grad), D, weight)
-    K += energy_matrix(_drilling_excess(grad, value), DRILLING_PENALTY * D[2:, 2:], weight)
-    coupling = K[:, :12, 12:]
-    return np.asarray(K[:, :12, :12] - coupling @ np.linalg.solve(K[:, 12:, 12:], np.swapaxes(coupling, 1, 2)))
+    weight = np.sqrt(basis.dx * thickness[:, None])
+    rows = np.concatenate(
+        [
+            _strain(weight * grad, np.linalg.cholesky(D).T),
+            np.sqrt(DRILLING_PENALTY * D[2, 2]) * _drilling_excess(weight * grad, weight * value),
+        ],
+        axis=2,
+    ).reshape(len(corners), 16, 16)
+    # The modes take the amplitudes of least energy: least squares, by their normal equations.
+    nodes, modes = rows[..., :12], rows[..., 12:]
+    transposed = np.swapaxes(modes, 1, 2)
+    return np.asarray(nodes - modes @ np.linalg.solve(transposed @ modes, transposed @ nodes))
 
 
 def _incompatible_gradients(basis: Basis, corners: Array) -> Array:
@@ -84,13 +84,17 @@ def _incompatible_gradients(basis: Basis, corners: Array) -> Array:
     return np.asarray(np.einsum("eg,mg,emb->mbeg", scale, xi, inverse))
 
 
-def _strain(grad: Array) -> Array:
-    """Strain (e, g, 3, 16) of the functions with gradients (6, 2, e, g): four nodes and two modes."""
+def _strain(grad: Array, root: Array) -> Array:
+    """Root of the elasticity times the strain (e, g, 3, 16) of functions with gradients (6, 2, e, g).
+
+    The functions are those of four nodes and two modes.
+    """
     x, y = np.moveaxis(grad, (1, 0), (0, 3))
     u, v = _slots()
     B = np.zeros((*x.shape[:2], 3, 16))
-    B[:, :, 0, u] = B[:, :, 2, v] = x
-    B[:, :, 1, v] = B[:, :, 2, u] = y
+    B[:, :, 0, u], B[:, :, 0, v] = root[0, 0] * x, root[0, 1] * y
+    B[:, :, 1, v] = root[1, 1] * y
+    B[:, :, 2, u], B[:, :, 2, v] = root[2, 2] * y, root[2, 2] * x
     return B
 
 

@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 
 ALPHA_B = 1.5
 BETA0_FLOOR = 0.01
+# Elements worked on at a time: their arrays stay in the processor's cache.
+BATCH = 1024
 # Height over the longest side below which a triangle has lost the digits of its own area.
 SMALLEST_ASPECT = 1e-6
 # Felippa's beta 1 to 9 = 1, 2, 1, 0, 1, -1, -1, -1, -2, arranged for the natural strains of sides 01, 12, 20
@@ -87,23 +89,39 @@ def triangle_stiffness(
     """
     corners, thickness = np.asarray(corners, dtype=np.float64), np.asarray(thickness, dtype=np.float64)
     _check(corners, youngs_modulus, poissons_ratio, thickness)
+    straight = np.zeros((len(corners), 3), dtype=bool) if straight_sides is None else straight_sides
+    K = np.empty((len(corners), 18, 18))
+    for first in range(0, len(corners), BATCH):
+        part = slice(first, first + BATCH)
+        K[part] = _stiffness(corners[part], youngs_modulus, poissons_ratio, thickness[part], straight[part])
+    return K
+
+
+def _stiffness(
+    corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array, straight_sides: NDArray[np.bool_]
+) -> Array:
     axes, xy = facet_axes(corners)
     area = 0.5 * _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0])
-    alpha = np.where(np.zeros((len(xy), 3), dtype=bool) if straight_sides is None else straight_sides, 0.0, ALPHA_B)
-    mean, higher = membrane_strains(xy, area, alpha)
-    strains = _to_global(mean[:, None], higher, bending_curvatures(xy), axes)
+    mean, higher = membrane_strains(xy, area, np.where(straight_sides, 0.0, ALPHA_B))
+    membrane = np.concatenate([mean[:, None], higher], axis=1)
+    share = np.sqrt([1.0, *[0.75 * beta0(poissons_ratio)] * 3])
+    membrane *= np.sqrt(area * thickness)[:, None, None, None, None] * share[:, None, None, None]
+    bending = bending_curvatures(xy)
+    bending *= np.sqrt(area * thickness**3 / 12.0)[:, None, None, None, None]
+    bending *= np.sqrt(2.0 * _CURVATURE_WEIGHTS)[:, None, None, None]
     # Six freedoms a node leave 18 columns; 3 strains at 1 + 3 + 3 points are 21 rows: K = (wS)^T E (wS).
-    weights = np.concatenate(
-        [
-            (area * thickness)[:, None] * np.array([1.0, *[0.75 * beta0(poissons_ratio)] * 3]),
-            (area * thickness**3 / 12.0)[:, None] * (2.0 * _CURVATURE_WEIGHTS),
-        ],
-        axis=1,
-    )
-    root = np.linalg.cholesky(plane_stress(youngs_modulus, poissons_ratio)).T
-    rows = (root @ strains) * np.sqrt(weights)[:, :, None, None]
-    rows = rows.reshape(len(rows), 21, 18)
+    root: Array = np.linalg.cholesky(plane_stress(youngs_modulus, poissons_ratio)).T
+    rows = _to_global(_times(root, membrane), _times(root, bending), axes)
     return np.asarray(np.swapaxes(rows, 1, 2) @ rows)
+
+
+def _times(root: Array, strains: Array) -> Array:
+    """Upper triangular plane-stress root times strains (e, p, 3, ...), where xy stands by itself."""
+    out = np.empty_like(strains)
+    out[:, :, 0] = root[0, 0] * strains[:, :, 0] + root[0, 1] * strains[:, :, 1]
+    out[:, :, 1] = root[1, 1] * strains[:, :, 1]
+    out[:, :, 2] = root[2, 2] * strains[:, :, 2]
+    return out
 
 
 def beta0(poissons_ratio: float) -> float:
@@ -158,8 +176,10 @@ def membrane_strains(xy: Array, area: Array, alpha: Array) -> tuple[Array, Array
     # From the natural strains of sides (i, j), k opposite, to Cartesian ones; the lengths cancel.
     b_next, c_next = np.roll(b, -1, axis=1), np.roll(c, -1, axis=1)
     natural = np.stack([-b * b_next, -c * c_next, -(b * c_next + c * b_next)], axis=1)
-    turn = np.einsum("esn,pnc->epsc", natural / (6.0 * area[:, None, None]), _AT_MIDSIDES)
-    return mean, np.asarray((turn @ relative.reshape(e, 1, 3, 9)).reshape(e, 3, 3, 3, 3))
+    natural /= 6.0 * area[:, None, None]
+    at_midsides = natural.reshape(-1, 3) @ np.moveaxis(_AT_MIDSIDES, 1, 0).reshape(3, 9)
+    turn = np.moveaxis(at_midsides.reshape(e, 3, 3, 3), 2, 1)
+    return mean, np.asarray((turn.reshape(e, 9, 3) @ relative.reshape(e, 3, 9)).reshape(e, 3, 3, 3, 3))
 
 
 def bending_curvatures(xy: Array) -> Array:
@@ -170,13 +190,10 @@ def bending_curvatures(xy: Array) -> Array:
     reference = np.stack([ElementTriP2().lbasis(_CURVATURE_POINTS, i)[1] for i in range(6)])
     jacobian = np.stack([xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]], axis=1)
     gradient = np.linalg.inv(jacobian) @ np.moveaxis(reference, -1, 0)[:, None].swapaxes(2, 3)
-    beta = _fibre_rotations(xy)
-    towards_x, towards_y = gradient @ beta[:, 0], gradient @ beta[:, 1]
-    curvature = np.stack(
-        [towards_x[:, :, 0], towards_y[:, :, 1], towards_x[:, :, 1] + towards_y[:, :, 0]],
-        axis=2,
-    )
-    return np.asarray(np.moveaxis(curvature, 0, 1).reshape(len(xy), 3, 3, 3, 3))
+    along = np.moveaxis(gradient, 0, 1).reshape(len(xy), 1, 6, 6) @ _fibre_rotations(xy)
+    x, y = np.moveaxis(along.reshape(len(xy), 2, 3, 2, 9), 1, 0)
+    curvature = np.stack([x[:, :, 0], y[:, :, 1], x[:, :, 1] + y[:, :, 0]], axis=2)
+    return np.asarray(curvature.reshape(len(xy), 3, 3, 3, 3))
 
 
 def _fibre_rotations(xy: Array) -> Array:
@@ -189,25 +206,26 @@ def _fibre_rotations(xy: Array) -> Array:
         side = xy[:, j] - xy[:, i]
         length = np.linalg.norm(side, axis=1)[:, None]
         s = side / length
-        ends = beta[:, :, i] + beta[:, :, j]
-        along = np.einsum("ed,edcf->ecf", s, ends)
         # Across the side linear; along it minus the slope of the cubic deflection, in the middle.
-        beta[:, :, node] = 0.5 * ends - 0.75 * s[:, :, None, None] * along[:, None]
-        beta[:, :, node, i, 0] += 1.5 * s / length
-        beta[:, :, node, j, 0] -= 1.5 * s / length
+        middle = 0.5 * np.eye(2) - 0.75 * s[:, :, None] * s[:, None]
+        slope = 1.5 * s / length
+        for corner, sign in ((i, 1.0), (j, -1.0)):
+            beta[:, :, node, corner, 0] = sign * slope
+            beta[:, :, node, corner, 1] = -middle[:, :, 1]
+            beta[:, :, node, corner, 2] = middle[:, :, 0]
     return beta.reshape(len(xy), 2, 6, 9)
 
 
-def _to_global(mean: Array, higher: Array, curvature: Array, axes: Array) -> Array:
-    """Strain rows (e, 7, 3, 18) from global freedoms: the mean, three higher-order, three curvatures."""
-    x, y, z = (axes[:, k][:, None, None, None] for k in range(3))
-    membrane = np.concatenate([mean, higher], axis=1)
-    rows = np.zeros((len(axes), 7, 3, 3, 6))
-    rows[:, :4, ..., :3] = membrane[..., 0, None] * x + membrane[..., 1, None] * y
-    rows[:, :4, ..., 3:] = membrane[..., 2, None] * z
-    rows[:, 4:, ..., :3] = curvature[..., 0, None] * z
-    rows[:, 4:, ..., 3:] = curvature[..., 1, None] * x + curvature[..., 2, None] * y
-    return rows.reshape(len(axes), 7, 3, 18)
+def _to_global(membrane: Array, bending: Array, axes: Array) -> Array:
+    """Strain rows (e, 21, 18) from global freedoms: four membrane and three bending points, three strains each."""
+    e = len(axes)
+    in_plane, out_of_plane = np.zeros((e, 3, 6)), np.zeros((e, 3, 6))
+    in_plane[:, :2, :3], in_plane[:, 2, 3:] = axes[:, :2], axes[:, 2]
+    out_of_plane[:, 0, :3], out_of_plane[:, 1:, 3:] = axes[:, 2], axes[:, :2]
+    rows = np.empty((e, 63, 6))
+    np.matmul(membrane.reshape(e, 36, 3), in_plane, out=rows[:, :36])
+    np.matmul(bending.reshape(e, 27, 3), out_of_plane, out=rows[:, 36:])
+    return rows.reshape(e, 21, 18)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -8,8 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
 from robots import InputError, Robot
-from robots.schema import LogPolynomialLaw
+from robots.schema_springs import LogFourierLaw, LogPolynomialLaw, SpringLawTable
 
 Array = NDArray[np.float64]
 
@@ -38,35 +39,34 @@ class ConstantSpring:
 
 
 @dataclass(frozen=True)
-class LogPolynomialSpring:
-    """``k = exp(sum_t c_t prod_i u_i^e_ti)``, ``u_i = (q_i - centre_i) / half_range_i``.
+class LawSpring:
+    """``k = exp(sum_t c_t b_t(q))`` N m/rad with functions b_t of the pose (:mod:`fem.law_bases`).
 
-    ``columns``: the joint coordinates used; ``exponents`` (t, i); ``coefficients`` (t,).
-    Meant for |u| <= 1: a sixth degree runs away beyond the angles it was fitted on.
+    Polynomials are meant for the angles they were fitted on: a sixth degree runs away beyond them.
     """
 
-    columns: tuple[int, ...]
-    centre: Array
-    half_range: Array
-    exponents: NDArray[np.int64]
+    basis: Basis
     coefficients: Array
 
     def compliance(self, q: Array) -> Array:
         """See :class:`SpringLaw`."""
-        u = (q[:, list(self.columns)] - self.centre) / self.half_range
-        terms = np.prod(u[:, None, :] ** self.exponents[None], axis=2)
-        return np.asarray(np.exp(-(terms @ self.coefficients)))
+        return np.asarray(np.exp(-(self.basis(q) @ self.coefficients)))
 
 
 RIGID = ConstantSpring(np.inf)
 
 
-def spring_from(robot: Robot, law: LogPolynomialLaw) -> LogPolynomialSpring:
+def spring_from(robot: Robot, law: SpringLawTable) -> LawSpring:
     """Turn a law from a model file into a spring of this robot."""
-    return LogPolynomialSpring(
-        columns=tuple(robot.coordinate_index(name) for name in law.inputs),
-        centre=np.radians(law.centre_deg),
-        half_range=np.radians(law.half_range_deg),
-        exponents=np.array(law.exponents, dtype=np.int64).reshape(len(law.coefficients), len(law.inputs)),
-        coefficients=np.array(law.coefficients),
-    )
+    if isinstance(law, LogPolynomialLaw):
+        basis = PolynomialBasis(
+            columns=tuple(robot.coordinate_index(name) for name in law.inputs),
+            centre=np.radians(law.centre_deg),
+            half_range=np.radians(law.half_range_deg),
+            exponents=np.array(law.exponents, dtype=np.int64).reshape(len(law.coefficients), len(law.inputs)),
+        )
+        return LawSpring(basis, np.array(law.coefficients))
+    column = robot.coordinate_index(law.input)
+    if isinstance(law, LogFourierLaw):
+        return LawSpring(FourierBasis(column, len(law.coefficients) // 2), np.array(law.coefficients))
+    return LawSpring(TableBasis(column, np.radians(law.nodes_deg)), np.log(law.stiffness_Nm_per_rad))

@@ -1,21 +1,34 @@
 """The links' shape: sections, beam meshes and casings as shells."""
 
 from meshes.beams import BeamMesh, crank_beam_mesh, element_axes, link_beam_mesh
-from meshes.casings import casing_mesh
+from meshes.casings import casing_mesh, casing_size
+from meshes.link_shells import link_shell_mesh
+from meshes.masses import LinkMass, PointMass, RobotMasses, beam_mass, robot_masses, shell_mass
 from meshes.sections import SectionProperties, section_dimensions, section_properties
+from meshes.shell_files import load_shell, save_shell
 from meshes.shell_mesh import ShellMesh
 from meshes.surface_import import ImportedLink, import_surface
 
 __all__ = [
     "BeamMesh",
     "ImportedLink",
+    "LinkMass",
+    "PointMass",
+    "RobotMasses",
     "SectionProperties",
     "ShellMesh",
+    "beam_mass",
     "casing_mesh",
+    "casing_size",
     "crank_beam_mesh",
     "element_axes",
     "import_surface",
     "link_beam_mesh",
+    "link_shell_mesh",
+    "load_shell",
+    "robot_masses",
+    "save_shell",
     "section_dimensions",
     "section_properties",
+    "shell_mass",
 ]

@@ -24,21 +24,28 @@ _triangles: Any = trimesh.triangles
 
 # Edges between these shares of the target size stay (Botsch and Kobbelt).
 SHORT, LONG = 0.8, 4.0 / 3.0
-# Faces that meet at more than 40 deg form an edge of the part, which remeshing keeps.
-SHARP = np.cos(np.deg2rad(40.0))
+# Faces that meet at more than this form an edge of the part, which remeshing keeps.
+SHARP_DEG = 40.0
+# Below this share of the size an edge goes, even one of a corner: no element could hold such a detail.
+TINY = 0.4
+# Height over longest edge, below which the normal of a face says nothing.
+SLIVER = 0.2
 ROUNDS = 6
 LEFT_OVER = 0.002
 
 
-def remesh(nodes: Array, faces: Indices, size: float) -> tuple[Array, Indices]:
-    """Even triangles of edge ``size`` m on a closed manifold surface; edges sharper than 40 deg are kept."""
-    target = _Surface(nodes, faces, size)
+def remesh(nodes: Array, faces: Indices, size: float, sharp_deg: float = SHARP_DEG) -> tuple[Array, Indices]:
+    """Even triangles of edge ``size`` m on a closed manifold surface; edges sharper than ``sharp_deg`` are kept."""
+    sharp = float(np.cos(np.deg2rad(sharp_deg)))
+    target = _Surface(nodes, faces, size, sharp)
     for _ in range(ROUNDS):
         nodes, faces = _split(nodes, faces, LONG * size)
-        nodes, faces = _collapse(nodes, faces, size)
-        faces = _flip(nodes, faces)
+        nodes, faces = _collapse(nodes, faces, size, sharp)
+        faces = _flip(nodes, faces, sharp)
         nodes = _smooth(nodes, faces, target)
-    return nodes, _flip(nodes, faces)
+    # The way back to sharp edges may have brought nodes together.
+    nodes, faces = _collapse(nodes, faces, size, sharp, TINY)
+    return nodes, _flip(nodes, faces, sharp)
 
 
 @dataclass(frozen=True)
@@ -65,15 +72,22 @@ def normals(nodes: Array, faces: Indices) -> Array:
     return np.asarray(np.cross(b - a, c - a))
 
 
+def _slivers(nodes: Array, faces: Indices, normal: Array) -> Flags:
+    """Faces (m,) so flat that their normal says nothing of the surface; ``normal`` (m, 3) as from normals()."""
+    corners = nodes[faces]
+    longest = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1, initial=0.0)
+    return np.asarray(np.linalg.norm(normal, axis=1) < SLIVER * longest)
+
+
 def unit(vectors: Array) -> Array:
     """Vectors (m, 3) of length one."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
 
 
-def _sharpness(nodes: Array, faces: Indices, edges: _Edges) -> tuple[Flags, Indices]:
+def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limit: float) -> tuple[Flags, Indices]:
     """Which edges (e,) are sharp, and the nodes' kind (n,): 0 on a face, 1 along a sharp edge, 2 a corner."""
     normal = unit(normals(nodes, faces))
-    sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < SHARP
+    sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < limit
     ends = edges.ends[sharp]
     way = unit(nodes[ends[:, 1]] - nodes[ends[:, 0]])
     turn = np.zeros((len(nodes), 3))
@@ -81,7 +95,7 @@ def _sharpness(nodes: Array, faces: Indices, edges: _Edges) -> tuple[Flags, Indi
     np.add.at(turn, ends[:, 1], -way)
     degree = np.bincount(ends.ravel(), minlength=len(nodes))
     # Two edges that go straight on cancel; |turn| = 2 sin(angle / 2).
-    bent = np.linalg.norm(turn, axis=1) > np.sqrt(2.0 - 2.0 * SHARP)
+    bent = np.linalg.norm(turn, axis=1) > np.sqrt(2.0 - 2.0 * limit)
     return sharp, np.where(degree == 0, 0, np.where((degree == 2) & ~bent, 1, 2))
 
 
@@ -119,16 +133,18 @@ def _split(nodes: Array, faces: Indices, longest: float) -> tuple[Array, Indices
         faces = np.concatenate(parts)
 
 
-def _collapse(nodes: Array, faces: Indices, size: float) -> tuple[Array, Indices]:
-    """Collapse edges shorter than 0.8 of the size, where form and manifold allow it."""
+def _collapse(
+    nodes: Array, faces: Indices, size: float, limit: float, shortest: float = SHORT
+) -> tuple[Array, Indices]:
+    """Collapse edges below ``shortest`` of the size, where form and manifold allow it."""
     # In random order many collapses are independent of each other; the fixed seed makes meshes repeatable.
     order = np.random.default_rng(0)
     for _ in range(400):
         edges = _edges(faces)
         n = len(nodes)
-        gone, kept = _collapsible(nodes, faces, edges, size)
-        # The last few block each other for many passes; the next round takes them.
-        if gone.size <= LEFT_OVER * len(edges.ends):
+        gone, kept = _collapsible(nodes, faces, edges, size, limit, shortest)
+        # The last few block each other for many passes; the next round takes them, if there is one.
+        if gone.size <= (LEFT_OVER * len(edges.ends) if shortest == SHORT else 0):
             break
         own = order.permutation(gone.size).astype(np.float64)
         first = _first_of(own, np.stack([gone, kept], axis=1), n)
@@ -144,21 +160,24 @@ def _collapse(nodes: Array, faces: Indices, size: float) -> tuple[Array, Indices
     return nodes[used], flat.reshape(-1, 3)
 
 
-def _collapsible(nodes: Array, faces: Indices, edges: _Edges, size: float) -> tuple[Indices, Indices]:
+def _collapsible(
+    nodes: Array, faces: Indices, edges: _Edges, size: float, limit: float, shortest: float
+) -> tuple[Indices, Indices]:
     """Pairs (gone, kept) of nodes whose collapse keeps form, edge length and manifold, each judged by itself."""
-    sharp, kind = _sharpness(nodes, faces, edges)
-    short = np.linalg.norm(nodes[edges.ends[:, 1]] - nodes[edges.ends[:, 0]], axis=1) < SHORT * size
-    ends, along = edges.ends[short], sharp[short]
+    sharp, kind = _sharpness(nodes, faces, edges, limit)
+    length = np.linalg.norm(nodes[edges.ends[:, 1]] - nodes[edges.ends[:, 0]], axis=1)
+    short = length < shortest * size
+    ends, along, tiny = edges.ends[short], sharp[short], length[short] < TINY * size
     swap = kind[ends[:, 0]] > kind[ends[:, 1]]
     gone, kept = np.where(swap, ends[:, 1], ends[:, 0]), np.where(swap, ends[:, 0], ends[:, 1])
     # Nodes on a face may go anywhere, nodes of a sharp edge only along it, corners never.
-    allowed = (kind[gone] == 0) | ((kind[gone] == 1) & along)
-    gone, kept = gone[allowed], kept[allowed]
+    allowed = (kind[gone] == 0) | ((kind[gone] == 1) & along) | tiny
+    gone, kept, tiny = gone[allowed], kept[allowed], tiny[allowed]
     n = len(nodes)
     both = np.concatenate([edges.ends, edges.ends[:, ::-1]])
     joined = sp.csr_array((np.ones(len(both)), tuple(both.T)), shape=(n, n))
     common = np.asarray(joined[gone].multiply(joined[kept]).sum(axis=1)).ravel()
-    gone, kept = gone[common == 2], kept[common == 2]
+    gone, kept, tiny = gone[common == 2], kept[common == 2], tiny[common == 2]
     star = sp.csr_array((np.ones(faces.size), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))), (n, len(faces)))
     around = star[gone]
     pair, face = np.repeat(np.arange(gone.size), np.diff(around.indptr)), around.indices
@@ -169,19 +188,21 @@ def _collapsible(nodes: Array, faces: Indices, edges: _Edges, size: float) -> tu
     corners = nodes[new]
     length = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     normal = normals(nodes, new)
-    level = np.einsum("ij,ij->i", unit(normal), unit(normals(nodes, old)))
+    before = normals(nodes, old)
+    level = np.einsum("ij,ij->i", unit(normal), unit(before))
+    level[_slivers(nodes, old, before) & tiny[pair]] = 1.0
     thin = np.linalg.norm(normal, axis=1) < 0.05 * length**2
-    bad = np.bincount(pair, (length > LONG * size) | (level < SHARP) | thin, minlength=gone.size) > 0
+    bad = np.bincount(pair, ((length > LONG * size) & ~tiny[pair]) | (level < limit) | thin, minlength=gone.size) > 0
     return gone[~bad], kept[~bad]
 
 
-def _flip(nodes: Array, faces: Indices) -> Indices:
+def _flip(nodes: Array, faces: Indices, limit: float) -> Indices:
     """Turn edges within their two faces until the mesh is Delaunay, but for sharp edges."""
     order = np.random.default_rng(0)
     for _ in range(60):
         edges = _edges(faces)
         n = len(nodes)
-        sharp, _ = _sharpness(nodes, faces, edges)
+        sharp, _ = _sharpness(nodes, faces, edges, limit)
         (a, b), (c, d) = edges.ends.T, edges.opposite.T
         angle = _triangles.angles(nodes[faces])
         corner = [
@@ -193,7 +214,7 @@ def _flip(nodes: Array, faces: Indices) -> Indices:
         before = normals(nodes, faces[edges.faces[bad, 0]]) + normals(nodes, faces[edges.faces[bad, 1]])
         fine = np.ones(len(bad), dtype=bool)
         for new in (one, two):
-            fine &= np.einsum("ij,ij->i", unit(normals(nodes, new)), unit(before)) > SHARP
+            fine &= np.einsum("ij,ij->i", unit(normals(nodes, new)), unit(before)) > limit
         bad, one, two = bad[fine], one[fine], two[fine]
         if not bad.size:
             break
@@ -209,7 +230,7 @@ def _flip(nodes: Array, faces: Indices) -> Indices:
 def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
     """Move nodes towards their neighbours' middle and back on the surface; corners stay."""
     edges = _edges(faces)
-    sharp, kind = _sharpness(nodes, faces, edges)
+    sharp, kind = _sharpness(nodes, faces, edges, target.sharp)
     n = len(nodes)
     # A node of a sharp edge has its two neighbours along it only.
     heard = np.concatenate([edges.ends, edges.ends[:, ::-1]])
@@ -223,7 +244,7 @@ def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
     moved[kind == 1] = target.nearest_sharp(moved[kind == 1])
     before = unit(normals(nodes, faces))
     for _ in range(4):
-        turned = np.einsum("ij,ij->i", unit(normals(moved, faces)), before) < SHARP
+        turned = np.einsum("ij,ij->i", unit(normals(moved, faces)), before) < target.sharp
         moved[np.unique(faces[turned])] = nodes[np.unique(faces[turned])]
     return moved
 
@@ -231,9 +252,10 @@ def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
 class _Surface:
     """The surface to stay on, cut into small triangles so that the nearest centres tell the nearest triangle."""
 
-    def __init__(self, nodes: Array, faces: Indices, size: float) -> None:
+    def __init__(self, nodes: Array, faces: Indices, size: float, limit: float) -> None:
         edges = _edges(faces)
-        sharp, _ = _sharpness(nodes, faces, edges)
+        sharp, _ = _sharpness(nodes, faces, edges, limit)
+        self.sharp = limit
         self._segments = nodes[edges.ends[sharp]]
         fine, cells = _split(nodes, faces, size)
         self._triangles = fine[cells]

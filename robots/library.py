@@ -1,4 +1,4 @@
-"""Where models come from and go to: bundled names and TOML files."""
+"""Where models come from and go to: bundled names, TOML files with their meshes, URDF files."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from pydantic import ValidationError
 from robots.errors import InputError, InputErrors
 from robots.robot import Robot, robot_from
 from robots.schema import ModelDescription, ReferenceFaults
+from robots.surface_files import SurfaceCopies, with_absolute_surfaces
+from robots.urdf import read_urdf
+from robots.urdf_xml import is_xml
 
 # pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
 _WORDS = {
@@ -31,7 +34,9 @@ def bundled_names() -> tuple[str, ...]:
 
 
 def load_description(model: str | Path) -> ModelDescription:
-    """Read a model by bundled name or from a TOML file.
+    """Read a model by bundled name, from a TOML file, or from a URDF (see :func:`robots.urdf.read_urdf`).
+
+    Surface files of links come back as absolute paths; whether they are there is seen when they are used.
 
     Raises
     ------
@@ -47,10 +52,13 @@ def load_description(model: str | Path) -> ModelDescription:
         raise InputError(
             "model",
             value=name,
-            allowed=f"{', '.join(bundled_names())}, or the path of a model TOML",
+            allowed=f"{', '.join(bundled_names())}, or the path of a model TOML or a URDF",
             remedy="`stiffarm robots` lists the bundled ones",
         )
-    return parse_description(read_text(path, "model file"), str(path))
+    if is_xml(path):
+        return read_urdf(path).description
+    description = parse_description(read_text(path, "model file"), str(path))
+    return with_absolute_surfaces(description, path.resolve().parent)
 
 
 def read_text(path: Path, kind: str) -> str:
@@ -121,10 +129,13 @@ def to_toml(description: ModelDescription) -> str:
 def save_description(description: ModelDescription, path: Path) -> None:
     """Write a model TOML under a temporary name, then rename. Never over an existing file.
 
+    The surface files of its links are copied into ``meshes/`` beside it, so that model and meshes travel
+    together; a file with the same content that is there already is shared.
+
     Raises
     ------
     InputError
-        The file exists already, or its folder does not.
+        The file exists already, its folder does not, or a surface file is gone or not the one that was prepared.
     """
     if path.exists():
         raise InputError(
@@ -133,14 +144,18 @@ def save_description(description: ModelDescription, path: Path) -> None:
     if not path.parent.is_dir():
         raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(to_toml(description), encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with SurfaceCopies(path.parent) as copies:
+        try:
+            temporary.write_text(to_toml(copies.of(description)), encoding="utf-8")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 def content_hash(description: ModelDescription) -> str:
-    """SHA-256 of the description's content, independent of layout and comments."""
+    """SHA-256 of the description's content, independent of layout, comments and where surface files lie."""
     data = description.model_dump(mode="json", by_alias=True)
+    for link in data["link"]:
+        if link["surface"] is not None:
+            del link["surface"]["file"]  # its sha256 stays
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

@@ -175,3 +175,9 @@ class TranslationalStiffness(_Positive):
     """A stiffness against displacement."""
 
     dimension = "translational stiffness"
+
+
+class Compliance(_Scalar):
+    """A displacement per force, rotation per force or rotation per moment; may be negative off a diagonal."""
+
+    dimension = "compliance"

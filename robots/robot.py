@@ -172,10 +172,11 @@ def rotation_rpy(rpy: Array) -> Array:
 
 
 def _rotation_z_to(axis: Array) -> Array:
-    """Turn z into ``axis`` by the shortest way."""
+    """Turn z into ``axis`` by the shortest way; below the xy plane by half a turn about x first."""
     a = axis / np.linalg.norm(axis)
-    if a[2] < -1.0 + 1e-12:
-        return rotation_about_x(np.pi)
+    if a[2] < 0.0:  # Near -z the shortest way divides by almost nothing.
+        half_turn = np.diag([1.0, -1.0, -1.0])
+        return np.asarray(half_turn @ _rotation_z_to(half_turn @ a))
     v = np.array([-a[1], a[0], 0.0])
     vx = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return np.asarray(np.eye(3) + vx + vx @ vx / (1.0 + a[2]))

@@ -7,32 +7,81 @@ table, or ``"assumed"``, ``"derived"`` or ``"definition"``; so no figure is with
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from robots.quantities import (
     Angle,
     AngleRange,
     Angles,
-    Density,
     Length,
     Mass,
-    Modulus,
-    PoissonsRatio,
     Position,
-    PositiveLength,
     RotationalStiffness,
     Strict,
     TranslationalStiffness,
 )
+from robots.schema_links import (
+    BoxSection,
+    FlangeCoupling,
+    Link,
+    Material,
+    Opening,
+    Rim,
+    Section,
+    Surface,
+    TubeSection,
+)
+from robots.schema_springs import (
+    ComplianceEntry,
+    LogFourierLaw,
+    LogPolynomialLaw,
+    PlaceStiffness,
+    Spring,
+    SpringLawTable,
+    TableLaw,
+)
+
+__all__ = [
+    "BUILT_IN_SOURCES",
+    "SCHEMA",
+    "BoxSection",
+    "Calibration",
+    "ComplianceEntry",
+    "Coupling",
+    "CouplingTerm",
+    "DHRow",
+    "Flange",
+    "FlangeCoupling",
+    "FrameRow",
+    "Joint",
+    "Link",
+    "LoadPath",
+    "LoadPlacement",
+    "LogFourierLaw",
+    "LogPolynomialLaw",
+    "Material",
+    "ModelDescription",
+    "Opening",
+    "ParallelogramBar",
+    "PlaceStiffness",
+    "ReferenceFaults",
+    "Rim",
+    "Section",
+    "Spring",
+    "SpringLawTable",
+    "Surface",
+    "TableLaw",
+    "Tool",
+    "TubeSection",
+]
 
 SCHEMA = "stiffarm-model/1"
 BUILT_IN_SOURCES = ("assumed", "derived", "definition")
 
 LoadPath = Literal["parallelogram", "serial"]
-FlangeCoupling = Literal["rigid", "distributing"]
 
 
 class ReferenceFaults(ValueError):  # noqa: N818 - a list of faults
@@ -69,47 +118,13 @@ class FrameRow(Strict):
         return axis
 
 
-class LogPolynomialLaw(Strict):
-    """Angle-dependent spring: ln(k / (N m/rad)) is a polynomial in scaled joint coordinates.
-
-    ``k = exp(sum_t c_t prod_i u_i^e_ti)``, ``u_i = (q_i - centre_i) / half_range_i``; k stays positive.
-    """
-
-    kind: Literal["log-polynomial"] = "log-polynomial"
-    inputs: tuple[str, ...]
-    centre_deg: tuple[float, ...]
-    half_range_deg: tuple[float, ...]
-    exponents: tuple[tuple[int, ...], ...]
-    coefficients: tuple[float, ...]
-    source: str
-
-    @model_validator(mode="after")
-    def _shapes_agree(self) -> Self:
-        n = len(self.inputs)
-        if len(self.centre_deg) != n or len(self.half_range_deg) != n:
-            raise ValueError("centre_deg and half_range_deg need one number for each input")
-        if any(len(row) != n for row in self.exponents) or len(self.exponents) != len(self.coefficients):
-            raise ValueError("exponents need one row for each coefficient and one column for each input")
-        if any(e < 0 for row in self.exponents for e in row) or any(h <= 0 for h in self.half_range_deg):
-            raise ValueError("exponents must be 0 or more and half_range_deg greater than zero")
-        return self
-
-
-def _spring_kind(value: Any) -> str:
-    keys = value if isinstance(value, dict) else {}
-    law = isinstance(value, LogPolynomialLaw) or "kind" in keys or "coefficients" in keys
-    return "law" if law else "constant"
-
-
-# Told apart before validation: otherwise one slip in a constant is reported as eight faults of a law.
-Spring = Annotated[
-    Annotated[RotationalStiffness, Tag("constant")] | Annotated[LogPolynomialLaw, Tag("law")],
-    Discriminator(_spring_kind),
-]
-
-
 class Joint(Strict):
-    """A revolute joint: where it sits, how its coordinate turns it, its limits and its springs."""
+    """A revolute joint: where it sits, how its coordinate turns it, its limits and its springs.
+
+    ``stiffness`` is about the axis. ``bearing`` holds the other five directions one by one (and entries that couple
+    them with the axis); ``tilt_stiffness`` and ``translational_stiffness`` are short for two or three equal ones.
+    ``zero_error`` is added to the coordinate: what the joint really turned when the controller says zero.
+    """
 
     name: str
     coordinate: str
@@ -121,6 +136,8 @@ class Joint(Strict):
     stiffness: Spring | None = None
     tilt_stiffness: RotationalStiffness | None = None
     translational_stiffness: TranslationalStiffness | None = None
+    bearing: PlaceStiffness | None = None
+    zero_error: Angle | None = None
 
     @field_validator("coordinate")
     @classmethod
@@ -135,135 +152,12 @@ class Joint(Strict):
             raise ValueError(f"joint {self.name!r} needs exactly one of 'dh' and 'frame'")
         return self
 
-
-class BoxSection(Strict):
-    """Hollow rectangle; ``width`` along local y, ``height`` along local z of the beam."""
-
-    kind: Literal["box"]
-    width: PositiveLength
-    height: PositiveLength
-    wall: PositiveLength
-
     @model_validator(mode="after")
-    def _wall_fits(self) -> Self:
-        if 2.0 * self.wall.si > min(self.width.si, self.height.si):
-            raise ValueError(
-                f"the wall ({self.wall.si:g} m) is thicker than half of the section "
-                f"({self.width.si:g} x {self.height.si:g} m)"
-            )
-        return self
-
-
-class TubeSection(Strict):
-    """Hollow circle."""
-
-    kind: Literal["tube"]
-    diameter: PositiveLength
-    wall: PositiveLength
-
-    @model_validator(mode="after")
-    def _wall_fits(self) -> Self:
-        if 2.0 * self.wall.si > self.diameter.si:
-            raise ValueError(
-                f"the wall ({self.wall.si:g} m) is thicker than half of the diameter ({self.diameter.si:g} m)"
-            )
-        return self
-
-
-Section = Annotated[BoxSection | TubeSection, Field(discriminator="kind")]
-
-
-class Material(Strict):
-    """Isotropic elastic material."""
-
-    youngs_modulus: Modulus
-    poissons_ratio: PoissonsRatio
-    density: Density
-
-
-class Opening(Strict):
-    """A rectangular hole in a wall of a box casing (shell links).
-
-    ``side``: the wall, by its outward direction in the section's axes (y along its width, z along its height).
-    ``along``: share of the centre line from root to tip; ``across``: share of the wall in the direction of
-    growing z or y. Both start and end strictly inside the wall.
-    """
-
-    side: Literal["+y", "-y", "+z", "-z"]
-    along: tuple[float, float]
-    across: tuple[float, float]
-    source: str
-    note: str | None = None
-
-    @field_validator("along", "across")
-    @classmethod
-    def _inside(cls, share: tuple[float, float]) -> tuple[float, float]:
-        if not 0.0 < share[0] < share[1] < 1.0:
-            raise ValueError("must be a pair [from, to] with 0 < from < to < 1")
-        return share
-
-
-class Rim(Strict):
-    """A thicker wall over a length from each interface: the flange that is cast or welded on (shell links)."""
-
-    length: PositiveLength
-    wall: PositiveLength
-
-
-class Surface(Strict):
-    """A prepared shell mesh of a link that takes the casing's place (shell links); written by `import`.
-
-    ``file`` is relative to the model file; ``sha256`` is that of the file's content. ``changes`` says what was
-    done to the source to get it.
-    """
-
-    file: str
-    sha256: str
-    wall: PositiveLength
-    size: PositiveLength
-    source: str
-    changes: tuple[str, ...] = ()
-
-
-class Link(Strict):
-    """A link: the body it is, its material, its section (tapering to ``section_end``), its mass.
-
-    The centre line runs from the body's own joint to the next one, through ``via`` if given.
-    ``beam_up`` is the direction (body frame) that the section's height follows. For shell links: openings and
-    rims of the casing, or the ``surface`` in its place, and how the interfaces (``root``, ``tip``, ``pin``) are
-    coupled to their points (``flanges``; rigid where nothing is said).
-    """
-
-    name: str
-    body: str
-    material: str
-    section: Section
-    section_end: Section | None = None
-    via: tuple[Position, ...] = ()
-    beam_up: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    mass: Mass | None = None
-    opening: tuple[Opening, ...] = ()
-    rim: Rim | None = None
-    surface: Surface | None = None
-    flanges: dict[Literal["root", "tip", "pin"], FlangeCoupling] = Field(default_factory=dict)
-
-    @field_validator("beam_up")
-    @classmethod
-    def _nonzero(cls, beam_up: tuple[float, float, float]) -> tuple[float, float, float]:
-        if not np.linalg.norm(beam_up) > 1e-9:
-            raise ValueError("the direction must not have length zero")
-        return beam_up
-
-    @model_validator(mode="after")
-    def _same_kind(self) -> Self:
-        if self.section_end is not None and self.section_end.kind != self.section.kind:
-            raise ValueError(f"link {self.name!r} cannot taper from {self.section.kind} to another kind")
-        return self
-
-    @model_validator(mode="after")
-    def _openings_in_boxes(self) -> Self:
-        if self.opening and self.section.kind != "box":
-            raise ValueError(f"link {self.name!r} is a {self.section.kind}; only box casings can have openings")
+    def _one_bearing(self) -> Self:
+        if self.bearing is not None and (self.tilt_stiffness or self.translational_stiffness):
+            raise ValueError(f"joint {self.name!r}: 'bearing' takes the place of tilt_ and translational_stiffness")
+        if self.bearing is not None and self.bearing.rz is not None:
+            raise ValueError(f"joint {self.name!r}: the stiffness about the axis is 'stiffness', not bearing.rz")
         return self
 
 
@@ -300,10 +194,18 @@ class Coupling(Strict):
 
 
 class Tool(Strict):
-    """The tool point in the flange frame."""
+    """The tool point in the flange frame, and how the tool (or a force sensor) gives way there, flange axes."""
 
     xyz: Position
     rpy: Angles | None = None
+    stiffness: PlaceStiffness | None = None
+
+
+class LoadPlacement(Strict):
+    """Where a test load really acts: ``offset`` from the read point (flange axes), ``tilt`` about the base axes."""
+
+    offset: Position | None = None
+    tilt: Angles | None = None
 
 
 class Flange(Strict):
@@ -341,6 +243,8 @@ class ModelDescription(Strict):
     joint: tuple[Joint, ...] = Field(min_length=1)
     flange: Flange
     tool: Tool | None = None
+    base: PlaceStiffness | None = None
+    load: LoadPlacement | None = None
     link: tuple[Link, ...] = ()
     parallelogram: ParallelogramBar | None = None
     coupling: tuple[Coupling, ...] = ()
@@ -383,7 +287,7 @@ def _unknown_names(model: ModelDescription) -> list[str]:
     used += [("material", link.material) for link in model.link]
     used += [("coordinate", term.coordinate) for coupling in model.coupling for term in coupling.terms]
     for joint in model.joint:
-        if isinstance(joint.stiffness, LogPolynomialLaw):
+        if isinstance(joint.stiffness, LogPolynomialLaw | LogFourierLaw | TableLaw):
             used += [("coordinate", name) for name in joint.stiffness.inputs]
     p = model.parallelogram
     if p is not None:

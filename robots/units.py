@@ -23,6 +23,7 @@ UNITS: Final = MappingProxyType(
             "N m/arcmin": 1.0 / _ARCMIN,
         },
         "translational stiffness": {"N/m": 1.0, "N/mm": 1e3, "N/um": 1e6},
+        "compliance": {"m/N": 1.0, "mm/N": 1e-3, "rad/N": 1.0, "rad/(N m)": 1.0},
         "ratio": {"1": 1.0, "%": 1e-2},
     }
 )

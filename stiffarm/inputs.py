@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme,
 from fem import LINK_KINDS, ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, load_description
 from robots.robot import robot_from
+from stiffarm.console import progress, say
 from surrogate import Surrogate, default_sweep, load_surrogate
 
 Array = NDArray[np.float64]
@@ -45,12 +46,32 @@ def read_model(name: str, links: str | None, load_path: str | None) -> ModelInpu
         if load_path not in ("parallelogram", "serial"):
             raise InputError("--load-path", value=load_path, allowed="parallelogram, serial")
         path = "parallelogram" if load_path == "parallelogram" else "serial"
-    return ModelInput(description, robot_from(description), build_model(description, kind, path))
+    return ModelInput(description, robot_from(description), _built(description, kind, path))
+
+
+def _built(description: ModelDescription, kind: LinkKind, path: LoadPath | None) -> ArmModel:
+    """The model; shells take a while, so they are announced."""
+    if kind != "shell":
+        return build_model(description, kind, path)
+    say(f"building shell models of {len(description.link)} links")
+    with progress("shell models of links"):
+        return build_model(description, kind, path)
 
 
 def with_load_path(given: ModelInput, load_path: LoadPath) -> ModelInput:
     """The same model with another load path."""
-    return ModelInput(given.description, given.robot, build_model(given.description, given.model.link_kind, load_path))
+    model = given.model
+    if load_path == model.load_path:
+        return given
+    if load_path == "serial":
+        # The links are the same, and building shells again would take its time.
+        return replace(given, model=replace(model, load_path="serial", bar=None))
+    return replace(given, model=_built(given.description, model.link_kind, load_path))
+
+
+def with_links(given: ModelInput, links: LinkKind) -> ModelInput:
+    """The same model with another kind of links."""
+    return replace(given, model=_built(given.description, links, given.model.load_path))
 
 
 def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:

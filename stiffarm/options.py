@@ -9,12 +9,16 @@ from typing import Annotated
 
 import typer
 
+from doe import Measurements
 from robots import content_hash
+from stiffarm import inputs
 from stiffarm.console import say
 from stiffarm.inputs import ModelInput
 from stiffarm.outputs import OutputFolder
 
-ModelArg = Annotated[str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`) or a model TOML")]
+ModelArg = Annotated[
+    str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`), a model TOML or a URDF")
+]
 DataArg = Annotated[
     Path | None,
     typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one"),
@@ -50,6 +54,23 @@ def output_folder(out: Path, files: dict[str, Path | str], seed: int | None = No
 def folder_if(out: Path | None, files: dict[str, Path | str]) -> AbstractContextManager[OutputFolder | None]:
     """The folder of ``--out``, or nothing where that was not given."""
     return nullcontext() if out is None else output_folder(out, files)
+
+
+def open_measured(
+    model: str, data: Path | None, links: str | None, load_path: str | None
+) -> tuple[ModelInput, Measurements, dict[str, Path | str]]:
+    """What commands that calibrate do first: model, table with remarks, and the hashes of both for run.json."""
+    given = inputs.read_model(model, links, load_path)
+    files: dict[str, Path | str] = {"model": model_hash(given)}
+    return given, open_table(given, model, data, files), files
+
+
+def open_table(given: ModelInput, model: str, data: Path | None, files: dict[str, Path | str]) -> Measurements:
+    """The measurement table of a model; its remarks are said, its hash joins ``files``."""
+    table = inputs.read_data(given.robot, model, data)
+    say_notes(table.notes)
+    files["data"] = table.sha256
+    return table
 
 
 def model_hash(given: ModelInput) -> str:

@@ -78,6 +78,9 @@ _STYLE: Final[dict[Any, Any]] = {
     "text.color": INK,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
+    # Titles, names and labels come from files: a "$" in them is a dollar. Every text of a figure is made
+    # within this style, so this is the one place where mathtext is kept out.
+    "text.parse_math": False,
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 
 from doe import Measurements
 from fem import ArmModel, deflection, deflection_by_part
+from robots import InputError
 from stiffarm import steps
 from stiffarm.console import say, show_table
 from stiffarm.inputs import WRENCH_NAMES, ModelInput
+from stiffarm.outputs import OutputFolder
 from stiffarm.payloads import number
 
 Array = NDArray[np.float64]
@@ -46,6 +49,48 @@ def of_pose(given: ModelInput, q: Array, wrench: Array, rigid_joints: bool) -> d
             name: {n: number(v * 1e3) for n, v in zip(NAMES, part[0], strict=True)} for name, part in parts.items()
         },
     }
+
+
+def check_request(
+    pose: str | None, data: Path | None, load: str | None, out: Path | None, field: bool, scale: float | None
+) -> None:
+    """Refuse options that do not go together, before anything is built.
+
+    Raises
+    ------
+    InputError
+        A pose and a table, a load for a table, or fields without a pose, without a folder or not asked for.
+    """
+    if pose is not None and data is not None:
+        raise InputError("simulate takes a pose or a measurement table, not both", remedy="leave out --pose or DATA")
+    if field and pose is None:
+        raise InputError(
+            "--field",
+            value="a measurement table",
+            allowed="one pose and load",
+            remedy="give --pose, as in --pose q2_deg=5, and --load if it is not 650 N downward",
+        )
+    if field and out is None:
+        raise InputError("--field writes files and has no folder for them", remedy="give --out DIR")
+    if scale is not None and not field:
+        raise InputError("--scale", value=scale, allowed="only with --field", remedy="add --field or leave it out")
+    if scale is not None and not 0.0 < scale < np.inf:
+        raise InputError("--scale", value=scale, allowed="greater than 0", remedy="1 draws motion at its true size")
+    if load is not None and pose is None:
+        raise InputError("--load", value=load, allowed="only with --pose: a measurement table has its own loads")
+
+
+def field_of_pose(
+    given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, scale: float | None, folder: OutputFolder
+) -> dict[str, Any]:
+    """Fields and energy budget of one pose: see :func:`stiffarm.field_results.write`."""
+    from stiffarm import field_results
+
+    model = given.model.with_rigid_joints() if rigid_joints else given.model
+    say("fields of the deformed arm")
+    with folder.timed("fields"):
+        arm = field_results.deformed_arm(given.description, model, q, wrench, scale=scale)
+        return field_results.write(arm, model, folder, rigid_joints)
 
 
 def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
@@ -95,5 +140,17 @@ def show(result: dict[str, Any]) -> None:
         [[name, *(f"{part[n]:+.4f}" for n in NAMES)] for name, part in result["by_part"].items()]
         + [["total", *(f"{result['displacement'][n]:+.4f}" for n in NAMES)]],
     )
+    if "field" in result:
+        _show_field(result["field"])
     k = result["stiffness_N_per_mm"]
     say("stiffness along the force: " + ("none (no force, or a rigid model)" if k is None else f"{k:.1f} N/mm"))
+
+
+def _show_field(found: dict[str, Any]) -> None:
+    for message in found["messages"]:
+        say(f"note: {message}")
+    largest = found["budget"]["parts"][0]
+    say(f"{largest['part']} gives most: {100.0 * largest['share']:.1f} % of the strain energy")
+    stress, part = found["largest_von_mises_MPa"], found["largest_von_mises_in"]
+    say(f"largest von Mises stress: {stress:.3g} MPa in {part} (peaks at ends and kinks grow with a finer mesh)")
+    say(f"written: {', '.join(found['files'])}; motion drawn {found['scale_factor']:g} times")

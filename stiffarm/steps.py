@@ -31,7 +31,7 @@ from doe import (
     with_constant_springs,
     with_spring_laws,
 )
-from fem import ArmModel, build_model, deflection, directional_stiffness
+from fem import ArmModel, LinkKind, deflection, directional_stiffness
 from robots import InputError, ModelDescription, content_hash
 from stiffarm.inputs import ModelInput
 from surrogate import StiffnessMap, Surrogate, Trained, default_sweep, full_poses, scope_of, sweep_map, train
@@ -44,13 +44,15 @@ Progress = Callable[[int, int], None]
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
 DEFAULT_BOUNDS_Nm_per_rad = (1e5, 1e6)
+VERTICAL = (0.0, 0.0, -1.0)
 MAP_LAYERS_DEG = (-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0)
 
 
 @dataclass(frozen=True)
 class RigidJoints:
-    """The first model: flexible links, rigid joints. (m,) per equation; mm."""
+    """The first model: flexible links, rigid joints. (m,) per equation; mm. ``links``: kind of links."""
 
+    links: LinkKind
     pose: tuple[str, ...]
     measured_mm: Array
     simulated_mm: Array
@@ -84,9 +86,14 @@ class Variant:
         return (self.system.value + self.residual_m) * 1e3
 
 
+def readings_with_rigid_joints(given: ModelInput, data: Measurements) -> Equations:
+    """The readings as equations of the arm with rigid joints: ``rest`` is what links, bar and crank alone give."""
+    return equations(given.model.with_rigid_joints(), data, DEFAULT_GAUGE_mm * 1e-3)
+
+
 def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
-    """Simulate the readings with rigid joints, to see how much the links alone give."""
-    system = equations(given.model.with_rigid_joints(), data, DEFAULT_GAUGE_mm * 1e-3)
+    """Simulate the vertical readings with rigid joints, to see how much the links alone give."""
+    system = readings_with_rigid_joints(given, data)
     system = system.take(system.component == 2)
     if not len(system):
         raise InputError(
@@ -96,7 +103,7 @@ def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] |
         )
     if poses is not None:
         system = system.of_poses(poses)
-    return RigidJoints(system.pose, system.value * 1e3, system.rest * 1e3)
+    return RigidJoints(given.model.link_kind, system.pose, system.value * 1e3, system.rest * 1e3)
 
 
 def sensitivity(
@@ -160,7 +167,8 @@ def calibrate_constant(
         name=f"constant, {given.model.load_path}",
         scheme="global",
         description=description,
-        model=build_model(description, given.model.link_kind),
+        # The same springs as in the description, without building its links again.
+        model=given.model.with_springs({s.joint: s.stiffness for s in fit.springs if np.isfinite(s.stiffness)}),
         system=system,
         residual_m=fit.residual_m,
         rms_mm=fit.rms_mm,
@@ -218,7 +226,7 @@ def learn(
     order: int = 2,
     runs: int = 4096,
     fixed_deg: dict[str, float] | None = None,
-    direction: tuple[float, float, float] = (0.0, 0.0, -1.0),
+    direction: tuple[float, float, float] = VERTICAL,
     progress: Progress | None = None,
 ) -> Trained:
     """Train a surrogate of a model's structural stiffness."""
@@ -252,9 +260,11 @@ def stiffness_map(
 ) -> StiffnessMap:
     """The 3-D stiffness map, from the surrogate if one is given, else from the model itself.
 
-    With a surrogate the model's own stiffness stands beside it in the file, so the difference can be seen.
+    The load is that of the surrogate, else vertical. With a surrogate the model's own stiffness stands beside it
+    in the file, so the difference can be seen.
     """
     robot = model.robot
+    direction = VERTICAL if learned is None else learned.load_direction
     swept, layer = default_sweep(robot)
     layers = {}
     if layer is not None:
@@ -263,7 +273,7 @@ def stiffness_map(
         layers[layer] = [v for v in wanted if low <= v <= high]
 
     def exact(q: Array) -> Array:
-        return directional_stiffness(model, q)
+        return directional_stiffness(model, q, np.array(direction))
 
     def from_surrogate(q: Array) -> Array:
         assert learned is not None  # noqa: S101 - only called with one
@@ -273,7 +283,7 @@ def stiffness_map(
     metadata = {
         "robot": robot.name,
         "model_hash": content_hash(description),
-        "load_direction": "0 0 -1",
+        "load_direction": " ".join(f"{v + 0.0:.6g}" for v in direction),
         "stiffness_from": "model" if learned is None else f"surrogate ({learned.basis.name})",
         "links": model.link_kind,
         "load_path": model.load_path,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stiffarm import __version__, story_calibration, story_results
+from stiffarm import __version__, story_calibration, story_links, story_results
 from stiffarm.outputs import OutputFolder
 from stiffarm.report import KeyFigure, render
 from stiffarm.story_blocks import Pictures, percent, short_title
@@ -23,6 +23,7 @@ def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder
         story_calibration.sensitivity_section(findings, pictures),
         story_calibration.staged_section(findings, pictures),
         story_calibration.comparison_section(findings, pictures),
+        story_links.links_section(findings, pictures),
         story_results.budget_section(findings, pictures),
         story_results.effects_section(findings, pictures),
         story_results.surrogate_section(findings, pictures),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from doe.parametric import WIDEST_Nm_per_rad
 from stiffarm.outputs import OutputFolder
 from stiffarm.picture_style import save_png
 from stiffarm.report import Picture
+from stiffarm.spring_words import spring_text
 from stiffarm.steps import Variant, bundled_sha256
 from stiffarm.workflow import Findings
 
@@ -28,14 +27,9 @@ class Pictures:
 
 def percent(value: float) -> str:
     """A relative error in percent (hard space), or as a power of ten where percent would be all zeros."""
-    if value < 1e-6:
+    if 0.0 < value < 1e-6:
         return f"{value:.0e}"
     return f"{value * 100:.0f}\u00a0%" if value >= 0.1 else f"{value * 100:.2g}\u00a0%"
-
-
-def mega(value: float) -> str:
-    """A stiffness in 1e6 N m/rad; at the widest bound it means rigid, not a number."""
-    return "rigid" if not value < 0.99 * WIDEST_Nm_per_rad[1] else f"{value / 1e6:.3g}"
 
 
 def short_title(findings: Findings) -> str:
@@ -52,14 +46,4 @@ def springs_text(variant: Variant) -> str:
     """Constant springs with their intervals, in words."""
     if variant.constant is None:
         return "depend on angle (see the figure above)"
-    out = []
-    for s in variant.constant.springs:
-        low, high = s.interval
-        if s.status == "not identified":
-            out.append(f"{s.joint}: not determined")
-        elif s.status == "at bound":
-            out.append(f"{s.joint} at least {mega(low)} (rigid fits best)")
-        else:
-            upper = "no upper limit" if np.isinf(high) else mega(high)
-            out.append(f"{s.joint} {mega(s.stiffness)} ({mega(low)} to {upper})")
-    return "; ".join(out)
+    return "; ".join(f"{s.joint} {spring_text(s)}" for s in variant.constant.springs)

@@ -6,16 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import PoseFit, SpringEstimate
-from stiffarm import figures_calibration as fc
-from stiffarm import figures_surrogate as fs
+from stiffarm import figures_data, figures_match, figures_springs
+from stiffarm.figures_data import Doubt
+from stiffarm.figures_sensitivity import sensitivity_figure
 from stiffarm.report import Block, Bullets, Note, Section, Table, Text
-from stiffarm.story_blocks import Pictures, is_published_data, mega, springs_text
+from stiffarm.spring_words import bound_of, mega
+from stiffarm.story_blocks import Pictures, is_published_data, springs_text
 from stiffarm.workflow import Findings
 
 _DOUBTS = (
-    fc.Doubt(("3", "4"), (375.0,), "outliers? (about 1.0 mm expected)"),
-    fc.Doubt(("39", "40"), (375.0,), "39 and 40 may be swapped"),
-    fc.Doubt(("3", "4", "39", "40"), (650.0,), "3/4 and 39/40 may be swapped"),
+    Doubt(("3", "4"), (375.0,), "outliers? (about 1.0 mm expected)"),
+    Doubt(("39", "40"), (375.0,), "39 and 40 may be swapped"),
+    Doubt(("3", "4", "39", "40"), (650.0,), "3/4 and 39/40 may be swapped"),
 )
 _DOUBTS_TEXT = (
     "The published chart's labels lost their order. At 375 N and 650 N the readings of poses 3 and 4, and of "
@@ -42,11 +44,11 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     unused = [v for v in levels if f.scheme.loads_N and not np.isclose(v, f.scheme.loads_N, rtol=0.01).any()]
     used = ", ".join(f"{v:g} N" for v in f.scheme.loads_N) or "all loads"
     published = is_published_data(f)
-    figure = fc.data_figure(
+    figure = figures_data.data_figure(
         f.data,
         excluded_loads_N=unused,
         doubts=_DOUBTS if published else (),
-        families=fc.wrist_families(f.data, f.given.robot),
+        families=figures_data.wrist_families(f.data, f.given.robot),
     )
     caption = "Measured deflection by pose and load. Pale bars were not used; hatched ones are in doubt."
     if published:
@@ -81,8 +83,8 @@ def _proportionality(f: Findings, levels: NDArray[np.float64]) -> str:
 def first_model_section(f: Findings, pictures: Pictures) -> Section:
     """Flexible links with rigid joints against the readings."""
     r = f.rigid
-    name = f"{f.given.model.link_kind} links, rigid joints"
-    figure = fc.rigid_joint_figure(r.pose, r.measured_mm, {name: r.simulated_mm})
+    name = f"{r.links} links, rigid joints"
+    figure = figures_match.rigid_joint_figure(r.pose, r.measured_mm, {name: r.simulated_mm})
     simulated = np.abs(r.simulated_mm)
     note = "Where sections of links are assumed, the factor is an order of magnitude."
     if is_published_data(f):
@@ -110,7 +112,7 @@ def first_model_section(f: Findings, pictures: Pictures) -> Section:
 
 def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
     """Effects of the springs, ranked, for each load path."""
-    figure = fc.sensitivity_figure(f.effects, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad))
+    figure = sensitivity_figure(f.effects, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad))
     caption = "Effect of each spring on dz (mm): positive means that the tool sags less with a stiffer spring."
     if len(f.effects) > 1:
         caption += (
@@ -168,7 +170,7 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
                 text_columns=(0, 2, 5),
             )
         )
-        figure = fs.response_surface_figure(result.laws, result.points, f.given.robot)
+        figure = figures_springs.response_surface_figure(result.laws, result.points, f.given.robot)
         caption = (
             f"{path.capitalize()} load path: sixth-degree regression of each spring. Filled points were "
             "calibrated, hollow ones mirrored, grey ones held at the start value during an earlier stage."
@@ -194,19 +196,19 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
     rows = tuple(
         (v.name, str(v.parameters), f"{v.rms_mm:.3f}", f"{v.left_out.rms_mm:.3f}", springs_text(v)) for v in f.variants
     )
-    bars = [fc.VariantRow(v.name, v.parameters, v.rms_mm, v.left_out.rms_mm) for v in f.variants]
+    bars = [figures_match.VariantRow(v.name, v.parameters, v.rms_mm, v.left_out.rms_mm) for v in f.variants]
     system = f.variants[0].system
     vertical = system.component == 2
-    match = fc.match_figure(
+    match = figures_match.match_figure(
         tuple(str(p) for p in np.array(system.pose)[vertical]),
         system.value[vertical] * 1e3,
         {v.name: v.predicted_mm[vertical] for v in f.variants},
         f.scheme.gauge_mm,
     )
     constant: dict[str, tuple[SpringEstimate, ...]] = {
-        v.model.load_path: v.constant.springs for v in f.variants if v.constant is not None
+        f"load path: {v.model.load_path}": v.constant.springs for v in f.variants if v.constant is not None
     }
-    springs = fc.springs_figure(constant, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad))
+    springs = figures_springs.springs_figure(constant, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad))
     return Section(
         "Which calibration to trust",
         (
@@ -228,7 +230,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
                 best=list(f.variants).index(f.best),
             ),
             pictures.add(
-                fc.comparison_figure(bars),
+                figures_match.comparison_figure(bars),
                 "comparison",
                 "Fit and prediction. Left-out: each pose is predicted by a calibration that has not seen it. "
                 "A variant with many parameters can fit well and predict badly.",
@@ -241,7 +243,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
             pictures.add(
                 springs,
                 "springs",
-                "Constant springs with their 95 % intervals. An arrow: the data do not exclude a rigid joint.",
+                "Constant springs with 95 % intervals. Arrow to the right: the data do not exclude a rigid joint.",
             ),
             Note(_identifiability(f)),
         ),
@@ -252,12 +254,18 @@ def _identifiability(f: Findings) -> str:
     """What the readings can and cannot tell about constant springs, in words."""
     constant = f.best.constant or next(v.constant for v in f.variants if v.constant is not None)
     known = [s.joint for s in constant.springs if s.status == "determined"]
-    half = [s.joint for s in constant.springs if s.status in ("one-sided", "at bound")]
+    half = [s.joint for s in constant.springs if s.status == "one-sided" or bound_of(s) == "rigid"]
+    soft = [s.joint for s in constant.springs if bound_of(s) == "soft"]
     text = f"What {len(f.best.system)} readings can tell: "
     text += f"{', '.join(known)} determined, with both limits. " if known else "no spring has both limits. "
     if half:
         text += (
             f"For {', '.join(half)} there is only a lower limit: the data do not exclude that these joints are rigid. "
+        )
+    if soft:
+        text += (
+            f"The fit drives {', '.join(soft)} to the soft bound: the model is too stiff in a way that these springs "
+            "are made to stand for. "
         )
     rest = [j for j in f.given.robot.joint_names if j not in f.scheme.constant.joints]
     if rest:

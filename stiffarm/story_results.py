@@ -6,8 +6,10 @@ from typing import Any
 
 from robots.quantities import Quantity
 from stiffarm import figures_surrogate as fs
+from stiffarm.figures_budget import budget_figure
 from stiffarm.report import Block, Bullets, Note, Picture, Section, Table, Text
 from stiffarm.story_blocks import Pictures, percent
+from stiffarm.story_budget import budget_blocks
 from stiffarm.workflow import Findings, slug
 from surrogate import default_sweep
 from surrogate.main_effects import main_effects
@@ -15,7 +17,7 @@ from surrogate.main_effects import main_effects
 
 def budget_section(f: Findings, pictures: Pictures) -> Section:
     """Each part's share in the deflection."""
-    figure = fs.budget_figure(f.budget_mm, f.budget_poses)
+    figure = budget_figure(f.budget_mm, f.budget_poses)
     return Section(
         "Where the compliance comes from",
         (
@@ -26,6 +28,7 @@ def budget_section(f: Findings, pictures: Pictures) -> Section:
                 "Compliance budget by pose. The arm is statically determinate, so the shares add up exactly. "
                 "Link shares rest on assumed sections.",
             ),
+            *budget_blocks(f, pictures),
         ),
     )
 

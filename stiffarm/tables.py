@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 
 from doe import PoseEffects
+from meshes import RobotMasses
 from robots import ModelDescription
-from robots.schema import Joint, LogPolynomialLaw
+from robots.quantities import RotationalStiffness
+from robots.schema import Joint
 from stiffarm import steps
 from stiffarm.console import say, show_table
 
 
-def robot(description: ModelDescription) -> None:
-    """Joints, limits, springs and notes of one robot."""
+def robot(description: ModelDescription, masses: RobotMasses) -> None:
+    """Joints, limits, springs, masses and notes of one robot."""
     rows = []
     for joint in description.joint:
         low, high = np.degrees(joint.limits.si_array)
@@ -26,16 +28,40 @@ def robot(description: ModelDescription) -> None:
         low, high = np.degrees(coupling.limits.si_array)
         offset = 0.0 if coupling.offset is None else np.degrees(coupling.offset.si)
         say(f"coupled limit {coupling.name}: {low:g} <= {offset:g} {terms} <= {high:g} deg ({coupling.limits.source})")
+    if masses.links:
+        _masses(description, masses)
     for note in description.notes:
         say(f"note: {note}")
+
+
+def _masses(description: ModelDescription, masses: RobotMasses) -> None:
+    """Table of masses: casings and what the file declares, up to the robot's own mass."""
+    rows = [[link.name, *map(_kg, (link.casing.kg, link.rest_kg, link.declared_kg))] for link in masses.links]
+    own = [] if masses.crank is None else [("bar", masses.bar_kg), ("crank", masses.crank.kg)]
+    rows += [[name, _kg(mass), "", _kg(mass)] for name, mass in own]
+    rows += [["all parts", "", "", _kg(masses.sum_kg)], ["the robot", "", "", _kg(masses.robot_kg)]]
+    show_table(
+        f"{description.title}: masses",
+        ["part", "casing (kg)", "drives and the rest (kg)", "declared (kg)"],
+        rows,
+    )
+    if own:
+        say("bar and crank declare no mass: they weigh what their sections do")
+    light = [link.name for link in masses.links if link.rest_kg is not None and link.rest_kg < 0.0]
+    if light:
+        say(f"warning: declared lighter than the casing: {', '.join(light)}")
+
+
+def _kg(mass: float | None) -> str:
+    return "-" if mass is None else f"{mass:.1f}"
 
 
 def _spring(joint: Joint) -> str:
     if joint.stiffness is None:
         return "not given (rigid)"
-    if isinstance(joint.stiffness, LogPolynomialLaw):
-        return f"depends on {', '.join(joint.stiffness.inputs)}"
-    return f"{joint.stiffness.si:.4g} N m/rad ({joint.stiffness.source})"
+    if isinstance(joint.stiffness, RotationalStiffness):
+        return f"{joint.stiffness.si:.4g} N m/rad ({joint.stiffness.source})"
+    return f"depends on {', '.join(joint.stiffness.inputs)}"
 
 
 def sensitivity(effects: Sequence[PoseEffects], low: float, high: float, load_path: str) -> None:

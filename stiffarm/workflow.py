@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from doe import Measurements, PoseEffects, Scheme, select_loads
 from fem import deflection_by_part
-from robots import LoadPath, content_hash, save_description
-from stiffarm import inputs, maps, payloads, steps
+from robots import save_description
+from stiffarm import inputs, learning, link_models, maps, payloads, steps
 from stiffarm.console import progress, say
 from stiffarm.inputs import ModelInput
+from stiffarm.link_models import LinkModels
+from stiffarm.options import open_measured
 from stiffarm.outputs import OutputFolder
 from stiffarm.steps import FactorialRuns, RigidJoints, Variant
 from surrogate import Surrogate, Trained, save_surrogate
@@ -32,7 +34,7 @@ class Findings:
     scheme: Scheme
     rigid: RigidJoints
     effects: Mapping[str, list[PoseEffects]]
-    variants: tuple[Variant, ...]
+    link_models: LinkModels
     best: Variant
     published: Variant
     factorial: Mapping[str, FactorialRuns]
@@ -41,6 +43,11 @@ class Findings:
     budget_poses: tuple[str, ...]
     pose_check: tuple[list[str], Array, Array]
     seed: int
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """Every load path and scheme, with the links that were asked for."""
+        return self.link_models.own.variants
 
     @property
     def surrogate(self) -> Surrogate:
@@ -59,16 +66,14 @@ def run_all(
     command: list[str],
 ) -> dict[str, Any]:
     """Run every step and write models, surrogates, maps, pictures and the report into ``out``."""
-    given = inputs.read_model(model, links, None)
-    table = inputs.read_data(given.robot, model, data)
+    given, table, files = open_measured(model, data, links, None)
     scheme = inputs.read_scheme(given.robot, scheme_file)
-    files: dict[str, Path | str] = {"model": content_hash(given.description), "data": table.sha256}
     if scheme_file is not None:
         files["scheme"] = scheme_file
     with OutputFolder(out, command, files, seed) as folder:
         with folder.timed("calibration"):
-            rigid, effects, variants = _calibrations(given, table, scheme)
-        findings = _learned(given, table, scheme, rigid, effects, variants, seed, folder)
+            rigid, effects, compared = _calibrations(given, table, scheme)
+        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
             made = steps.stiffness_map(
                 findings.best.description, findings.best.model, points, findings.surrogate, progress=bar
@@ -88,41 +93,39 @@ def run_all(
 
 def _calibrations(
     given: ModelInput, table: Measurements, scheme: Scheme
-) -> tuple[RigidJoints, dict[str, list[PoseEffects]], tuple[Variant, ...]]:
-    for note in table.notes:
-        say(f"note: {note}")
+) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
     used = select_loads(table, scheme.loads_N)
     straight = scheme.sensitivity.poses
-    rigid = steps.rigid_joints(given, used, straight)
+    beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
+    # Without flexible links there is no first model: beams stand in for them.
+    rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
     say(
         f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
-        f"(median of poses {', '.join(straight)})"
+        f"({rigid.links} links, median of poses {', '.join(straight)})"
     )
-    effects: dict[str, list[PoseEffects]] = {}
-    variants: list[Variant] = []
-    for path in _load_paths(given):
-        one = inputs.with_load_path(given, path)
-        effects[path] = steps.sensitivity(
-            one, used, scheme.sensitivity.joints, straight, scheme.low_Nm_per_rad, scheme.high_Nm_per_rad
+    models = link_models.by_load_path(given)
+    effects: dict[str, list[PoseEffects]] = {
+        path: steps.sensitivity(
+            one,
+            used,
+            scheme.sensitivity.joints,
+            straight,
+            scheme.low_Nm_per_rad,
+            scheme.high_Nm_per_rad,
         )
-        staged = steps.calibrate_by_stages(one, table, scheme, scheme.loads_N)
-        bounds = (scheme.low_Nm_per_rad, scheme.high_Nm_per_rad)
-        constant = steps.calibrate_constant(one, table, scheme.constant.joints, scheme.loads_N, bounds, scheme.gauge_mm)
-        for variant in (staged, constant):
-            say(
-                f"{variant.name}: {variant.parameters} parameters, RMS {variant.rms_mm:.3f} mm, "
-                f"left-out poses {variant.left_out.rms_mm:.3f} mm"
-            )
-        variants += [staged, constant]
-    return rigid, effects, tuple(variants)
+        for path, one in models.items()
+    }
+    own = link_models.calibrate(models, table, scheme, _say_variant)
+    say(f"the same with {beside.model.link_kind} links, to compare")
+    other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
+    return rigid, effects, LinkModels(own, other)
 
 
-def _load_paths(given: ModelInput) -> tuple[LoadPath, ...]:
-    """The model's own load path first, then the other one if the robot has it."""
-    if given.robot.parallelogram is None:
-        return ("serial",)
-    own = given.model.load_path
-    return (own, "serial" if own == "parallelogram" else "parallelogram")
+def _say_variant(variant: Variant) -> None:
+    say(
+        f"{variant.name}: {variant.parameters} parameters, RMS {variant.rms_mm:.3f} mm, "
+        f"left-out poses {variant.left_out.rms_mm:.3f} mm"
+    )
 
 
 def _learned(
@@ -131,10 +134,11 @@ def _learned(
     scheme: Scheme,
     rigid: RigidJoints,
     effects: dict[str, list[PoseEffects]],
-    variants: tuple[Variant, ...],
+    compared: LinkModels,
     seed: int,
     folder: OutputFolder,
 ) -> Findings:
+    variants = compared.own.variants
     best = steps.recommended(list(variants))
     published = variants[0]
     say(f"recommended: {best.name} (smallest error on left-out poses)")
@@ -143,19 +147,15 @@ def _learned(
     with folder.timed("surrogates"):
         for variant in {v.name: v for v in (best, published)}.values():
             factorial[variant.name] = steps.factorial_runs(variant.model, scheme)
-            with progress(f"surrogate of {variant.name}") as bar:
-                trained[variant.name] = steps.learn(
-                    variant.description,
-                    variant.model,
-                    scheme.factorial.inputs,
-                    seed,
-                    degree=scheme.regression_degree,
-                    progress=bar,
-                )
-            error = trained[variant.name].best.errors
-            say(
-                f"surrogate of {variant.name}: {error.basis}, held-out relative error {error.rms_relative:.1e} RMS, "
-                f"{error.max_relative:.1e} worst"
+            trained[variant.name] = learning.learn(
+                variant.description,
+                variant.model,
+                scheme.factorial.inputs,
+                seed,
+                folder,
+                f"surrogates/{slug(variant.name)}",
+                variant.name,
+                degree=scheme.regression_degree,
             )
     used = select_loads(table, scheme.loads_N)
     parts = deflection_by_part(best.model, used.q, used.wrench)
@@ -165,7 +165,7 @@ def _learned(
         scheme=scheme,
         rigid=rigid,
         effects=effects,
-        variants=variants,
+        link_models=compared,
         best=best,
         published=published,
         factorial=factorial,
@@ -182,9 +182,6 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
     for variant in findings.variants:
         save_description(variant.description, folder.path(f"models/{slug(variant.name)}.toml"))
     save_description(findings.best.description, folder.path("model.toml"))
-    for name, trained in findings.trained.items():
-        for one in trained.surrogates:
-            save_surrogate(one, folder.path(f"surrogates/{slug(name)}_{one.basis.name}.json"))
     save_surrogate(findings.surrogate, folder.path("surrogate.json"))
     labels, learned, exact = findings.pose_check
     content = {
@@ -194,6 +191,7 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         "sensitivity": {path: payloads.effects(e) for path, e in findings.effects.items()},
         "variants": {v.name: payloads.variant(v) for v in findings.variants},
         "recommended": findings.best.name,
+        "link_models": payloads.link_models(findings.link_models),
         "factorial": {name: payloads.factorial(runs) for name, runs in findings.factorial.items()},
         "surrogates": {name: payloads.trained(t) for name, t in findings.trained.items()},
         "measured_poses": [

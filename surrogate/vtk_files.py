@@ -140,11 +140,7 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
     """
     from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-    _require_vtu(path)
-    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise InputError("map folder", value=str(path.parent), allowed="an existing folder one may write to")
     grid = vtkUnstructuredGrid()
     points = vtkPoints()
     points.SetData(_numpy_support().numpy_to_vtk(stiffness_map.positions * M_TO_MM, deep=True))
@@ -161,6 +157,22 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
         strings.SetName(name)
         strings.InsertNextValue(text)
         grid.GetFieldData().AddArray(strings)
+    write_grid(grid, path)
+
+
+def write_grid(grid: Any, path: Path) -> None:
+    """Write a ``vtkUnstructuredGrid`` as a .vtu file: binary, compressed, under a temporary name and renamed.
+
+    Raises
+    ------
+    InputError
+        The name does not end in .vtu, or the folder does not exist or cannot be written.
+    """
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    _require_vtu(path)
+    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
+        raise InputError("map folder", value=str(path.parent), allowed="an existing folder one may write to")
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.vtu")
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetInputData(grid)

@@ -26,6 +26,12 @@ settings.register_profile("ci", deadline=None, derandomize=True, database=None)
 settings.load_profile("ci" if os.environ.get("CI") else "desk")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Condensed links are kept in a folder of this run, never the user's; commands run as subprocesses inherit it."""
+    os.environ["STIFFARM_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     """A generator with seed 0: each test draws the same numbers, alone or in company."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,8 +23,7 @@ from stiffarm.options import (
     Out,
     SchemeFile,
     folder_if,
-    model_hash,
-    say_notes,
+    open_measured,
 )
 
 
@@ -44,7 +42,6 @@ def sensitivity(
 ) -> None:
     """Two-level factorial of the joint springs: effects with signs, ranked."""
     with user_errors(debug):
-        given = inputs.read_model(model, links, load_path)
         if not (0.0 < low < high and np.isfinite(high)):
             raise InputError(
                 "--low, --high",
@@ -52,8 +49,7 @@ def sensitivity(
                 allowed="0 < low < high, finite, N m/rad",
                 remedy="give the range in which the springs are expected",
             )
-        table = inputs.read_data(given.robot, model, data)
-        say_notes(table.notes)
+        given, table, files = open_measured(model, data, links, load_path)
         scheme = bundled_scheme(given.robot.name)
         chosen = inputs.parse_names(joints, given.robot.joint_names, "--joints")
         labels = inputs.parse_names(poses, tuple(dict.fromkeys(table.pose)), "--poses")
@@ -62,7 +58,7 @@ def sensitivity(
             known = set(table.pose)
             planned = scheme.sensitivity.poses if scheme and set(scheme.sensitivity.poses) <= known else ()
             labels = planned or tuple(dict.fromkeys(table.pose))
-        with folder_if(out, {"model": model_hash(given), "data": table.sha256}) as folder:
+        with folder_if(out, files) as folder:
             effects = steps.sensitivity(given, table, chosen, labels, low, high)
             result = {
                 "robot": given.robot.name,
@@ -73,7 +69,7 @@ def sensitivity(
                 "effects": payloads.effects(effects),
             }
             if folder is not None:
-                from stiffarm.figures_calibration import sensitivity_figure
+                from stiffarm.figures_sensitivity import sensitivity_figure
                 from stiffarm.picture_style import save_png
 
                 folder.write_json("sensitivity.json", result)
@@ -116,11 +112,8 @@ def calibrate(
         if spacing not in (None, "log", "linear"):
             raise InputError("--spacing", value=spacing, allowed="log, linear", remedy="choose one of them")
         chosen_loads = inputs.parse_loads(loads)
-        given = inputs.read_model(model, links, load_path)
+        given, table, files = open_measured(model, data, links, load_path)
         names = inputs.parse_names(joints, given.robot.joint_names, "--joints")
-        table = inputs.read_data(given.robot, model, data)
-        say_notes(table.notes)
-        files: dict[str, Path | str] = {"model": model_hash(given), "data": table.sha256}
         if scheme_file is not None:
             files["scheme"] = scheme_file
         plan: Scheme | None = None

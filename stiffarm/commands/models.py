@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from robots import InputError, bundled_names, load_description
+from meshes import RobotMasses, robot_masses
+from robots import bundled_names, load_description
+from robots.robot import robot_from
 from stiffarm import inputs, tables
 from stiffarm.console import emit_json, show_table, user_errors
 from stiffarm.options import (
@@ -22,6 +24,7 @@ from stiffarm.options import (
     model_hash,
     say_notes,
 )
+from stiffarm.payloads import number
 
 
 def robots(
@@ -33,10 +36,12 @@ def robots(
     with user_errors(debug):
         if name is not None:
             description = load_description(name)
+            masses = robot_masses(description, robot_from(description))
             if as_json:
-                emit_json(description.model_dump(mode="json", by_alias=True, exclude_none=True))
+                described = description.model_dump(mode="json", by_alias=True, exclude_none=True)
+                emit_json(described | {"masses": _masses(masses)})
                 return
-            tables.robot(description)
+            tables.robot(description, masses)
             return
         found = [load_description(bundled) for bundled in bundled_names()]
         if as_json:
@@ -52,6 +57,26 @@ def robots(
         show_table("Bundled robots", ["name", "title", "load path"], [[d.name, d.title, d.load_path] for d in found])
 
 
+def _masses(masses: RobotMasses) -> dict[str, Any]:
+    """Masses of the parts; null where nothing is declared."""
+    links = {
+        link.name: {
+            "casing_kg": number(link.casing.kg),
+            "declared_kg": link.declared_kg,
+            "rest_kg": None if link.rest_kg is None else number(link.rest_kg),
+        }
+        for link in masses.links
+    }
+    sums = {
+        "bar_kg": masses.bar_kg,
+        "crank_kg": None if masses.crank is None else masses.crank.kg,
+        "sum_kg": masses.sum_kg,
+        "robot_kg": masses.robot_kg,
+        "difference_kg": masses.difference_kg,
+    }
+    return {"links": links} | {name: None if kg is None else number(kg) for name, kg in sums.items()}
+
+
 def simulate(
     model: ModelArg,
     data: DataArg = None,
@@ -61,6 +86,14 @@ def simulate(
         typer.Option("--load", help="wrench at the tool point for --pose, as in fz_N=-650 (the default)"),
     ] = None,
     rigid_joints: Annotated[bool, typer.Option("--rigid-joints", help="only the links give way")] = False,
+    field: Annotated[
+        bool,
+        typer.Option("--field", help="with --pose and --out: the deformed arm (.vtu, .png) and who gives how much"),
+    ] = False,
+    scale: Annotated[
+        float | None,
+        typer.Option("--scale", help="with --field: draw motion so many times; 1 is true size; default: automatic"),
+    ] = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     out: Out = None,
@@ -69,21 +102,14 @@ def simulate(
 ) -> None:
     """Deflection of the tool point: for one pose and load, or for every reading of a measurement table."""
     with user_errors(debug):
-        from stiffarm import simulation
+        from stiffarm import field_results, simulation
 
-        given = inputs.read_model(model, links, load_path)
+        simulation.check_request(pose, data, load, out, field, scale)
+        given = inputs.read_model(model, field_results.field_links(model, links) if field else links, load_path)
         files: dict[str, Path | str] = {"model": model_hash(given)}
         if pose is not None:
-            if data is not None:
-                raise InputError(
-                    "simulate takes a pose or a measurement table, not both", remedy="leave out --pose or DATA"
-                )
             q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
         else:
-            if load is not None:
-                raise InputError(
-                    "--load", value=load, allowed="only with --pose: a measurement table has its own loads"
-                )
             table = inputs.read_data(given.robot, model, data)
             say_notes(table.notes)
             files["data"] = table.sha256
@@ -93,6 +119,8 @@ def simulate(
                 if pose is None
                 else simulation.of_pose(given, q, wrench, rigid_joints)
             )
+            if field and folder is not None:
+                result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:
                 folder.write_json("simulation.json", result)
         if as_json:

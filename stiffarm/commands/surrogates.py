@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from robots import InputError
-from stiffarm import inputs, payloads, steps, tables
+from stiffarm import inputs, learning, payloads, steps, tables
 from stiffarm.console import emit_json, progress, say, user_errors
 from stiffarm.options import (
     Debug,
@@ -56,22 +56,20 @@ def fit(
         names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
         others = inputs.fixed_coordinates(given.robot, names, fixed)
         along = inputs.parse_direction(direction)
-        with output_folder(out, {"model": model_hash(given)}, seed) as folder, progress("model runs") as bar:
-            trained = steps.learn(
+        with output_folder(out, {"model": model_hash(given)}, seed) as folder:
+            trained = learning.learn(
                 given.description,
                 given.model,
                 names,
                 seed,
-                basis=basis,  # type: ignore[arg-type]
+                folder,
+                basis=basis,
                 degree=degree,
                 order=order,
                 runs=runs,
                 fixed_deg=others,
                 direction=along,
-                progress=bar,
             )
-            for one in trained.surrogates:
-                save_surrogate(one, folder.path(f"surrogate_{one.basis.name}.json"))
             save_surrogate(trained.best, folder.path("surrogate.json"))
             content = payloads.trained(trained)
             folder.write_json("surrogate_errors.json", content)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.condensation import solve_positive_definite
-from fem.shell import assemble_shell, freedoms
+from fem.shell_assembly import assemble_shell, freedoms
 from meshes.shell_mesh import ShellMesh
 
 Array = NDArray[np.float64]

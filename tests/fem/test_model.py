@@ -7,8 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from fem import ArmModel, ConstantSpring, LogPolynomialSpring, build_model, deflection
-from robots import InputError, ModelDescription, load_description
+from fem import ArmModel, ConstantSpring, LawSpring, build_model, deflection
+from fem.law_bases import PolynomialBasis
+from fem.springs import spring_from
+from robots import InputError, ModelDescription, load_description, load_robot
+from robots.schema_springs import LogFourierLaw, TableLaw
 
 DOWN = np.array([0, 0, -100.0, 0, 0, 0])
 
@@ -94,13 +97,13 @@ def test_a_link_must_not_share_its_name_with_another_part(boom: Callable[..., Mo
 
 
 def test_log_polynomial_spring_by_hand() -> None:
-    spring = LogPolynomialSpring(
+    basis = PolynomialBasis(
         columns=(1, 2),
         centre=np.radians([5.0, 77.5]),
         half_range=np.radians([40.0, 37.5]),
         exponents=np.array([[0, 0], [1, 0], [1, 2]]),
-        coefficients=np.array([13.5, 0.3, -0.2]),
     )
+    spring = LawSpring(basis, np.array([13.5, 0.3, -0.2]))
     q = np.zeros((2, 6))
     q[:, 1], q[:, 2] = np.radians([5.0, 25.0]), np.radians([115.0, 40.0])
     # u = (0, 1) and (0.5, -1).
@@ -112,3 +115,23 @@ def test_a_constant_spring_is_the_same_everywhere() -> None:
     q = np.random.default_rng(0).normal(size=(5, 6))
     np.testing.assert_array_equal(ConstantSpring(4e5).compliance(q), np.full(5, 2.5e-6))
     np.testing.assert_array_equal(ConstantSpring(np.inf).compliance(q), 0.0)
+
+
+def test_fourier_and_table_laws_from_a_file_by_hand() -> None:
+    robot = load_robot("xr701")
+    fourier = spring_from(
+        robot, LogFourierLaw(kind="log-fourier", input="q2_deg", coefficients=(13.0, 0.2, -0.1), source="assumed")
+    )
+    q = np.zeros((3, 6))
+    q[:, 1] = [-0.5, 0.1, 0.7]
+    expected = np.exp(-(13.0 + 0.2 * np.cos(q[:, 1]) - 0.1 * np.sin(q[:, 1])))
+    np.testing.assert_allclose(fourier.compliance(q), expected, rtol=1e-13)
+    table = spring_from(
+        robot,
+        TableLaw(
+            kind="table", input="q2_deg", nodes_deg=(0.0, 20.0), stiffness_Nm_per_rad=(1e5, 4e5), source="assumed"
+        ),
+    )
+    q[:, 1] = np.radians([-30.0, 10.0, 40.0])
+    # Half-way in the logarithm is the geometric mean; beyond the ends it stays.
+    np.testing.assert_allclose(1.0 / table.compliance(q), [1e5, 2e5, 4e5], rtol=1e-12)

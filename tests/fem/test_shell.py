@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
-from fem import condensation, shell
+from fem import condensation, shell_assembly
 from fem.condensation import Superelement, condense, solve_positive_definite
 from fem.shell import (
-    assemble_shell,
     couple,
     distributing_coupling,
-    freedoms,
     rigid_coupling,
     rigid_motion,
     shell_superelement,
 )
+from fem.shell_assembly import assemble_shell, freedoms
 from meshes import section_properties
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
@@ -129,7 +128,7 @@ def test_patch_test_across_a_seam_of_triangles_and_quads(monkeypatch: pytest.Mon
     turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
     assert _seam_error(turn) < 1e-10
     # Sides of triangles that bend beside straight ones of quads do not fit.
-    monkeypatch.setattr(shell, "beside_quads", lambda mesh: None)
+    monkeypatch.setattr(shell_assembly, "beside_quads", lambda mesh: None)
     assert _seam_error(turn) > 1e-3
 
 
@@ -303,6 +302,7 @@ def test_solver_without_extras(monkeypatch: pytest.MonkeyPatch, rng: np.random.G
 def test_pardiso_gets_the_upper_triangle_and_gives_its_memory_back(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
+    monkeypatch.setattr(condensation, "SMALL", 0)
     seen: list[object] = []
 
     class Solver:
@@ -329,7 +329,45 @@ def test_pardiso_gets_the_upper_triangle_and_gives_its_memory_back(
     assert seen == [2, (1, 1), (2, 2), True]
 
 
+class _Refusal(Exception):  # noqa: N818 - stands for the errors of two libraries
+    value = condensation.PARDISO_PIVOT
+
+
+@pytest.mark.parametrize("installed", ["pypardiso", "sksparse"])
+def test_what_a_solver_refuses_is_singular(
+    installed: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    def refuse(*_: object) -> None:
+        raise _Refusal
+
+    solver = SimpleNamespace(set_iparm=lambda *_: None, factorize=refuse, free_memory=lambda everything: None)
+    pardiso = SimpleNamespace(
+        PyPardisoSolver=lambda mtype: solver, pardiso_wrapper=SimpleNamespace(PyPardisoError=_Refusal)
+    )
+    cholmod = SimpleNamespace(cholesky=refuse, CholmodNotPositiveDefiniteError=_Refusal)
+    monkeypatch.setattr(condensation, "SMALL", 0)
+    monkeypatch.setitem(sys.modules, "pypardiso", pardiso if installed == "pypardiso" else None)
+    monkeypatch.setitem(sys.modules, "sksparse", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "sksparse.cholmod", cholmod)
+    K, b, _ = _small_system(rng)
+    with pytest.raises(ArithmeticError, match="singular"):
+        solve_positive_definite(K, b)
+    # Other refusals (no memory) are no property of the matrix.
+    monkeypatch.setattr(_Refusal, "value", -2)
+    if installed == "pypardiso":
+        with pytest.raises(_Refusal):
+            solve_positive_definite(K, b)
+
+
+@pytest.mark.parametrize("small", [0, 3000])
+def test_a_freedom_that_nothing_holds_is_singular(small: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(condensation, "SMALL", small)
+    with pytest.raises(ArithmeticError, match="singular"):
+        solve_positive_definite(sp.csc_array(np.diag([1.0, 0.0, 1.0])), np.ones((3, 1)))
+
+
 def test_cholmod_comes_second(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    monkeypatch.setattr(condensation, "SMALL", 0)
     monkeypatch.setitem(sys.modules, "pypardiso", None)
     called = []
 
@@ -348,6 +386,7 @@ def test_a_wrong_solution_and_a_singular_matrix_are_noticed(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
     K, b, x = _small_system(rng)
+    monkeypatch.setattr(condensation, "SMALL", 0)
     for wrong in (x + 1e-4, np.full_like(x, np.nan)):
         monkeypatch.setattr(condensation, "_pardiso", lambda K, b, wrong=wrong: wrong)
         with pytest.raises(ArithmeticError, match="singular"):

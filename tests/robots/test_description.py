@@ -90,7 +90,12 @@ def test_no_number_stands_outside_a_figure(name: str) -> None:
 
     def bare(node: Any, key: str) -> list[str]:
         if isinstance(node, dict):
-            return [] if "value" in node else [b for k, child in node.items() for b in bare(child, k)]
+            # An opening is one figure: shares have no unit, and its source is its own.
+            return (
+                []
+                if "value" in node or {"side", "source"} <= node.keys()
+                else [b for k, child in node.items() for b in bare(child, k)]
+            )
         if isinstance(node, list) and key not in definitions:
             return [b for child in node for b in bare(child, key)]
         return [key] if isinstance(node, int | float) and key not in definitions else []

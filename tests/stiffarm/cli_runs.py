@@ -19,7 +19,7 @@ from stiffarm.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
 # What a robot's maker might call it, or an attacker.
-HOSTILE_TITLE = "<script>alert('x')</script> & \"Arm\" [/b]"
+HOSTILE_TITLE = "<script>alert('x')</script> & \"Arm $10\" $x_{ [/b]"
 HOSTILE_NOTE = "<img src='https://example.org/x.png'> {{ 7 * 7 }} </details>"
 
 

@@ -55,8 +55,19 @@ def test_robots_lists_all_bundled_ones(cli: Command) -> None:
 
 
 @pytest.mark.parametrize("name", bundled_names())
-def test_a_robots_json_is_its_whole_description(cli: Command, name: str) -> None:
-    assert ModelDescription.model_validate(cli("robots", name, "--json").json) == load_description(name)
+def test_a_robots_json_is_its_whole_description_and_its_masses(cli: Command, name: str) -> None:
+    answer = cli("robots", name, "--json").json
+    masses = answer.pop("masses")
+    assert ModelDescription.model_validate(answer) == load_description(name)
+    declared = [link["declared_kg"] for link in masses["links"].values()]
+    parts = sum(declared) + (masses["bar_kg"] or 0.0) + (masses["crank_kg"] or 0.0)
+    # Six significant digits are written.
+    assert masses["sum_kg"] == pytest.approx(parts, rel=1e-5)
+    assert masses["robot_kg"] == answer["mass"]["value"]
+    assert all(
+        link["rest_kg"] == pytest.approx(link["declared_kg"] - link["casing_kg"], abs=1e-3)
+        for link in masses["links"].values()
+    )
 
 
 def test_a_robot_is_shown_with_limits_and_their_sources(cli: Command) -> None:
@@ -64,6 +75,7 @@ def test_a_robot_is_shown_with_limits_and_their_sources(cli: Command) -> None:
     assert "-35 to 45" in err
     assert "65 <= 180 +1 q2_deg -1 q3real_deg <= 190 deg (assumed)" in err
     assert "note: Geometry, sections and link masses are assumed" in err
+    assert all(word in err for word in ("casing (kg)", "bar", "crank", "1449.7", "1450.0"))
 
 
 # --- calibrate ---------------------------------------------------------------------------------------------

@@ -9,9 +9,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, FullRun, tree
+from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, ROOT, FullRun, run_apart, tree
 
 from robots import load_description
+from robots.library import to_toml
 from stiffarm.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from surrogate import load_surrogate
 
@@ -22,6 +23,7 @@ STORY = (
     "Sensitivity",
     "staged scheme",
     "calibration to trust",
+    "link model changes: beams beside rigid links",
     "compliance comes from",
     "Main effects",
     "surrogate",
@@ -147,6 +149,21 @@ def test_figures_carry_units_and_are_those_of_results_json(page: Page, full_run:
     assert not re.search(r"\b(nan|inf|None)\b", page.text)
 
 
+def test_the_link_models_stand_beside_each_other(page: Page, full_run: FullRun) -> None:
+    compared = full_run.results["link_models"]
+    assert (compared["own"], compared["beside"]) == ("beam", "rigid"), "no shells unless asked for"
+    assert "--links shell" in page.text
+    cells = page.texts["td"]
+    for one in compared["calibrations"]:
+        for side in ("beam", "rigid"):
+            for key in ("rms_mm", "left_one_pose_out_rms_mm"):
+                assert f"{one[side][key]:.4f}" in cells
+    assert {f"models/constant_{path}.toml" for path in ("serial", "parallelogram")} <= set(tree(full_run.folder))
+    assert {f"figures/link_models_{name}.png" for name in ("springs", "match_serial", "match_parallelogram")} <= set(
+        tree(full_run.folder)
+    )
+
+
 def test_what_is_assumed_is_marked(page: Page) -> None:
     marked = [a for a in page.all("td") if "assumed" in (a.get("class") or "").split()]
     # Geometry, sections and material of the xr701 were never published; the file has dozens of such figures.
@@ -170,6 +187,33 @@ def test_the_same_title_does_no_harm_elsewhere(full_run: FullRun) -> None:
     assert "Traceback" not in full_run.outcome.err
     title = load_description(full_run.folder / "model.toml").title
     assert title == HOSTILE_TITLE
+
+
+@pytest.mark.slow
+def test_names_with_dollars_in_a_run_with_shells(tmp_path: Path, data_file: Path) -> None:
+    """Title, pose labels and a link's name that matplotlib would take for mathematics, in every figure there is."""
+    title, pose, link = "Arm $10 & <b>", "$x_", "$f_{orearm$"
+    description = load_description("xr701")
+    links = tuple(k.model_copy(update={"name": link}) if k.name == "forearm" else k for k in description.link)
+    hostile = description.model_copy(update={"title": title, "link": links})
+    (tmp_path / "model.toml").write_text(to_toml(hostile), encoding="utf-8")
+    rows = data_file.read_text(encoding="utf-8")
+    (tmp_path / "data.csv").write_text(re.sub(r"(?m)^(5|41),", rf"{pose}\1,", rows), encoding="utf-8")
+    scheme = (ROOT / "doe" / "schemes" / "xr701.toml").read_text(encoding="utf-8")
+    (tmp_path / "scheme.toml").write_text(re.sub(r'"(5|41)"', rf'"{pose}\1"', scheme), encoding="utf-8")
+    files = ("model.toml", "data.csv", "--scheme-file", "scheme.toml")
+    given = [tmp_path / name if "." in name else name for name in files]
+    outcome = run_apart("run", *given, "--links", "shell", "--points", "3", "--out", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    assert "Warning" not in outcome.err
+    run = FullRun(outcome, tmp_path / "out")
+    page = Page(run.report)
+    assert page.texts["h1"][0].startswith(title)
+    assert f"{pose}41" in page.texts["td"]
+    assert "link model changes: shells beside beams" in page.text
+    compared = run.results["link_models"]
+    assert (compared["own"], compared["beside"]) == ("shell", "beam")
+    assert compared["calibrations"][0]["beam"]["poses"][2]["pose"] == f"{pose}5"
 
 
 def test_every_kind_of_block_is_escaped(tmp_path: Path) -> None:

@@ -1,0 +1,220 @@
+"""A link for CalculiX: its shell as S8R and S6, its rings tied to interface points. Units mm, N, MPa.
+
+An interface has a reference node (directions 1 to 3: displacement) and a rotation node (1 to 3: rotation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from fem.calculix_deck import MM_PER_M, Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
+from fem.couplings import distributing_coupling, rigid_motion
+from fem.model import LinkPart
+from fem.shell_arm import shell_of
+from robots import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Side of the square beams along rigid rings, as a share of the thinnest wall.
+BEAM_SIDE = 0.1
+# Weights of a quadratic edge's ends and of its middle (Simpson's rule), times its length.
+END_WEIGHT, MIDDLE_WEIGHT = 1.0 / 6.0, 4.0 / 6.0
+# Least pivot over the greatest when six freedoms of a distributing ring are made to follow.
+SMALLEST_PIVOT = 1e-6
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A point's displacement and rotation from free ones: u = G x[freedoms]; G (6, k), mm and rad."""
+
+    freedoms: tuple[Freedom, ...]
+    G: Array
+
+    @classmethod
+    def of_nodes(cls, reference: int, rotation: int) -> Motion:
+        """Motion that a reference node and a rotation node have."""
+        return cls(tuple((node, i) for node in (reference, rotation) for i in (1, 2, 3)), np.eye(6))
+
+    def carried(self, r: Array) -> Motion:
+        """Motion of a point rigidly connected, r (3,) m away."""
+        return Motion(self.freedoms, rigid_motion(MM_PER_M * r[None])[0] @ self.G)
+
+    def plus(self, freedom: Freedom, direction: Array) -> Motion:
+        """With one freedom more, along ``direction`` (6,)."""
+        return Motion((*self.freedoms, freedom), np.column_stack([self.G, direction]))
+
+    def along(self, direction: Array) -> dict[Freedom, float]:
+        """Terms of the motion along ``direction`` (6,)."""
+        return dict(zip(self.freedoms, (direction @ self.G).tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class _Interface:
+    """An interface: name of its sets, words for people, ring (r,) of the mesh's nodes, its point (3,) mm."""
+
+    label: str
+    what: str
+    ring: Indices
+    point: Array
+    reference: int
+    rotation: int
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A link's quadratic mesh in the deck: nodes (k + e, 3) mm in base axes, number of the first one."""
+
+    mesh: QuadraticMesh
+    nodes: Array
+    first: int
+    wall: float
+
+    def numbers(self, nodes: Indices) -> Indices:
+        """Numbers in the deck."""
+        return np.asarray(self.first + nodes)
+
+
+def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, origin: Array) -> dict[str, Motion]:
+    """Write a link in its place: body's axes R (3, 3), origin (3,) m; its root makes the motion ``root``.
+
+    Returns the motions of the other interfaces by name. ``index`` keeps apart links whose names look alike once
+    they are spelt in ASCII.
+
+    Raises
+    ------
+    InputError
+        A ring without edges, or a distributing ring whose nodes lie on one line.
+    """
+    mesh, label, where = shell_of(link), f"L{index}_{safe_name(link.name)}".rstrip("_"), ascii_text(link.name)
+    quadratic = with_middles(mesh)
+    nodes = MM_PER_M * (origin + quadratic.nodes @ R.T)
+    what = f"link {where}, the first {quadratic.corners} are the corners in stiffarm's order, then mid-side nodes"
+    first = int(deck.nodes(nodes, f"N_{label}", what)[0])
+    placed = _Placed(quadratic, nodes, first, MM_PER_M * float(mesh.thickness.min()))
+    _shell(deck, link, placed, label)
+    material = deck.material(mesh.youngs_modulus, mesh.poissons_ratio)
+    interfaces = {}
+    for name, point, ring in zip(mesh.interfaces, link.element.points, mesh.interfaces.values(), strict=True):
+        interfaces[name] = _interface(deck, MM_PER_M * (origin + R @ point), ring, f"{label}_{safe_name(name)}", name, where)
+    kinds = {name: link.flanges.get(name, "rigid") for name in interfaces}
+    # Rigid rings first: a distributing one that shares nodes with them must know which freedoms are taken.
+    for name in sorted(interfaces, key=lambda name: kinds[name] != "rigid"):
+        if kinds[name] == "rigid":
+            _rigid(deck, placed, interfaces[name], material)
+        else:
+            _distributing(deck, placed, interfaces[name])
+    first_name, *others = interfaces
+    follow(deck, interfaces[first_name].reference, interfaces[first_name].rotation, root)
+    return {name: Motion.of_nodes(interfaces[name].reference, interfaces[name].rotation) for name in others}
+
+
+def _interface(deck: Deck, point: Array, ring: Indices, label: str, name: str, where: str) -> _Interface:
+    what = f"interface {ascii_text(name)} of {where}"
+    reference = int(deck.nodes(point[None], f"REF_{label}", f"{what}; directions 1 to 3: displacement (mm)")[0])
+    rotation = int(deck.nodes(point[None], f"ROT_{label}", f"{what}; directions 1 to 3: rotation (rad)")[0])
+    return _Interface(label, what, ring, point, reference, rotation)
+
+
+def follow(deck: Deck, reference: int, rotation: int, motion: Motion) -> None:
+    """Let a node and its rotation node make a motion."""
+    for i, direction in enumerate(np.eye(6)):
+        deck.equation((reference if i < 3 else rotation, i % 3 + 1), motion.along(direction))
+
+
+def _shell(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
+    """Elements of a link, a section for each thickness."""
+    mesh, where = shell_of(link), ascii_text(link.name)
+    material = deck.material(mesh.youngs_modulus, mesh.poissons_ratio)
+    m = len(mesh.triangles)
+    members = []
+    # Equal to the digits that are written: neighbours of the same wall must not differ by round-off.
+    text = np.array([number(MM_PER_M * t) for t in mesh.thickness.tolist()])
+    for i, wall in enumerate(sorted(set(text.tolist()), key=float)):
+        same = text == wall
+        for kind, cells in (
+            ("S6", placed.mesh.triangles[same[:m]]),
+            ("S8R", placed.mesh.quads[same[m:]]),
+        ):
+            if len(cells):
+                members.append(f"{kind}_{label}_T{i + 1}")
+                deck.elements(kind, placed.numbers(cells), members[-1], f"link {where}, wall {wall} mm")
+                deck.section(f"*SHELL SECTION,ELSET={members[-1]},MATERIAL={material}", wall)
+    deck.element_set(members, f"E_{label}", f"the shell of link {where}")
+
+
+def _rigid(deck: Deck, placed: _Placed, interface: _Interface, material: str) -> None:
+    """The ring and its middles move as a rigid body, walls included."""
+    edges = placed.mesh.edges_within(interface.ring)
+    if not edges.size:
+        raise InputError(
+            f"{interface.what}: its ring has no edges, so that its nodes cannot hold the wall",
+            value=f"{interface.ring.size} node(s)",
+            allowed="neighbouring nodes",
+        )
+    middles = placed.mesh.corners + edges
+    ring = placed.numbers(np.concatenate([interface.ring, middles])).tolist()
+    deck.node_set(ring, f"RING_{interface.label}", f"rigid ring of {interface.what}, mid-side nodes included")
+    deck.rigid_body(f"RING_{interface.label}", ring, interface.reference, interface.rotation)
+    ends = placed.mesh.edges[edges]
+    # The beams' normal must not lie along them: the base axis they are least aligned with.
+    across = np.argmin(np.abs(placed.nodes[ends[:, 1]] - placed.nodes[ends[:, 0]]), axis=1)
+    side = number(BEAM_SIDE * placed.wall)
+    for k in np.unique(across).tolist():
+        name, some = f"B{k + 1}_{interface.label}", across == k
+        cells = np.stack([ends[some, 0], middles[some], ends[some, 1]], axis=1)
+        deck.elements("B32", placed.numbers(cells), name, f"beams that carry nothing, along the ring of {interface.what}")
+        normal = ",".join("1." if i == k else "0." for i in range(3))
+        deck.section(f"*BEAM SECTION,ELSET={name},MATERIAL={material},SECTION=RECT", f"{side},{side}", normal)
+    for node in placed.numbers(np.union1d(ends, middles)).tolist():
+        for i in (1, 2, 3):
+            deck.equation((node, i + 3), {(interface.rotation, i): 1.0})
+
+
+def _distributing(deck: Deck, placed: _Placed, interface: _Interface) -> None:
+    """The ring's weighted mean motion is the interface's.
+
+    Six freedoms of the ring follow the interface and the rest of the ring. The other way round every ring tied to
+    this interface would follow hundreds of freedoms, and CalculiX would fill its matrix (or fail).
+    """
+    nodes, weights = _weighted(placed, interface.ring)
+    mean = distributing_coupling(placed.nodes, nodes, interface.point, weights)
+    mean = mean.reshape(6, -1, 6)[:, :, :3].reshape(6, -1)  # rotations of the nodes have no part
+    numbers = placed.numbers(nodes).tolist()
+    deck.node_set(numbers, f"RING_{interface.label}", f"distributing ring of {interface.what}, mid-side nodes included")
+    ring = [(node, i) for node in numbers for i in (1, 2, 3)]
+    free = np.array([i for i, freedom in enumerate(ring) if not deck.depends(freedom)], dtype=np.int64)
+    # Rotations in lengths of the ring's size, so that the choice does not depend on the unit.
+    scaled = np.repeat([1.0, np.ptp(placed.nodes[nodes], axis=0).max()], 3)[:, None] * mean
+    triangle, order = qr(scaled[:, free], mode="r", pivoting=True)
+    if free.size < 6 or abs(triangle[5, 5]) < SMALLEST_PIVOT * abs(triangle[0, 0]):
+        raise InputError(
+            f"{interface.what}: its distributing ring shares too many nodes with rigid rings",
+            remedy="choose separate rings",
+        )
+    pivots = free[np.sort(order[:6])]
+    others = np.setdiff1d(np.arange(len(ring)), pivots)
+    by_motion = np.linalg.inv(mean[:, pivots])
+    given = (*Motion.of_nodes(interface.reference, interface.rotation).freedoms, *(ring[i] for i in others))
+    motion = Motion(given, np.hstack([by_motion, -by_motion @ mean[:, others]]))
+    for i, direction in zip(pivots.tolist(), np.eye(6), strict=True):
+        deck.equation(ring[i], motion.along(direction))
+
+
+def _weighted(placed: _Placed, ring: Indices) -> tuple[Indices, Sequence[float] | Array]:
+    """Nodes of a ring with middles and weights that integrate over its edges; equal ones if a node has no edge."""
+    edges = placed.mesh.edges_within(ring)
+    ends, middles = placed.mesh.edges[edges], placed.mesh.corners + edges
+    length = np.linalg.norm(placed.nodes[ends[:, 1]] - placed.nodes[ends[:, 0]], axis=1)
+    weights = np.zeros(len(placed.nodes))
+    np.add.at(weights, ends.ravel(), np.repeat(END_WEIGHT * length, 2))
+    if not (weights[ring] > 0.0).all():
+        return ring, np.ones(ring.size)
+    weights[middles] = MIDDLE_WEIGHT * length
+    nodes = np.concatenate([ring, middles])
+    return nodes, weights[nodes]

@@ -1,0 +1,207 @@
+"""Visual meshes made into casings: a closed skin wrapped around any heap of triangles, and its mid-surface.
+
+Visual meshes have many bodies, holes and overlapping parts. A ball that rolls over them from outside tells what
+is outside: it cannot pass openings smaller than itself. Two ways to the skin: contours of a distance field on
+a grid, and alpha wrapping (Portaneri et al. 2022, doi:10.1145/3528223.3530152, by CGAL through pymeshlab, which
+is GPL and optional). The skin lies a known offset outside the original; moving to the mid-surface takes it off.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import KDTree
+
+from meshes.distance_grid import Grid, bodies, contour, distance, enclosed, grid_around, sample, signed_volume
+from meshes.surface_checks import SECOND_BODY
+from robots import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Method = Literal["auto", "alpha", "grid"]
+METHODS: tuple[Method, ...] = ("auto", "alpha", "grid")
+
+# Grid steps in an element: the contour has some four triangles for each element that remeshing leaves.
+STEPS = 2.0
+# CGAL's manual advises an offset of a tenth to a thirtieth of alpha.
+ALPHA_OFFSET = 0.1
+TIMEOUT_S = 300.0
+# Of the volume, lost with parts thinner than the wall.
+MOST_LOST = 0.3
+
+# It runs in a process of its own: pymeshlab and CGAL end their process on some surfaces.
+_ALPHA_WRAP = """
+import sys
+import numpy as np
+import pymeshlab
+source, target, alpha, offset = sys.argv[1:]
+surface = np.load(source, allow_pickle=False)
+meshes = pymeshlab.MeshSet()
+meshes.add_mesh(pymeshlab.Mesh(surface["nodes"], surface["faces"]))
+meshes.generate_alpha_wrap(alpha=pymeshlab.PureValue(float(alpha)), offset=pymeshlab.PureValue(float(offset)))
+wrap = meshes.current_mesh()
+np.savez(target, nodes=wrap.vertex_matrix(), faces=wrap.face_matrix())
+"""
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """A closed skin, nodes (n, 3) m and faces (m, 3), that lies ``offset`` m outside the original surface."""
+
+    nodes: Array
+    faces: Indices
+    offset: float
+    notes: tuple[str, ...]
+
+
+def wrap_surface(
+    name: str, nodes: Array, faces: Indices, size: float, opening: float | None = None, method: Method = "auto"
+) -> Wrap:
+    """Closed skin around triangles of any kind; the largest body that results.
+
+    Parameters
+    ----------
+    name : for messages
+    nodes, faces : corners (n, 3) m and triangles (m, 3), closed or not, in any number of bodies
+    size : element size aimed at later, m; the skin is twice as fine
+    opening : width of the openings and gaps that are closed, m; by default, and at least, two sizes
+    method : "grid", "alpha" (needs pymeshlab), or "auto", which is "grid": it is as exact, needs no more time and
+        gives the same on every machine
+
+    Raises
+    ------
+    InputError
+        Unknown method, alpha wrap without pymeshlab or crashed, a grid too large, several large bodies.
+    """
+    if method not in METHODS:
+        raise InputError("wrap method", value=method, allowed=", ".join(METHODS))
+    ball = max(0.5 * opening if opening is not None else 0.0, size)
+    if method == "alpha":
+        offset = ALPHA_OFFSET * ball
+        skin = _alpha_wrapped(name, nodes, faces, ball, offset)
+    else:
+        offset = size / STEPS
+        skin = _grid_wrapped(name, nodes[faces], ball, offset, size / STEPS)
+    found = bodies(*skin)
+    if not found:
+        raise InputError(f"surface {name} has no triangles left to wrap", remedy="check the file and its scale")
+    _refuse_second_body(name, found, f"further apart than {2e3 * ball:.3g} mm", "or close wider gaps")
+    notes = [
+        f"wrapped ({'alpha wrap' if method == 'alpha' else 'distance grid'}) {1e3 * offset:.3g} mm outside; "
+        f"openings up to {2e3 * ball:.3g} mm closed"
+    ]
+    if len(found) > 1:
+        notes.append(f"{len(found) - 1} smaller bodies dropped after wrapping")
+    return Wrap(*found[0], offset, tuple(notes))
+
+
+def _refuse_second_body(name: str, found: list[tuple[Array, Indices]], why: str, remedy: str) -> None:
+    if len(found) < 2:
+        return
+    first, second = (signed_volume(*body) for body in found[:2])
+    if second > SECOND_BODY * first:
+        raise InputError(
+            f"surface {name}: {len(found)} separate bodies, {why}; volumes of the two largest 1 : {second / first:.2f}",
+            allowed=f"one body, others below {SECOND_BODY:g} of its volume",
+            remedy=f"unite the parts, {remedy}",
+        )
+
+
+def _grid_wrapped(name: str, corners: Array, ball: float, offset: float, step: float) -> tuple[Array, Indices]:
+    """Contour at ``offset`` around triangles (m, 3, 3), and across openings that a ball does not pass."""
+    grid = grid_around(name, corners.reshape(-1, 3), step, ball + 4.0 * step)
+    far = distance(grid, sample(corners, step / 3.0), 0.0, offset + 1.5 * step)
+    # Where the ball's centre gets to, coming from a corner of the grid.
+    label = ndimage.label(far > max(ball, offset))[0]
+    reached = np.asarray(ndimage.distance_transform_edt(label != label[0, 0, 0], sampling=step))
+    # The slack keeps the coarse second field out of the way where the ball touches the surface.
+    return contour(grid, np.minimum(far - offset, ball - offset + step - reached))
+
+
+def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset: float) -> tuple[Array, Indices]:
+    """CGAL's alpha wrap in a process of its own, so that a crash there is a message here."""
+    if importlib.util.find_spec("pymeshlab") is None:
+        raise InputError(
+            "alpha wrap needs the package pymeshlab (GPL-3.0)",
+            remedy='install it (`pip install "stiffarm[wrap]"`), or wrap by the grid, which needs nothing',
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "surface.npz", Path(folder) / "wrap.npz"
+        np.savez(source, nodes=nodes, faces=faces)
+        command = [sys.executable, "-c", _ALPHA_WRAP, str(source), str(target), repr(alpha), repr(offset)]
+        try:
+            # The command is this interpreter with a constant text.
+            run = subprocess.run(  # noqa: S603
+                command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+            )
+            # pymeshlab may crash on its way out, its work done.
+            if target.is_file():
+                with np.load(target, allow_pickle=False) as wrap:
+                    return np.asarray(wrap["nodes"], dtype=np.float64), np.asarray(wrap["faces"], dtype=np.int64)
+            reason = f"code {run.returncode}, {(run.stderr.strip().splitlines() or ['no message'])[-1]}"
+        except subprocess.TimeoutExpired:
+            reason = f"no result after {TIMEOUT_S:g} s"
+        except (OSError, ValueError, KeyError) as error:
+            reason = str(error)
+    raise InputError(f"surface {name}: the alpha wrap failed ({reason})", remedy="wrap by the grid instead")
+
+
+def middle_surface(
+    name: str, skin: tuple[Array, Indices], depth: float, size: float, margin: float
+) -> tuple[Array, Indices, tuple[str, ...]]:
+    """Surface ``depth`` m inside a closed skin, without the parts too thin for it; finer than ``size``.
+
+    The inside is eroded by ``margin`` more and dilated again, so that no two sides of the result come nearer
+    to each other than twice that.
+
+    Raises
+    ------
+    InputError
+        The skin has no room for the depth: nothing, several large bodies, or too little of it remains.
+    """
+    step = size / STEPS
+    grid = grid_around(name, skin[0], step, 4.0 * step)
+    inside = enclosed(grid, *skin)
+    field = _signed_distance(grid, *skin, inside, depth + margin)
+    remedy = "give the wall's true thickness or a smaller target size"
+    core = bodies(*contour(grid, field + depth + margin))
+    if not core:
+        raise InputError(
+            f"surface {name} has no room for the wall: nothing of it is {2e3 * (depth + margin):.3g} mm thick",
+            remedy=remedy,
+        )
+    _refuse_second_body(name, core, "joined only by parts thinner than the wall", remedy)
+    opened = _signed_distance(grid, *core[0], enclosed(grid, *core[0]), margin)
+    nodes, faces = bodies(*contour(grid, opened - margin))[0]
+    whole = float(np.count_nonzero(field < -depth)) * step**3
+    lost = 1.0 - signed_volume(nodes, faces) / whole
+    if lost > MOST_LOST:
+        raise InputError(
+            f"surface {name}: {100 * lost:.0f} % of its volume is in parts too thin for the wall",
+            allowed=f"up to {100 * MOST_LOST:.0f} %",
+            remedy=remedy,
+        )
+    notes = () if lost < 0.002 else (f"parts too thin for the wall left out: {100 * lost:.1f} % of the volume",)
+    return nodes, faces, notes
+
+
+def _signed_distance(grid: Grid, nodes: Array, faces: Indices, inside: NDArray[np.bool_], depth: float) -> Array:
+    """Distance to a closed surface on the grid, negative inside; exact around ``depth`` to both sides."""
+    reach = 1.5 * grid.step
+    far = distance(grid, sample(nodes[faces], 0.5 * grid.step), max(depth - reach, 0.0), depth + reach)
+    return np.where(inside, -far, far)
+
+
+def departure(nodes: Array, corners: Array, depth: float, spacing: float) -> tuple[float, float]:
+    """How far nodes (n, 3) are from lying ``depth`` m off triangles (m, 3, 3): 95 % of them, and the worst; m."""
+    off = np.abs(KDTree(sample(corners, spacing)).query(nodes)[0] - depth)
+    return float(np.percentile(off, 95.0)), float(off.max())

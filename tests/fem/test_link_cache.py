@@ -1,0 +1,273 @@
+"""Condensed links from the cache: the same numbers bit for bit, and never those of something else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fem import build_model, link_cache
+from fem.condensation import Superelement
+from fem.couplings import Coupling
+from fem.link_cache import cached_superelement, formulation_hash, superelement_key
+from fem.shell import shell_superelement
+from meshes import ShellMesh
+from meshes.array_cache import ArrayCache
+from robots import InputError, ModelDescription
+
+Array = NDArray[np.float64]
+
+RIGID: dict[str, Coupling] = {"root": "rigid", "tip": "rigid"}
+POINTS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]])
+
+
+def tube(name: str = "tube") -> ShellMesh:
+    """Octagonal tube along x."""
+    angle = np.arange(8) * np.pi / 4.0
+    ring = 0.05 * np.stack([np.zeros(8), np.cos(angle), np.sin(angle)], axis=1)
+    nodes = np.concatenate([ring + [x, 0.0, 0.0] for x in np.linspace(0.0, 0.3, 5)])
+    number = np.arange(40).reshape(5, 8)
+    turned = np.roll(number, -1, axis=1)
+    quads = np.stack([number[:-1], turned[:-1], turned[1:], number[1:]], axis=-1).reshape(-1, 4)
+    triangles = np.concatenate([quads[:2, [0, 1, 2]], quads[:2, [0, 2, 3]]])
+    thickness = np.full(4 + 30, 0.004)
+    rings = {"root": number[0], "tip": number[-1]}
+    return ShellMesh(name, nodes, triangles, quads[2:], thickness, 7e10, 0.3, rings)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ArrayCache:
+    return ArrayCache(tmp_path / "cache")
+
+
+@pytest.fixture
+def no_condensation(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """From the call on, whoever condenses a shell fails."""
+
+    def refuse(*_: object) -> Superelement:
+        raise AssertionError("condensed again")
+
+    return lambda: monkeypatch.setattr(link_cache, "shell_superelement", refuse)
+
+
+def same_bits(a: Superelement, b: Superelement) -> bool:
+    arrays = ("points", "stiffness", "flexibility")
+    return (a.name, a.interfaces) == (b.name, b.interfaces) and all(
+        getattr(a, x).tobytes() == getattr(b, x).tobytes() for x in arrays
+    )
+
+
+def files(store: ArrayCache) -> list[Path]:
+    assert store.folder is not None
+    return list(store.folder.iterdir())
+
+
+@pytest.mark.parametrize("kinds", [RIGID, {"root": "rigid", "tip": "distributing"}], ids=["rigid", "mixed"])
+def test_a_hit_gives_the_same_bits(
+    kinds: dict[str, Coupling], store: ArrayCache, no_condensation: Callable[[], None]
+) -> None:
+    direct = shell_superelement(tube(), POINTS, kinds)
+    first = cached_superelement(tube(), POINTS, kinds, store)
+    assert same_bits(first, direct)
+    no_condensation()
+    assert same_bits(cached_superelement(tube(), POINTS, kinds, store), direct)
+    # Names are the caller's: links that are alike share a file.
+    twin = cached_superelement(tube("left"), POINTS, kinds, store)
+    assert twin.name == "left"
+    assert same_bits(replace(twin, name="tube"), direct)
+    with pytest.raises(AssertionError, match="condensed again"):
+        cached_superelement(replace(tube(), youngs_modulus=7.1e10), POINTS, kinds, store)
+
+
+def _moved(array: Array) -> Array:
+    out = array.copy()
+    out.flat[5] = np.nextafter(out.flat[5], np.inf)
+    return out
+
+
+def _key(mesh: ShellMesh | None = None, points: Array = POINTS, kinds: dict[str, Coupling] = RIGID) -> str:
+    key = superelement_key(tube() if mesh is None else mesh, points, kinds)
+    assert key is not None
+    return key
+
+
+def test_everything_that_decides_a_link_is_in_its_key() -> None:
+    mesh = tube()
+    rings = mesh.interfaces
+    keys = [
+        _key(),
+        _key(replace(mesh, nodes=_moved(mesh.nodes))),
+        _key(replace(mesh, thickness=_moved(mesh.thickness))),
+        _key(replace(mesh, youngs_modulus=np.nextafter(7e10, 1e12))),
+        _key(replace(mesh, poissons_ratio=0.29)),
+        _key(replace(mesh, quads=np.roll(mesh.quads, 1, axis=0))),
+        _key(replace(mesh, triangles=mesh.triangles[::-1])),
+        _key(replace(mesh, interfaces={"root": rings["root"][:5], "tip": rings["tip"]})),
+        _key(replace(mesh, interfaces={"tip": rings["tip"], "root": rings["root"]})),
+        _key(replace(mesh, interfaces={"tip": rings["root"], "root": rings["tip"]})),
+        _key(replace(mesh, interfaces={"root": rings["root"], "pin": rings["tip"]})),
+        _key(points=_moved(POINTS)),
+        _key(points=POINTS[::-1]),
+        _key(kinds={"root": "distributing", "tip": "rigid"}),
+        _key(kinds={"root": "rigid", "tip": "distributing"}),
+        _key(kinds={"root": "distributing", "tip": "distributing"}),
+    ]
+    assert len(set(keys)) == len(keys)
+    assert _key(tube("another name")) == _key()
+    # How the numbers lie in memory does not matter.
+    assert _key(replace(mesh, nodes=np.asfortranarray(mesh.nodes), quads=mesh.quads.astype(np.int32))) == _key()
+
+
+@pytest.fixture
+def _fresh_hash() -> Iterator[None]:
+    formulation_hash.cache_clear()
+    yield
+    formulation_hash.cache_clear()
+
+
+DECISIVE = {
+    "fem.condensation",
+    "fem.couplings",
+    "fem.shell",
+    "fem.shell_assembly",
+    "fem.shell_quad",
+    "fem.shell_quad_bending",
+    "fem.shell_quad_membrane",
+    "fem.shell_triangle",
+}
+
+
+@pytest.mark.usefixtures("_fresh_hash")
+def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    original, read = link_cache._source, set()
+
+    def source(name: str) -> str:
+        read.add(name)
+        return original(name)
+
+    monkeypatch.setattr(link_cache, "_source", source)
+    keys = {_key()}
+    # At least these; and not the modules that only use superelements.
+    assert read >= DECISIVE
+    assert not read & {"fem.statics", "fem.fields", "fem.model", "fem.link_cache", "fem"}
+    for changed in sorted(read):
+        monkeypatch.setattr(link_cache, "_source", lambda name: original(name) + "\n" * (name == changed))  # noqa: B023
+        formulation_hash.cache_clear()
+        keys.add(_key())
+    monkeypatch.setattr(link_cache, "_source", original)
+    for name in ("FORMAT", "version"):
+        with monkeypatch.context() as patch:
+            patch.setattr(link_cache, name, "stiffarm-superelement/0" if name == "FORMAT" else lambda _: "0.1")
+            formulation_hash.cache_clear()
+            keys.add(_key())
+    assert len(keys) == 1 + len(read) + 2
+    formulation_hash.cache_clear()
+    assert _key() in keys
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("from fem.beam import assemble", {"fem.beam"}),
+        ("def f():\n    import fem.beam", {"fem.beam"}),
+        ("from fem import beam, build_model", {"fem.beam"}),
+        ("import numpy.linalg, os\nfrom scipy.sparse import coo_array\nimport femto.second", set()),
+    ],
+)
+def test_imports_are_found_however_they_are_written(text: str, found: set[str]) -> None:
+    assert set(link_cache._imported(text, "fem")) == found
+
+
+@pytest.mark.usefixtures("_fresh_hash")
+def test_without_source_nothing_is_kept(store: ArrayCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(name: str) -> str:
+        raise OSError(name)
+
+    monkeypatch.setattr(link_cache, "_source", refuse)
+    element = cached_superelement(tube(), POINTS, RIGID, store)
+    assert same_bits(element, shell_superelement(tube(), POINTS, RIGID))
+    assert store.folder is not None
+    assert not store.folder.exists()
+
+
+def _wrong_contents(good: dict[str, Array]) -> dict[str, dict[str, Array]]:
+    bent, infinite = good["stiffness"].copy(), good["flexibility"].copy()
+    bent[2, 5] = np.nextafter(bent[2, 5], np.inf)
+    infinite[3, 3] = np.inf
+    return {
+        "shapes": good | {"stiffness": np.eye(6)},
+        "missing": {name: array for name, array in good.items() if name != "flexibility"},
+        "spare": good | {"more": np.zeros(1)},
+        "not finite": good | {"flexibility": infinite},
+        "not symmetric": good | {"stiffness": bent},
+        "another link": good | {"points": _moved(good["points"])},
+    }
+
+
+@pytest.mark.parametrize("wrong", ["shapes", "missing", "spare", "not finite", "not symmetric", "another link"])
+def test_contents_that_are_no_such_link_are_built_again(
+    wrong: str, store: ArrayCache, caplog: pytest.LogCaptureFixture
+) -> None:
+    element = cached_superelement(tube(), POINTS, RIGID, store)
+    good = store.get(_key())
+    assert good is not None
+    store.put(_key(), _wrong_contents(good)[wrong])
+    assert same_bits(cached_superelement(tube(), POINTS, RIGID, store), element)
+    assert len(caplog.records) == 1
+    assert "is damaged" in caplog.text
+    assert store.get(_key()) is not None
+    assert len(files(store)) == 1
+
+
+def test_a_link_that_is_refused_is_not_kept(store: ArrayCache) -> None:
+    for kinds in ({"root": "welded", "tip": "rigid"}, {"root": "rigid"}):
+        with pytest.raises(InputError, match="'rigid' or 'distributing'"):
+            cached_superelement(tube(), POINTS, kinds, store)  # type: ignore[arg-type]
+    assert store.folder is not None
+    assert not store.folder.exists()
+
+
+# Models
+
+
+def test_models_take_their_shells_from_the_cache(
+    boom: Callable[..., ModelDescription],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    no_condensation: Callable[[], None],
+) -> None:
+    description = boom(length=0.15)
+    monkeypatch.setenv("STIFFARM_CACHE", str(tmp_path))
+    first = build_model(description, "shell")
+    assert len(files(ArrayCache(tmp_path))) == 1
+    no_condensation()
+    # Springs and the rest of the arm have no part in a link.
+    second = build_model(boom(length=0.15, stiffness=1e5), "shell")
+    assert same_bits(first.links[0].element, second.links[0].element)
+    for otherwise in ({"flanges": "distributing"}, {}):
+        if not otherwise:
+            monkeypatch.setenv("STIFFARM_CACHE", "off")
+        with pytest.raises(AssertionError, match="condensed again"):
+            build_model(description, "shell", **otherwise)  # type: ignore[arg-type]
+
+
+def test_models_without_a_cache(
+    boom: Callable[..., ModelDescription], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cached = build_model(boom(length=0.15), "shell").links[0].element
+    monkeypatch.chdir(tmp_path)
+    for place in ("off", "file/below"):
+        (tmp_path / "file").touch()
+        monkeypatch.setenv("STIFFARM_CACHE", place)
+        assert same_bits(build_model(boom(length=0.15), "shell").links[0].element, cached)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_tests_stay_out_of_the_users_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = link_cache.user_cache().folder
+    assert folder is not None
+    assert tmp_path_factory.getbasetemp() in folder.parents
