@@ -105,7 +105,16 @@ def estimate(
             own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
         if robust and len(p) > len(u) + 3:
             weight = np.minimum(1.0, (OUTLIER / np.maximum(np.abs(own), 1e-12)) ** 2)
-    white, _ = blocks.whiten(noise.variance(p, f) / weight, noise.common(p, f), np.column_stack([error, J]))
+    return estimate_at(p, u, noise, weight, settled=settled)
+
+
+def estimate_at(p: Problem, u: Array, noise: Noise, weight: Array, *, settled: bool) -> Estimate:
+    """The estimate whose variables, noise and weights are known already."""
+    blocks = Blocks.of(p)
+    f, J = p.evaluate(u)
+    error, variance = p.value - f, noise.variance(p, f)
+    own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(variance)
+    white, _ = blocks.whiten(variance / weight, noise.common(p, f), np.column_stack([error, J]))
     square = float(white[:, 0] @ white[:, 0]) + float(np.sum(prior_residual(p, u)[0] ** 2))
     return Estimate(p, u, f, error, noise, weight, own, J, white[:, 1:], settled, square)
 

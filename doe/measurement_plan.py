@@ -1,38 +1,37 @@
-"""Which poses, loads and directions to measure next, given what is measured already, and what that will tell."""
+"""Which poses, loads and directions to measure next, given what is known already, and what that will tell."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.estimate import Estimate, prior_residual
-from doe.noise import Blocks, Noise
+from doe.noise import Noise
 from doe.optimal_choice import Choice, Criterion, Progress, choose, judge
-from doe.problem import Problem
-from doe.uncertainty import Certainty
-from fem.free_model import FreeModel, LoadedPoses
+from doe.outset import Outset
+from doe.random_plans import random_values
+from fem.free_model import FreeModel
+from fem.loads import LoadedPoses, as_loaded
 from fem.parameters import Parameter
 from robots import InputError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# What is known of a positive parameter before any reading: a factor of this to either side, one standard deviation.
-VAGUE = math.log(30.0)
-# Where the data leave a stiffness open, the plan is made for this share of the softest one they allow.
-OPEN_SHARE = 1.0
-# Random plans that the choice is compared with.
-RANDOM_PLANS = 200
+# Random plans are drawn up to so many times as many set-ups as chosen ones.
+RANDOM_REACH = 4
+# Of random plans: one in ten is better, half are, nine in ten are.
+QUANTILES = (0.1, 0.5, 0.9)
+# Columns below this share of the largest are moved by no reading.
+BLIND = 1e-9
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """What is done in every new pose.
+    """What is done in every new set-up.
 
-    ``forces`` (l,) N; ``directions`` (d, 3) unit vectors, base axes: each new set-up takes one of them with all the
+    ``forces`` (l,) N; ``directions`` (d, 3) unit vectors, base axes: each set-up takes one of them with all the
     forces; ``components``: what is read (0..5); ``repeats`` of each force.
     """
 
@@ -43,7 +42,7 @@ class Protocol:
 
     def __post_init__(self) -> None:
         length = np.linalg.norm(self.directions, axis=1) if self.directions.ndim == 2 else np.zeros(0)
-        if self.directions.shape[1:] != (3,) or not np.allclose(length, 1.0):
+        if self.directions.shape[1:] != (3,) or not length.size or not np.allclose(length, 1.0):
             raise InputError("directions of a plan", value=self.directions.tolist(), allowed="unit vectors (d, 3)")
         if self.forces.size == 0 or not (np.isfinite(self.forces) & (self.forces > 0.0)).all():
             raise InputError("forces of a plan (N)", value=self.forces.tolist(), allowed="greater than 0")
@@ -58,12 +57,14 @@ class Foresight:
     """What a plan will tell about one parameter.
 
     ``before``, ``after``: standard deviations of ln value (positive ones) or of the value, the vague prior included;
-    ``shrink``: before / after.
+    ``planned_for``: its value at which that holds; ``seen``: whether a reading of the plan moves with it at all.
     """
 
     parameter: Parameter
+    planned_for: float
     before: float
     after: float
+    seen: bool
 
     @property
     def shrink(self) -> float:
@@ -75,8 +76,9 @@ class Foresight:
 class MeasurementPlan:
     """n new set-ups: ``q`` (n, dof) rad, ``direction`` (n, 3), and what they will tell.
 
-    ``value``: of the criterion; ``random``: the same for random choices of as many set-ups (their median);
-    ``efficiency``: how many times as many random set-ups would be needed (D: from the determinants, per parameter).
+    ``value`` of the criterion, smaller is better (D: ln det of the covariance; A: mean share of the vague prior's
+    variance that is left; I: mean variance of predictions, mm^2). ``random`` (m, 3): the same for 1 to m set-ups
+    chosen at random, as quantiles 0.1, 0.5 and 0.9; without rows for a plan that was not chosen.
     """
 
     q: Array
@@ -85,38 +87,34 @@ class MeasurementPlan:
     foresight: tuple[Foresight, ...]
     criterion: Criterion
     value: float
-    random: float
+    random: Array
 
+    @property
+    def random_median(self) -> float:
+        """Value of the median random plan of the same size; NaN if none was drawn."""
+        return float(self.random[len(self.q) - 1, 1]) if len(self.random) else np.nan
 
-def design_point(e: Estimate, c: Certainty) -> Array:
-    """Variables (p,) at which a plan is made: the estimates, or the softest part the data allow where they are open.
+    @property
+    def random_needed(self) -> int | None:
+        """How many set-ups chosen at random it takes (in the median) to be as good; None: more than were tried."""
+        enough = np.flatnonzero(self.random[:, 1] <= self.value) if len(self.random) else np.zeros(0, dtype=np.int64)
+        return int(enough[0]) + 1 if enough.size else None
 
-    At the estimate of a rigid joint no reading moves with its stiffness, and no pose would seem worth measuring.
-    """
-    u = e.u.copy()
-    for k, found in enumerate(c.estimates):
-        p = found.parameter
-        if p.scale != "compliance" or found.status == "determined":
-            continue
-        softest = found.interval[0] if found.status in ("at bound", "one-sided") else math.nan
-        if not softest > p.lower:
-            softest = math.sqrt(p.lower * p.upper)
-        u[k] = OPEN_SHARE / softest
-    return u
+    def per_parameter(self, value: float | Array) -> Array:
+        """A criterion's value as a standard deviation: of the mean seen parameter (D, A) or prediction (I, mm).
 
-
-def known_information(e: Estimate, u: Array) -> Array:
-    """Information (p, p) of the readings so far about the logarithms (or values), with the vague prior."""
-    p = e.problem
-    f, J = p.evaluate(u)
-    white, _ = Blocks.of(p).whiten(e.noise.variance(p, f) / e.weight, e.noise.common(p, f), J * _slopes(p, u))
-    rows = prior_residual(p, u)[1] * _slopes(p, u)
-    return np.asarray(white.T @ white + rows.T @ rows + np.diag(_vague(p)))
+        D: geometric mean of the standard deviations along the covariance's axes, unseen parameters left out.
+        A: root mean square, as a share of the vague prior's.
+        """
+        if self.criterion != "D":
+            return np.sqrt(np.asarray(value))
+        unseen = [f for f in self.foresight if not f.seen]
+        constant = sum(2.0 * float(np.log(f.after)) for f in unseen)
+        return np.exp((np.asarray(value) - constant) / (2.0 * max(len(self.foresight) - len(unseen), 1)))
 
 
 def plan(
-    e: Estimate,
-    c: Certainty,
+    start: Outset,
     poses: Array,
     n: int,
     protocol: Protocol,
@@ -131,7 +129,7 @@ def plan(
 
     Parameters
     ----------
-    e, c : what the readings so far say; their noise is assumed for the new ones too
+    start : what is known so far, and the noise to expect
     workspace : for the I criterion: loaded poses at which the model shall predict well (default: the candidates)
 
     Raises
@@ -139,74 +137,99 @@ def plan(
     InputError
         Bad protocol or criterion, or fewer candidates than set-ups.
     """
-    u = design_point(e, c)
-    known = known_information(e, u)
-    candidates = experiments(e, u, poses, protocol)
-    weight = _weight(e, u, workspace or _loaded(e, poses, protocol)) if criterion == "I" else None
-    found = choose(known, candidates, n, criterion, weight=weight, rng=rng, starts=starts, progress=progress)
-    random = [
-        judge(known, candidates, rng.choice(len(candidates), n, replace=False), criterion, weight).value
-        for _ in range(RANDOM_PLANS)
-    ]
+    candidates = experiments(start, poses, protocol)
+    weight = criterion_weight(start, criterion, workspace or _loaded(start.free, poses, protocol))
+    found = choose(start.known, candidates, n, criterion, weight=weight, rng=rng, starts=starts, progress=progress)
+    most = min(RANDOM_REACH * n, len(candidates))
+    random = random_values(start.known, candidates, most, criterion, weight, rng)
     pose, direction = np.divmod(found.chosen, len(protocol.directions))
     return MeasurementPlan(
-        poses[pose], protocol.directions[direction], protocol, _foresight(e.problem, known, found), criterion,
-        found.value, float(np.median(random)),
+        poses[pose], protocol.directions[direction], protocol, _foresight(start, candidates, found), criterion,
+        found.value, np.quantile(random, QUANTILES, axis=0).T,
     )  # fmt: skip
 
 
-def experiments(e: Estimate, u: Array, poses: Array, protocol: Protocol) -> Array:
-    """Factors (N d, r, p) of the information of every pose and direction, poses slowest."""
-    p = e.problem
-    at = _loaded(e, poses, protocol)
-    value, J = replace(p.free, at=at).evaluate(u)
+def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterion = "D") -> MeasurementPlan:
+    """What measuring all ``poses`` (n, dof) under all directions will tell: a plan that nobody chose."""
+    candidates = experiments(start, poses, protocol)
+    weight = criterion_weight(start, criterion, _loaded(start.free, poses, protocol))
+    found = judge(start.known, candidates, np.arange(len(candidates)), criterion, weight)
+    d = len(protocol.directions)
+    return MeasurementPlan(
+        np.repeat(poses, d, axis=0), np.tile(protocol.directions, (len(poses), 1)), protocol,
+        _foresight(start, candidates, found), criterion, found.value, np.zeros((0, 3)),
+    )  # fmt: skip
+
+
+def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
+    """Factors (N d, r, p) of the information of every pose and direction, poses slowest; r components read.
+
+    A displacement is proportional to the force, so all forces of one set-up tell the same in the same direction:
+    they are one row, weighed with their joint information ``F^T V^-1 F``.
+    """
+    unit = replace(protocol, forces=np.ones(1))
+    value, J = replace(start.free, at=_loaded(start.free, poses, unit)).evaluate(start.u)
     read = list(protocol.components)
-    setups = len(poses) * len(protocol.directions)
-    f = value[:, read].reshape(setups, -1, len(read))
-    B = (J[:, read] * _slopes(p, u)).reshape(setups, f.shape[1], len(read), -1)
-    out = [_whitened(e.noise, f[:, :, k], B[:, :, k], read[k] >= 3, protocol.repeats) for k in range(len(read))]
-    return np.concatenate(out, axis=1)
+    weight = np.stack([_weight(start.noise, value[:, k], k >= 3, protocol) for k in read], axis=1)
+    return np.asarray(np.sqrt(weight)[:, :, None] * J[:, read] * start.slopes)
 
 
-def _whitened(noise: Noise, f: Array, B: Array, turn: bool, repeats: int) -> Array:
-    """Derivatives (s, l, p) of one component under all loads of a set-up, with unit covariance."""
-    variance = (noise.white[int(turn)] ** 2 + (noise.share * f) ** 2) / repeats
+def _weight(noise: Noise, per_newton: Array, turn: bool, protocol: Protocol) -> Array:
+    """Information (s,) of one component's readings about its displacement under 1 N."""
+    F = protocol.forces
+    f = per_newton[:, None] * F
+    variance = (noise.white[int(turn)] ** 2 + (noise.share * f) ** 2) / protocol.repeats
     V = noise.pose[int(turn)] ** 2 + noise.pose_share**2 * f[:, :, None] * f[:, None, :]
-    d = np.arange(f.shape[1])
-    V = np.broadcast_to(V, (len(f), d.size, d.size)).copy()
+    V = np.broadcast_to(V, (len(f), F.size, F.size)).copy()
+    d = np.arange(F.size)
     V[:, d, d] += variance
-    return np.asarray(np.linalg.solve(np.linalg.cholesky(V), B))
+    return np.asarray(np.linalg.solve(V, np.broadcast_to(F[:, None], (len(f), F.size, 1)))[:, :, 0] @ F)
 
 
-def _loaded(e: Estimate, poses: Array, protocol: Protocol) -> LoadedPoses:
+def _loaded(free: FreeModel, poses: Array, protocol: Protocol) -> LoadedPoses:
     """Every pose under every direction and force, poses slowest, forces fastest."""
     loads = (protocol.directions[:, None] * protocol.forces[:, None]).reshape(-1, 3)
     wrench = np.hstack([np.tile(loads, (len(poses), 1)), np.zeros((len(poses) * len(loads), 3))])
-    tool = e.problem.free.model.robot.T_flange_tool[:3, 3]
-    return LoadedPoses(np.repeat(poses, len(loads), axis=0), wrench, np.tile(tool, (len(wrench), 1)))
+    return _at_tool(free, np.repeat(poses, len(loads), axis=0), wrench)
 
 
-def _slopes(p: Problem, u: Array) -> Array:
-    """Derivative (p,) of the variable by ln value (compliances) or by itself."""
-    return np.array([-v if q.scale == "compliance" else 1.0 for q, v in zip(p.parameters, u, strict=True)])
+def _at_tool(free: FreeModel, q: Array, wrench: Array) -> LoadedPoses:
+    """Nominal loads at the tool point, placed as the model says that they act."""
+    return as_loaded(free.model, q, wrench, np.tile(free.model.robot.T_flange_tool[:3, 3], (len(q), 1)))
 
 
-def _vague(p: Problem) -> Array:
-    """Information of the vague prior: 30 to either side, or the range itself as two standard deviations."""
-    out = []
-    for q in p.parameters:
-        sd = (q.upper - q.lower) / 4.0 if q.scale == "linear" else VAGUE
-        out.append(0.0 if q.prior is not None else 1.0 / sd**2)
-    return np.array(out)
+def expected(start: Outset, q: Array, force: Array) -> Array | None:
+    """Displacements (n, 6) m and rad to expect at poses q (n, dof) under forces (n, 3) N; None before any reading."""
+    if start.best is None:
+        return None
+    wrench = np.hstack([force, np.zeros((len(q), 3))])
+    return replace(start.free, at=_at_tool(start.free, q, wrench)).evaluate(start.best)[0]
 
 
-def _weight(e: Estimate, u: Array, workspace: LoadedPoses) -> Array:
-    """Mean (p, p) of the derivatives' products over predictions of translations, mm."""
-    free: FreeModel = replace(e.problem.free, at=workspace)
-    J = free.evaluate(u)[1][:, :3].reshape(-1, len(u)) * _slopes(e.problem, u) * 1e3
-    return np.asarray(J.T @ J / len(workspace))
+def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses) -> Array | None:
+    """Weight (p, p) of the A and I criteria.
+
+    A: parameters have different units, so each variance counts as a share of what it was before any reading.
+    I: mean of the derivatives' products over predictions of translations, mm.
+    """
+    if criterion == "A":
+        return np.diag(1.0 / start.vague**2) / len(start.u)
+    if criterion == "I":
+        J = replace(start.free, at=workspace).evaluate(start.u)[1][:, :3].reshape(-1, len(start.u))
+        J = J * start.slopes * 1e3
+        return np.asarray(J.T @ J / len(workspace))
+    return None
 
 
-def _foresight(p: Problem, known: Array, choice: Choice) -> tuple[Foresight, ...]:
-    before, after = np.sqrt(np.diag(np.linalg.inv(known))), np.sqrt(np.diag(choice.covariance))
-    return tuple(Foresight(q, float(a), float(b)) for q, a, b in zip(p.parameters, before, after, strict=True))
+def seen_by(candidates: Array, vague: Array) -> NDArray[np.bool_]:
+    """Which parameters (p,) any of the experiments (N, r, p) moves with; vague (p,): their standard deviations."""
+    norm = np.linalg.norm(candidates.reshape(-1, candidates.shape[2]) * vague, axis=0)
+    return np.asarray(norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300))
+
+
+def _foresight(start: Outset, candidates: Array, choice: Choice) -> tuple[Foresight, ...]:
+    before, after = np.sqrt(np.diag(np.linalg.inv(start.known))), np.sqrt(np.diag(choice.covariance))
+    # A parameter that no candidate moves with may still be known from the readings so far.
+    visible = seen_by(candidates[choice.chosen], start.vague)
+    rows = zip(start.parameters, start.u, before, after, visible, strict=True)
+    return tuple(Foresight(q, q.outer(float(u)), float(a), float(b), bool(s)) for q, u, a, b, s in rows)

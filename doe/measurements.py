@@ -102,8 +102,9 @@ class Measurements:
 def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = True) -> Measurements:
     """Read a measurement table (CSV or XLSX, first sheet) for ``robot``.
 
-    Empty joint and load cells are faults, an empty reading is "not read"; wholly blank lines are skipped
-    with a note. With ``check_reach`` each pose must keep the robot's limits and couplings.
+    Empty joint and load cells are faults, an empty reading is "not read"; wholly blank lines, and rows of a sheet
+    that nothing was read in yet, are skipped with a note. With ``check_reach`` each pose must keep the robot's
+    limits and couplings.
 
     Raises
     ------
@@ -123,7 +124,10 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
         if check_reach:
             _check_reach(m, robot, faults)
     faults.raise_if_any()
-    return replace(m, notes=(*_column_notes(table, columns, robot), *_plausibility_notes(m)))
+    unread = ~m.used.any(axis=1)
+    notes = (*_column_notes(table, columns, robot), *_unread_notes(m, unread))
+    m = m.select(~unread)
+    return replace(m, notes=(*notes, *_plausibility_notes(m)))
 
 
 def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Measurements:
@@ -166,9 +170,10 @@ def _labels(q: Array) -> tuple[str, ...]:
 
 def _check_readings(m: Measurements, faults: Faults) -> None:
     given = ~np.isnan(m.point)
+    if not m.used.any():
+        faults.add(m.row_numbers[0], "no deflection was read, here or in any row",
+                   allowed=f"at least one of {', '.join(DISPLACEMENTS)}", remedy="fill in the readings")  # fmt: skip
     for wrong, problem, allowed, remedy in (
-        (~m.used.any(axis=1), "no deflection was read", f"at least one of {', '.join(DISPLACEMENTS)}",
-         "fill in a reading or remove the row"),
         (~m.wrench.any(axis=1), "the load is zero in every component", "a load other than 0",
          "give the load, or remove the row: deflections are relative to the unloaded arm"),
         (given.any(axis=1) & ~given.all(axis=1), f"columns {', '.join(POINT)}: the point is incomplete",
@@ -224,6 +229,15 @@ def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[s
         yield f"blank lines skipped: {', '.join(map(str, table.blank))}"
 
 
+def _unread_notes(m: Measurements, unread: NDArray[np.bool_]) -> Iterator[str]:
+    """Name the rows without any reading, neighbours as one range."""
+    rows = np.array(m.row_numbers)[unread]
+    if rows.size:
+        parts = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+        ranges = ", ".join(f"{part[0]}-{part[-1]}" if len(part) > 1 else f"{part[0]}" for part in parts)
+        yield f"{rows.size} row(s) without any reading skipped: {ranges}"
+
+
 def _plausibility_notes(m: Measurements) -> Iterator[str]:
     force, moved = m.wrench[:, :3], m.displacement[:, :3]
     read = moved[~np.isnan(moved)]
@@ -244,11 +258,12 @@ def _plausibility_notes(m: Measurements) -> Iterator[str]:
                "(a downward load has fz_N < 0 and gives dz_mm < 0)")  # fmt: skip
 
 
-def write_measurements(m: Measurements, path: str | Path, robot: Robot) -> None:
+def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fill: tuple[str, ...] = ()) -> None:
     """Write the CSV contract, under a temporary name first; an existing file is replaced.
 
-    All joint and load columns are written, of the others those that hold something. Numbers carry 15
-    significant digits in the file's units, so what was read from such a file comes back the same.
+    All joint and load columns are written, of the others those that hold something, and ``to_fill``: displacement
+    columns of a sheet that is still empty. Numbers carry 15 significant digits in the file's units, so what was
+    read from such a file comes back the same.
 
     Raises
     ------
@@ -260,7 +275,7 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot) -> None:
         raise InputError("measurement file to write", value=str(path), allowed="a .csv in an existing folder")
     if m.q.shape[1] != robot.dof:
         raise InputError("measurements: joints", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
-    columns = _text_columns(m, robot)
+    columns = _text_columns(m, robot, to_fill)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("w", encoding="utf-8", newline="") as stream:
@@ -272,12 +287,12 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _text_columns(m: Measurements, robot: Robot) -> dict[str, tuple[str, ...]]:
+def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     def column(name: str, values: Array) -> tuple[str, ...]:
         return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name)).tolist())
 
-    needed = ("pose", *robot.coordinates, *LOADS)
-    names = (*needed[1:], *DISPLACEMENTS, *POINT, "sigma_mm", "step")
+    needed = ("pose", *robot.coordinates, *LOADS, *to_fill)
+    names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *POINT, "sigma_mm", "step")
     values = np.column_stack([m.q, m.wrench, m.displacement, m.point, m.sigma, m.step]).T
     columns = {"pose": m.pose} | {name: column(name, v) for name, v in zip(names, values, strict=True)}
     columns["repeat"] = tuple("" if number is None else str(number) for number in m.repeat)

@@ -13,6 +13,7 @@ from doe.readings import loaded_points
 from fem import ArmModel
 from fem.free_model import FreeModel, LoadedPoses
 from fem.laws import FreeLaw
+from fem.loads import as_loaded
 from fem.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ def problem(
     walls: Mapping[str, Flexibility] | None = None,
 ) -> Problem:
     """Set up the estimation of ``parameters`` from all components that were read."""
-    at = LoadedPoses(data.q, data.wrench, loaded_points(model, data))
+    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
     row, component = np.nonzero(data.used)
     labels = tuple(dict.fromkeys(data.pose))
     number = {label: k for k, label in enumerate(labels)}

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from doe.measurements import Measurements
 from fem import ArmModel, spring_influence
+from fem.loads import as_loaded
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -87,7 +88,8 @@ def equations(model: ArmModel, data: Measurements, gauge_m: float) -> Equations:
     ``gauge_m`` is the standard deviation (m; for rotations the same number in rad) of readings that
     carry no ``sigma_mm`` of their own.
     """
-    influence, rest = spring_influence(model, data.q, data.wrench, loaded_points(model, data))
+    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
+    influence, rest = spring_influence(model, at.q, at.wrench, at.point)
     row, component = np.nonzero(data.used)
     sigma = np.where(np.isnan(data.sigma), gauge_m, data.sigma)
     return Equations(

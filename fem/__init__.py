@@ -1,5 +1,6 @@
 """Mechanics: beam elements, condensation, joint springs, the parallelogram loop, statics."""
 
+from fem.budget import Budget, PartKind, compliance_budget
 from fem.direct import compliance_direct, deflection_direct
 from fem.fields import ArmFields, arm_fields, link_shapes
 from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
@@ -18,14 +19,17 @@ __all__ = [
     "LINK_KINDS",
     "ArmFields",
     "ArmModel",
+    "Budget",
     "ConstantSpring",
-    "LinkKind",
     "LawSpring",
+    "LinkKind",
+    "PartKind",
     "ShellArmSolution",
     "SpringLaw",
     "arm_fields",
     "build_model",
     "compliance",
+    "compliance_budget",
     "compliance_direct",
     "deflection",
     "deflection_by_part",

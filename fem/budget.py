@@ -2,14 +2,15 @@
 
 By Clapeyron's theorem half the work of the load is stored as strain energy, ``0.5 w . d = sum_p 0.5 s_p . C_p s_p``.
 With :func:`fem.statics.deflection_by_part` part p stores ``0.5 w . d_p``, so its share in the energy is also its
-share in the tool's displacement along the load, and no part can have a negative one.
+share in the tool's displacement along the load, and no part can have a negative one. Only a joint whose bearing is
+coupled with its axis is one part: its springs store energy together, and halves of it mean nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from fem.statics import deflection_by_part
 from robots import InputError
 
 Array = NDArray[np.float64]
+Value = TypeVar("Value", float, Array)
 PartKind = Literal["link", "joint", "parallelogram", "other"]
 
 # A part that carries next to nothing has an energy of either sign by round-off; this much of the total at most.
@@ -30,9 +32,9 @@ _ROUND_OFF = 1e-9
 class Budget:
     """Strain energy of n poses, split over p parts.
 
-    ``parts``, ``kinds``: names in the order of :func:`fem.statics.deflection_by_part`, and what each one is: a
-    link, a joint's springs, the parallelogram's bar or crank, or something else (a mounting, a tool). ``share``
-    (n, p): 0 to 1, each row adds up to 1. ``energy`` (n,): total, J.
+    ``parts``, ``kinds``: names in the order of :func:`fem.statics.deflection_by_part` (but see :func:`whole_joints`),
+    and what each one is: a link, a joint's springs, the parallelogram's bar or crank, or something else (base,
+    tool). ``share`` (n, p): 0 to 1, each row adds up to 1. ``energy`` (n,): total, J.
     """
 
     parts: tuple[str, ...]
@@ -66,11 +68,10 @@ def compliance_budget(model: ArmModel, q: Array, wrench: Array, point: Array | N
         parallelogram, a pose where nothing gives way under its load, or a part that would release energy (its
         compliance matrix is not that of an elastic part).
     """
-    displacement = deflection_by_part(model, q, wrench, point)
     loads = as_wrenches(wrench, len(q))
-    energy = np.zeros((len(loads), len(displacement)))
-    for column, d in enumerate(displacement.values()):
-        energy[:, column] = 0.5 * np.einsum("ni,ni->n", loads, d)
+    displacement = deflection_by_part(model, q, wrench, point)
+    by_part = whole_joints(model, {name: 0.5 * np.einsum("ni,ni->n", loads, d) for name, d in displacement.items()})
+    energy = np.stack(list(by_part.values()), axis=1) if by_part else np.zeros((len(loads), 0))
     total = energy.sum(axis=1)
     if not np.isfinite(total).all():
         row = int(np.argmin(np.isfinite(total)))
@@ -90,15 +91,25 @@ def compliance_budget(model: ArmModel, q: Array, wrench: Array, point: Array | N
     if wrong.any():
         row, column = (int(i) for i in np.argwhere(wrong)[0])
         raise InputError(
-            f"part {list(displacement)[column]} at pose {row}: strain energy (J)",
+            f"part {list(by_part)[column]} at pose {row}: strain energy (J)",
             value=float(energy[row, column]),
             allowed="0 or more",
             remedy="check its stiffness and its mesh: its compliance matrix is not positive",
         )
     energy = np.maximum(energy, 0.0)
     total = energy.sum(axis=1)
-    names = tuple(displacement)
+    names = tuple(by_part)
     return Budget(names, part_kinds(model, names), energy / total[:, None], total)
+
+
+def whole_joints(model: ArmModel, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Energies or displacements by part with a joint's bearing added to its spring where the two are coupled."""
+    out = dict(values)
+    for joint in model.joints:
+        bearing = f"{joint.name} other directions"
+        if joint.is_coupled and bearing in out and joint.name in out:
+            out[joint.name] = out[joint.name] + out.pop(bearing)
+    return out
 
 
 def part_kinds(model: ArmModel, names: Collection[str]) -> tuple[PartKind, ...]:

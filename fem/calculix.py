@@ -3,19 +3,20 @@
 Shells: quads become S8R, triangles S6, with the mid-side nodes on straight edges, so that both codes see the same
 facets. Everything else is linear equations between freedoms; nothing is penalised:
 
-- *Rigid ring*: a RIGID BODY for the displacements, equations for the rotations. CalculiX turns shells into solids
-  and gives a shell node rotations only where the elements around it disagree about the normal; thin beams along the
-  ring make them do so. Without that the wall is hinged to its ring, some 3 % too soft in short links. The beams lie
-  in a rigid body and carry nothing.
-- *Distributing ring*: the interface makes the weighted mean motion of the ring, by equations.
+- *Rings*: CalculiX turns shells into solids and gives a shell node rotations only where the elements around it
+  disagree about the normal. Thin beams along the ring, too soft to count, make them do so. Without the beams the
+  wall is hinged to a rigid ring, some 3 % too soft in short links, and a distributing ring pulls at the faces of the
+  wall, ever softer on finer meshes.
+- *Rigid ring*: a RIGID BODY for the displacements, equations for the rotations.
+- *Distributing ring*: its weighted mean motion is the interface's, by equations.
 - *Joint*: the root of the next link follows the tip of the one before; each direction in which the joint gives way is
   a scalar freedom with a SPRING1. Bodies without a shell carry motions on.
 - *Parallelogram*: the elbow's scalar freedom has no spring; the bar is a scalar freedom equal to the change of the
   pins' distance.
 
 Equations nest (a ring follows its interface, that follows the link below), which CalculiX resolves by itself. But no
-freedom may depend twice: where the ring of a root is distributing, six freedoms of the ring become the dependent
-ones, chosen by pivoted QR.
+freedom may depend twice, and what follows hundreds of others makes whatever follows it do so as well: of a
+distributing ring six freedoms, chosen by :func:`fem.couplings.giving_way`, follow the interface and the ring's rest.
 """
 
 from __future__ import annotations
@@ -28,22 +29,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.calculix_deck import MM_PER_M, Deck, Freedom, ascii_text, number, safe_name
 from fem.calculix_links import Motion, add_link, follow
-from fem.model import ArmModel, LinkPart
-from fem.shell_arm import all_links, one_pose, shell_of
+from fem.model import ArmModel, LinkPart, independent_springs
+from fem.shell_arm import all_links, both, one_pose, shell_of
 from fem.statics import deflection
 from robots import InputError
 from robots.kinematics import BodyFrames, forward_kinematics, tool_position
 
 Array = NDArray[np.float64]
 
-# Directions of a joint beside its axis, in its own axes, with CalculiX's unit per SI unit of their stiffness.
-OTHER_DIRECTIONS = (
-    ("X", "mm", 1.0 / MM_PER_M),
-    ("Y", "mm", 1.0 / MM_PER_M),
-    ("Z", "mm", 1.0 / MM_PER_M),
-    ("TILT_X", "rad", MM_PER_M),
-    ("TILT_Y", "rad", MM_PER_M),
-)
+# Names of the six directions of a joint, the base or the tool.
+DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
 
 
 @dataclass(frozen=True)
@@ -82,6 +77,22 @@ class _Arm:
         self.scalars.append(freedom[0])
         return freedom
 
+    def springs(self, motion: Motion, name: str, R: Array, at: Array, springs: tuple[Array, Array]) -> Motion:
+        """Add springs: directions (6, k) in axes R (3, 3), SI, and their stiffnesses (k,) N/m or N m/rad."""
+        for k, (direction, stiffness) in enumerate(zip(springs[0].T, springs[1].tolist(), strict=True)):
+            shift = not direction[3:].any()
+            label = DIRECTIONS[int(np.argmax(direction))] if np.sum(direction != 0.0) == 1 else f"S{k + 1}"
+            unit = "mm" if shift else "rad"
+            column = both(R) @ direction
+            if shift:
+                stiffness /= MM_PER_M
+            else:
+                column[:3] *= MM_PER_M
+                stiffness *= MM_PER_M
+            what = f"relative motion {label.lower()} ({unit}) of {name.lower()}, its own axes"
+            motion = motion.plus(self.scalar(f"{name}_{label}", what, at, stiffness), column)
+        return motion
+
     def turn(self, motion: Motion, joint: int, axis: Array, at: Array, q: Array, *, free: bool = False) -> Motion:
         """Turn about a joint's axis against its spring, or freely as a parallelogram's elbow does."""
         part = self.model.joints[joint]
@@ -94,16 +105,16 @@ class _Arm:
         freedom = self.scalar(name, what, at, None if free else MM_PER_M / compliance)
         return motion.plus(freedom, np.concatenate([np.zeros(3), axis]))
 
-    def other_directions(self, motion: Motion, joint: int, R: Array, at: Array) -> Motion:
-        """Let a joint shift and tilt in its own axes R (3, 3)."""
+    def joint(self, motion: Motion, joint: int, R: Array, at: Array, q: Array, *, free: bool) -> Motion:
+        """A joint and its bearing, axes R (3, 3) with z along the joint's."""
         part = self.model.joints[joint]
-        for k in np.flatnonzero(part.other).tolist():
-            direction, unit, scale = OTHER_DIRECTIONS[k]
-            what = f"{direction.lower()} ({unit}) of joint {ascii_text(part.name)} in its own axes"
-            name = f"{_name('J', joint + 1, part.name)}_{direction}"
-            freedom = self.scalar(name, what, at, scale / float(part.other[k]))
-            motion = motion.plus(freedom, np.kron(np.eye(2), R)[:, k])
-        return motion
+        name = _name("J", joint + 1, part.name)
+        if part.is_coupled:
+            C = part.bearing.copy()
+            C[5, 5] = part.axial.compliance(q)[0]
+            return self.springs(motion, name, R, at, independent_springs(C))
+        motion = self.turn(motion, joint, R[:, 2], at, q, free=free)
+        return self.springs(motion, name, R, at, part.springs())
 
 
 def arm_deck(
@@ -158,6 +169,7 @@ def _chain(arm: _Arm, frames: BodyFrames, q: Array, tool: Array) -> Motion:
     p = robot.parallelogram if model.bar is not None else None
     R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
     motion, at = Motion((), np.zeros((6, 0))), np.zeros(3)
+    motion = arm.springs(motion, "BASE", R[0], at, independent_springs(model.base))
     crank = pin = None
     for body in range(robot.dof + 1):
         tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
@@ -168,8 +180,7 @@ def _chain(arm: _Arm, frames: BodyFrames, q: Array, tool: Array) -> Motion:
                 turned = arm.turn(motion, p.driven, axis[p.driven], origin[body], q)
                 crank = _crank(arm, turned, R[p.driven + 1], origin[body])
             free = p is not None and joint == p.driven
-            motion = arm.turn(motion, joint, axis[joint], origin[body], q, free=free)
-            motion = arm.other_directions(motion, joint, R[body] @ robot.R_post[joint].T, origin[body])
+            motion = arm.joint(motion, joint, R[body] @ robot.R_post[joint].T, origin[body], q, free=free)
         link = links.get(body)
         ends = {} if link is None else arm.link(link, motion, R[body], origin[body])
         if p is not None and body == p.driven + 1:
@@ -177,7 +188,7 @@ def _chain(arm: _Arm, frames: BodyFrames, q: Array, tool: Array) -> Motion:
         motion, at = ends.get("tip", motion.carried(tip - origin[body])), tip
     if p is not None and crank is not None and pin is not None:
         _bar(arm, crank, pin, origin[p.driven + 1] - origin[p.crank_about + 1], frames.p[0, p.crank_about + 1])
-    return motion.carried(tool - at)
+    return arm.springs(motion.carried(tool - at), "TOOL", frames.R_flange[0], tool, independent_springs(model.tool))
 
 
 def _crank(arm: _Arm, motion: Motion, R: Array, origin: Array) -> Motion:

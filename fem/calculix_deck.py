@@ -124,7 +124,7 @@ class Deck:
 
     def nodes(self, points: Array, name: str, what: str) -> Indices:
         """Add nodes at ``points`` (k, 3) mm as a node set; returns their numbers (k,)."""
-        self._name(name, f"nodes {self.nodes_made + 1} to {self.nodes_made + len(points)}: {what}")
+        self._name(name, f"{_span('node', self.nodes_made + 1, len(points))}: {what}")
         numbers = self.nodes_made + 1 + np.arange(len(points))
         self.nodes_made += len(points)
         rows = (f"{n},{number(x)},{number(y)},{number(z)}\n" for n, (x, y, z) in zip(numbers, points, strict=True))
@@ -139,7 +139,7 @@ class Deck:
     def elements(self, kind: str, nodes: Indices, name: str, what: str) -> None:
         """Add elements of a CalculiX type from their nodes' numbers (e, n) as an element set."""
         first = self.elements_made + 1
-        self._name(name, f"elements {first} to {first + len(nodes) - 1} ({kind}): {what}")
+        self._name(name, f"{_span('element', first, len(nodes))} ({kind}): {what}")
         self.elements_made += len(nodes)
         lines = (",".join(map(str, [first + i, *row])) + "\n" for i, row in enumerate(nodes.tolist()))
         self._elements += [f"*ELEMENT,TYPE={kind},ELSET={name}\n", *lines]
@@ -224,6 +224,10 @@ class Deck:
         if freedom in self._dependent:
             raise RuntimeError(f"node {freedom[0]}, direction {freedom[1]} would depend twice")
         self._dependent.add(freedom)
+
+
+def _span(what: str, first: int, count: int) -> str:
+    return f"{what} {first}" if count == 1 else f"{what}s {first} to {first + count - 1}"
 
 
 def _rows(numbers: Sequence[int]) -> str:

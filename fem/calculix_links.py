@@ -5,28 +5,26 @@ An interface has a reference node (directions 1 to 3: displacement) and a rotati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from fem.calculix_deck import MM_PER_M, Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
-from fem.couplings import distributing_coupling, rigid_motion
+from fem.couplings import distributing_coupling, giving_way, rigid_motion
 from fem.model import LinkPart
 from fem.shell_arm import shell_of
+from meshes import ShellMesh
 from robots import InputError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Side of the square beams along rigid rings, as a share of the thinnest wall.
-BEAM_SIDE = 0.1
+# The beams: side as a share of the thinnest wall, modulus as a share of the wall's.
+BEAM_SIDE, BEAM_SOFTNESS = 0.1, 1e-3
 # Weights of a quadratic edge's ends and of its middle (Simpson's rule), times its length.
 END_WEIGHT, MIDDLE_WEIGHT = 1.0 / 6.0, 4.0 / 6.0
-# Least pivot over the greatest when six freedoms of a distributing ring are made to follow.
-SMALLEST_PIVOT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     Raises
     ------
     InputError
-        A ring without edges, or a distributing ring whose nodes lie on one line.
+        A ring without edges, a distributing ring whose nodes lie on one line, or rings that share too many nodes.
     """
     mesh, label, where = shell_of(link), f"L{index}_{safe_name(link.name)}".rstrip("_"), ascii_text(link.name)
     quadratic = with_middles(mesh)
@@ -98,15 +96,16 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     first = int(deck.nodes(nodes, f"N_{label}", what)[0])
     placed = _Placed(quadratic, nodes, first, MM_PER_M * float(mesh.thickness.min()))
     _shell(deck, link, placed, label)
-    material = deck.material(mesh.youngs_modulus, mesh.poissons_ratio)
+    _beams(deck, link, placed, label)
     interfaces = {}
     for name, point, ring in zip(mesh.interfaces, link.element.points, mesh.interfaces.values(), strict=True):
-        interfaces[name] = _interface(deck, MM_PER_M * (origin + R @ point), ring, f"{label}_{safe_name(name)}", name, where)
+        tag, what = f"{label}_{safe_name(name)}", f"interface {ascii_text(name)} of {where}"
+        interfaces[name] = _interface(deck, tag, what, ring, MM_PER_M * (origin + R @ point))
     kinds = {name: link.flanges.get(name, "rigid") for name in interfaces}
     # Rigid rings first: a distributing one that shares nodes with them must know which freedoms are taken.
     for name in sorted(interfaces, key=lambda name: kinds[name] != "rigid"):
         if kinds[name] == "rigid":
-            _rigid(deck, placed, interfaces[name], material)
+            _rigid(deck, placed, interfaces[name])
         else:
             _distributing(deck, placed, interfaces[name])
     first_name, *others = interfaces
@@ -114,8 +113,7 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     return {name: Motion.of_nodes(interfaces[name].reference, interfaces[name].rotation) for name in others}
 
 
-def _interface(deck: Deck, point: Array, ring: Indices, label: str, name: str, where: str) -> _Interface:
-    what = f"interface {ascii_text(name)} of {where}"
+def _interface(deck: Deck, label: str, what: str, ring: Indices, point: Array) -> _Interface:
     reference = int(deck.nodes(point[None], f"REF_{label}", f"{what}; directions 1 to 3: displacement (mm)")[0])
     rotation = int(deck.nodes(point[None], f"ROT_{label}", f"{what}; directions 1 to 3: rotation (rad)")[0])
     return _Interface(label, what, ring, point, reference, rotation)
@@ -133,45 +131,73 @@ def _shell(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
     material = deck.material(mesh.youngs_modulus, mesh.poissons_ratio)
     m = len(mesh.triangles)
     members = []
-    # Equal to the digits that are written: neighbours of the same wall must not differ by round-off.
-    text = np.array([number(MM_PER_M * t) for t in mesh.thickness.tolist()])
-    for i, wall in enumerate(sorted(set(text.tolist()), key=float)):
-        same = text == wall
+    walls = _walls(mesh)
+    for i, wall in enumerate(np.unique(walls).tolist()):
+        same = walls == wall
         for kind, cells in (
             ("S6", placed.mesh.triangles[same[:m]]),
             ("S8R", placed.mesh.quads[same[m:]]),
         ):
             if len(cells):
                 members.append(f"{kind}_{label}_T{i + 1}")
-                deck.elements(kind, placed.numbers(cells), members[-1], f"link {where}, wall {wall} mm")
-                deck.section(f"*SHELL SECTION,ELSET={members[-1]},MATERIAL={material}", wall)
+                deck.elements(kind, placed.numbers(cells), members[-1], f"link {where}, wall {wall:g} mm")
+                deck.section(f"*SHELL SECTION,ELSET={members[-1]},MATERIAL={material}", number(wall))
     deck.element_set(members, f"E_{label}", f"the shell of link {where}")
 
 
-def _rigid(deck: Deck, placed: _Placed, interface: _Interface, material: str) -> None:
+def _beams(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
+    """Soft beams along the rings and along steps of the wall.
+
+    On the rings they give the nodes rotations. At a step CalculiX makes a node of two shells that meet in one
+    normal; on a curved wall it leaves their common turn about that normal without any stiffness.
+    """
+    mesh, quadratic = shell_of(link), placed.mesh
+    edges = [_steps(_walls(mesh), quadratic), *map(quadratic.edges_within, mesh.interfaces.values())]
+    along = np.unique(np.concatenate(edges))
+    ends, middles = quadratic.edges[along], quadratic.corners + along
+    # The beams' normal must not lie along them: the base axis they are least aligned with.
+    across = np.argmin(np.abs(placed.nodes[ends[:, 1]] - placed.nodes[ends[:, 0]]), axis=1)
+    side = number(BEAM_SIDE * placed.wall)
+    soft = deck.material(BEAM_SOFTNESS * mesh.youngs_modulus, mesh.poissons_ratio)
+    what = f"beams too soft to count, on rings and steps of the wall of link {ascii_text(link.name)}"
+    for k in np.unique(across).tolist():
+        name, some = f"B{k + 1}_{label}", across == k
+        cells = np.stack([ends[some, 0], middles[some], ends[some, 1]], axis=1)
+        deck.elements("B32", placed.numbers(cells), name, what)
+        normal = ",".join("1." if i == k else "0." for i in range(3))
+        deck.section(f"*BEAM SECTION,ELSET={name},MATERIAL={soft},SECTION=RECT", f"{side},{side}", normal)
+
+
+def _walls(mesh: ShellMesh) -> Array:
+    """Thickness of each element (m + q,) mm to the digits that are written, so that round-off makes no step."""
+    return np.array([float(number(MM_PER_M * t)) for t in mesh.thickness.tolist()])
+
+
+def _steps(thickness: Array, mesh: QuadraticMesh) -> Indices:
+    """Numbers of the edges at which walls of different thickness (m + q,) meet."""
+    sides = np.concatenate([mesh.triangles[:, 3:].ravel(), mesh.quads[:, 4:].ravel()]) - mesh.corners
+    m = len(mesh.triangles)
+    wall = np.concatenate([np.repeat(thickness[:m], 3), np.repeat(thickness[m:], 4)])
+    thinnest, thickest = np.full(len(mesh.edges), np.inf), np.zeros(len(mesh.edges))
+    np.minimum.at(thinnest, sides, wall)
+    np.maximum.at(thickest, sides, wall)
+    return np.flatnonzero(thickest > thinnest)
+
+
+def _rigid(deck: Deck, placed: _Placed, interface: _Interface) -> None:
     """The ring and its middles move as a rigid body, walls included."""
     edges = placed.mesh.edges_within(interface.ring)
     if not edges.size:
         raise InputError(
-            f"{interface.what}: its ring has no edges, so that its nodes cannot hold the wall",
+            f"{interface.what}: its ring has no edges, so that it cannot hold the wall",
             value=f"{interface.ring.size} node(s)",
             allowed="neighbouring nodes",
         )
-    middles = placed.mesh.corners + edges
-    ring = placed.numbers(np.concatenate([interface.ring, middles])).tolist()
+    on_edges = np.union1d(placed.mesh.edges[edges], placed.mesh.corners + edges)
+    ring = placed.numbers(np.union1d(interface.ring, on_edges)).tolist()
     deck.node_set(ring, f"RING_{interface.label}", f"rigid ring of {interface.what}, mid-side nodes included")
     deck.rigid_body(f"RING_{interface.label}", ring, interface.reference, interface.rotation)
-    ends = placed.mesh.edges[edges]
-    # The beams' normal must not lie along them: the base axis they are least aligned with.
-    across = np.argmin(np.abs(placed.nodes[ends[:, 1]] - placed.nodes[ends[:, 0]]), axis=1)
-    side = number(BEAM_SIDE * placed.wall)
-    for k in np.unique(across).tolist():
-        name, some = f"B{k + 1}_{interface.label}", across == k
-        cells = np.stack([ends[some, 0], middles[some], ends[some, 1]], axis=1)
-        deck.elements("B32", placed.numbers(cells), name, f"beams that carry nothing, along the ring of {interface.what}")
-        normal = ",".join("1." if i == k else "0." for i in range(3))
-        deck.section(f"*BEAM SECTION,ELSET={name},MATERIAL={material},SECTION=RECT", f"{side},{side}", normal)
-    for node in placed.numbers(np.union1d(ends, middles)).tolist():
+    for node in placed.numbers(on_edges).tolist():
         for i in (1, 2, 3):
             deck.equation((node, i + 3), {(interface.rotation, i): 1.0})
 
@@ -189,15 +215,7 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface) -> None:
     deck.node_set(numbers, f"RING_{interface.label}", f"distributing ring of {interface.what}, mid-side nodes included")
     ring = [(node, i) for node in numbers for i in (1, 2, 3)]
     free = np.array([i for i, freedom in enumerate(ring) if not deck.depends(freedom)], dtype=np.int64)
-    # Rotations in lengths of the ring's size, so that the choice does not depend on the unit.
-    scaled = np.repeat([1.0, np.ptp(placed.nodes[nodes], axis=0).max()], 3)[:, None] * mean
-    triangle, order = qr(scaled[:, free], mode="r", pivoting=True)
-    if free.size < 6 or abs(triangle[5, 5]) < SMALLEST_PIVOT * abs(triangle[0, 0]):
-        raise InputError(
-            f"{interface.what}: its distributing ring shares too many nodes with rigid rings",
-            remedy="choose separate rings",
-        )
-    pivots = free[np.sort(order[:6])]
+    pivots = free[np.sort(giving_way(sp.csc_array(mean[:, free]))[0])]
     others = np.setdiff1d(np.arange(len(ring)), pivots)
     by_motion = np.linalg.inv(mean[:, pivots])
     given = (*Motion.of_nodes(interface.reference, interface.rotation).freedoms, *(ring[i] for i in others))
@@ -206,7 +224,7 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface) -> None:
         deck.equation(ring[i], motion.along(direction))
 
 
-def _weighted(placed: _Placed, ring: Indices) -> tuple[Indices, Sequence[float] | Array]:
+def _weighted(placed: _Placed, ring: Indices) -> tuple[Indices, Array]:
     """Nodes of a ring with middles and weights that integrate over its edges; equal ones if a node has no edge."""
     edges = placed.mesh.edges_within(ring)
     ends, middles = placed.mesh.edges[edges], placed.mesh.corners + edges

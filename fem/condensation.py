@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +22,7 @@ RESIDUAL = 1e-9
 SMALL = 3000
 # What MKL's PARDISO says of a pivot that is zero or negative.
 PARDISO_PIVOT = -4
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,8 @@ def condense(name: str, interfaces: tuple[str, ...], points: Array, K: sp.csc_ar
 def solve_positive_definite(K: sp.csc_array, b: Array) -> Array:
     """Solve ``K x = b`` (n, r) for a symmetric positive definite K (n, n) with the fastest solver installed.
 
-    pypardiso, then scikit-sparse's CHOLMOD, else SciPy. Memory for the factor is given back before returning.
+    pypardiso, then scikit-sparse's CHOLMOD, else SciPy; small systems by SciPy at once. Memory for the factor is
+    given back before returning.
 
     Raises
     ------
@@ -82,19 +88,27 @@ def solve_positive_definite(K: sp.csc_array, b: Array) -> Array:
 
 def _pardiso(K: sp.csc_array, b: Array) -> Array:
     pypardiso = importlib.import_module("pypardiso")
-    solver = pypardiso.PyPardisoSolver(mtype=2)
+    upper = sp.csr_matrix(sp.triu(K, format="csr"))
+    with _ONE_AT_A_TIME:
+        solver = _pardiso_solver(pypardiso.PyPardisoSolver)
+        try:
+            solver.factorize(upper)
+            return np.asarray(solver.solve(upper, b))
+        except pypardiso.pardiso_wrapper.PyPardisoError as error:
+            if error.value == PARDISO_PIVOT:
+                raise ArithmeticError("the stiffness matrix is singular") from error
+            raise
+        finally:
+            solver.free_memory(everything=True)
+
+
+@cache
+def _pardiso_solver(kind: Callable[..., Any]) -> Any:
+    """Solver for positive definite matrices; one a process, since each looks for MKL on the disk, for a second."""
+    solver = kind(mtype=2)
     solver.set_iparm(1, 1)
     solver.set_iparm(2, 2)  # METIS nested dissection
-    upper = sp.csr_matrix(sp.triu(K, format="csr"))
-    try:
-        solver.factorize(upper)
-        return np.asarray(solver.solve(upper, b))
-    except pypardiso.pardiso_wrapper.PyPardisoError as error:
-        if error.value == PARDISO_PIVOT:
-            raise ArithmeticError("the stiffness matrix is singular") from error
-        raise
-    finally:
-        solver.free_memory(everything=True)
+    return solver
 
 
 def _cholmod(K: sp.csc_array, b: Array) -> Array:

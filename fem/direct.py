@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem import beam
 from fem.inputs import as_points, as_wrenches
-from fem.model import ArmModel, LinkPart
+from fem.model import ArmModel, LinkPart, independent_springs
 from robots import InputError
 from robots.kinematics import as_poses, forward_kinematics, tool_position
 
@@ -109,6 +109,7 @@ def assemble_direct(
     links = {link.body: link for link in model.links}
     p = model.robot.parallelogram if model.bar is not None else None
     node = _Node(np.zeros(0, dtype=np.int64), np.zeros((len(q), 6, 0)))
+    node = _in_axes(system, rotations[:, 0], node, *independent_springs(model.base))
     at = np.zeros((len(q), 3))
     crank_node = pin_node = None
     for body in range(model.robot.dof + 1):
@@ -122,8 +123,12 @@ def assemble_direct(
                 turned = _turn(system, model, frames.axis[:, p.driven], node, p.driven, q)
                 crank_node = _crank(system, model, turned, R_crank, condensed)
             free = p is not None and joint == p.driven
-            node = _turn(system, model, frames.axis[:, joint], node, joint, q, free=free)
-            node = _other_directions(system, model, R @ model.robot.R_post[joint].T, node, joint)
+            R_joint = R @ model.robot.R_post[joint].T
+            if model.joints[joint].is_coupled:
+                node = _coupled(system, model, R_joint, node, joint, q)
+            else:
+                node = _turn(system, model, frames.axis[:, joint], node, joint, q, free=free)
+                node = _other_directions(system, model, R_joint, node, joint)
         link = links.get(body)
         ends = {} if link is None else _flexible(system, link, node, R, condensed)
         if p is not None and body == p.driven + 1:
@@ -131,7 +136,10 @@ def assemble_direct(
         node, at = ends.get("tip", _carry(node, tip - origin)), tip
     if p is not None and model.bar is not None and crank_node is not None and pin_node is not None:
         _bar(system, model, crank_node, pin_node, frames.p[:, p.driven + 1] - frames.p[:, p.crank_about + 1])
-    node = _carry(node, tool - at)
+    own = tool_position(model.robot, frames)
+    node = _carry(node, own - at)
+    node = _in_axes(system, np.ascontiguousarray(frames.R_flange), node, *independent_springs(model.tool))
+    node = _carry(node, tool - own)
     G = np.zeros((len(q), 6, system.size))
     G[:, :, node.freedoms] = node.G
     return system.matrix(), G
@@ -167,14 +175,27 @@ def _turn(
 
 
 def _other_directions(system: _System, model: ArmModel, R: Array, node: _Node, joint: int) -> _Node:
-    other = model.joints[joint].other
-    kept = np.flatnonzero(other)
-    if kept.size == 0:
+    directions, stiffness = model.joints[joint].springs()
+    return _in_axes(system, R, node, directions, stiffness)
+
+
+def _in_axes(system: _System, R: Array, node: _Node, directions: Array, stiffness: Array) -> _Node:
+    """Springs along constant ``directions`` (6, k) in axes R (n, 3, 3)."""
+    if stiffness.size == 0:
         return node
-    directions = np.zeros((len(R), 6, 5))
-    directions[:, :3, :3] = R
-    directions[:, 3:, 3:] = R[:, :, :2]
-    return _relative(system, node, directions[:, :, kept], np.broadcast_to(1.0 / other[kept], (len(R), kept.size)))
+    turned = np.concatenate([R @ directions[:3], R @ directions[3:]], axis=1)
+    return _relative(system, node, turned, np.broadcast_to(stiffness, (len(R), stiffness.size)))
+
+
+def _coupled(system: _System, model: ArmModel, R: Array, node: _Node, joint: int, q: Array) -> _Node:
+    """A joint whose axis and bearing are coupled: C = L L^T, and springs of stiffness one along the columns of L."""
+    part = model.joints[joint]
+    C = np.repeat(part.bearing[None], len(q), axis=0)
+    C[:, 5, 5] = part.axial.compliance(q)
+    size = np.sqrt(np.maximum(np.diagonal(C, axis1=1, axis2=2), 1e-300))
+    values, vectors = np.linalg.eigh(C / (size[:, :, None] * size[:, None, :]))
+    L = size[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return _relative(system, node, np.concatenate([R @ L[:, :3], R @ L[:, 3:]], axis=1), np.ones((len(q), 6)))
 
 
 def _flexible(system: _System, link: LinkPart, root: _Node, R: Array, condensed: bool) -> dict[str, _Node]:

@@ -167,7 +167,7 @@ def _roots(
     links = {link.body: link for link in model.links}
     p = robot.parallelogram if model.bar is not None else None
     R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
-    motion, at, crank_pin = np.zeros(6), np.zeros(3), np.zeros(6)
+    motion, at, crank_pin = np.array(deformed.get("base", np.zeros(6))), np.zeros(3), np.zeros(6)
     roots: dict[str, Array] = {}
     for body in range(robot.dof + 1):
         if body > 0:
@@ -196,7 +196,9 @@ def _roots(
             roots[link.name] = motion
         tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
         motion, at = _carry(motion, tip - origin[body]) + (0.0 if own is None else own[:, 0]), tip
-    return roots, _carry(motion, tool - at)
+    own = tool_position(robot, frames)[0]
+    give = both(frames.R_flange[0]) @ deformed.get("tool", np.zeros(6))
+    return roots, _carry(_carry(motion, own - at) + give, tool - own)
 
 
 def _crank_pin(model: ArmModel, R: Array, root: Array, deformed: Mapping[str, Array], roots: dict[str, Array]) -> Array:

@@ -14,31 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.laws import FreeLaw
+from fem.loads import LoadedPoses, placed
 from fem.model import ArmModel
 from fem.parameters import GEOMETRIC, Parameter, own_compliance
 from fem.ports import Port, port_of, ports
 from fem.statics import deflection
 from robots import InputError
-from robots.kinematics import forward_kinematics
-from robots.robot import rotation_rpy
+
+__all__ = ["FreeModel", "LoadedPoses"]
 
 Array = NDArray[np.float64]
 Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Steps of the central differences: a third-order error below 1e-9 of the value, and round-off below that.
 STEP = {"zero": 1e-4, "tilt": 1e-4, "load": 1e-4, "point": 1e-4}
-
-
-@dataclass(frozen=True)
-class LoadedPoses:
-    """n loaded poses: ``q`` (n, dof) rad, ``wrench`` (n, 6) base axes at ``point`` (n, 3) m in the flange frame."""
-
-    q: Array
-    wrench: Array
-    point: Array
-
-    def __len__(self) -> int:
-        return len(self.q)
 
 
 @dataclass(frozen=True)
@@ -99,11 +88,8 @@ class FreeModel:
                 shift[p.kind][p.index[0]] += v
         if not any(s.any() for s in shift.values()):
             return self.at
-        q, point = self.at.q + shift["zero"], self.at.point + shift["point"]
-        R = rotation_rpy(shift["tilt"])
-        force, moment = self.at.wrench[:, :3] @ R.T, self.at.wrench[:, 3:] @ R.T
-        lever = forward_kinematics(self.model.robot, q).R_flange @ shift["load"]
-        return LoadedPoses(q, np.concatenate([force, moment + np.cross(lever, force)], axis=1), point)
+        moved = LoadedPoses(self.at.q + shift["zero"], self.at.wrench, self.at.point + shift["point"])
+        return placed(self.model.robot, moved, shift["load"], shift["tilt"])
 
     @cached_property
     def _unmoved(self) -> tuple[dict[str, Port], Array]:

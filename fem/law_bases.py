@@ -1,4 +1,4 @@
-"""Bases over joint angles in which ln(stiffness) is a combination: the stiffness stays positive whatever its weights."""
+"""Bases over joint angles for ln(stiffness): the stiffness stays positive whatever the weights."""
 
 from __future__ import annotations
 

@@ -27,13 +27,15 @@ from meshes import (
 )
 from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot
-from robots.quantities import RotationalStiffness
+from robots.quantities import Angles, Position, RotationalStiffness
 from robots.robot import robot_from
-from robots.schema import Joint, Link
+from robots.schema import Joint, Link, PlaceStiffness
 
 Array = NDArray[np.float64]
 LinkKind = Literal["rigid", "beam", "shell"]
 LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell")
+# Names of parts that are no links.
+PLACES = ("base", "tool", "bar", "crank")
 FLANGES: tuple[Coupling, ...] = ("rigid", "distributing")
 
 
@@ -56,14 +58,49 @@ class LinkPart:
 class JointPart:
     """The springs of one joint.
 
-    ``axial``: law about the joint axis. ``other`` (5,): constant compliances of the joint frame's
-    translations x, y, z (m/N) and rotations x, y (rad/(N m)); zero is rigid.
+    ``axial``: law about the joint axis. ``bearing`` (6, 6): constant compliance of the joint frame's translations
+    x, y, z (m/N) and rotations x, y, z (rad/(N m)), zero where it is rigid; its last diagonal entry is zero, for
+    that is the axial spring's.
     """
 
     name: str
     joint: int
     axial: SpringLaw
-    other: Array
+    bearing: Array
+
+    @property
+    def other(self) -> Array:
+        """Compliances (5,) of the bearing one by one, without those off the diagonal."""
+        return np.diag(self.bearing)[:5].copy()
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether forces and moments across the axis turn the joint about it, and the other way round."""
+        return bool(self.bearing[5].any())
+
+    def springs(self) -> tuple[Array, Array]:
+        """The bearing as independent springs: unit directions (6, k) in the joint's frame, stiffnesses (k,).
+
+        Without the entries that couple it with the axis.
+        """
+        return independent_springs(self.bearing[:5, :5])
+
+
+def independent_springs(C: Array) -> tuple[Array, Array]:
+    """A compliance (k, k), k <= 6, as springs: directions (6, r) with stiffnesses (r,), r its rank.
+
+    Directions are unit vectors where C is diagonal; else eigenvectors of C with forces and moments scaled alike.
+    """
+    k = len(C)
+    if not (C - np.diag(np.diag(C))).any():
+        kept = np.flatnonzero(np.diag(C))
+        return np.eye(6)[:, kept], 1.0 / np.diag(C)[kept]
+    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    kept = np.flatnonzero(values > 1e-12)
+    directions = np.zeros((6, kept.size))
+    directions[:k] = size[:, None] * vectors[:, kept]
+    return directions, 1.0 / values[kept]
 
 
 @dataclass(frozen=True)
@@ -76,7 +113,13 @@ class BarPart:
 
 @dataclass(frozen=True)
 class ArmModel:
-    """Everything the statics of an arm need. ``bar`` is None for the serial load path."""
+    """Everything the statics of an arm need. ``bar`` is None for the serial load path.
+
+    ``base`` (6, 6): compliance of the base about its origin, base axes; ``tool`` (6, 6): of the tool or a force
+    sensor at the model's tool point, flange axes; zero is rigid. ``load_offset`` (3,) m, flange axes, and
+    ``load_tilt`` (3,) rad, fixed-axis angles about the base's axes: where a test load really acts, from the read
+    point, and how its direction is off (:func:`fem.loads.placed`).
+    """
 
     robot: Robot
     link_kind: LinkKind
@@ -84,6 +127,10 @@ class ArmModel:
     links: tuple[LinkPart, ...]
     joints: tuple[JointPart, ...]
     bar: BarPart | None
+    base: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    tool: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    load_offset: Array = field(default_factory=lambda: np.zeros(3))
+    load_tilt: Array = field(default_factory=lambda: np.zeros(3))
 
     def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
         """Copy with other laws about the joint axes; numbers are N m/rad.
@@ -103,7 +150,7 @@ class ArmModel:
 
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
-        return replace(self, joints=tuple(replace(j, axial=RIGID, other=np.zeros(5)) for j in self.joints))
+        return replace(self, joints=tuple(replace(j, axial=RIGID, bearing=np.zeros((6, 6))) for j in self.joints))
 
 
 def build_model(
@@ -128,8 +175,8 @@ def build_model(
     ------
     InputError
         Unknown kind of links or flanges, a parallelogram asked of a robot without one, a link named like another
-        part (a joint, "bar" or "crank"), flanges of an interface that the link does not have; for shell links, what
-        :func:`meshes.link_shell_mesh` and :func:`fem.shell.shell_superelement` refuse.
+        part (a joint, "base", "tool", "bar" or "crank"), flanges of an interface that the link does not have; for
+        shell links, what :func:`meshes.link_shell_mesh` and :func:`fem.shell.shell_superelement` refuse.
     """
     if links not in LINK_KINDS:
         raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))
@@ -141,12 +188,12 @@ def build_model(
         raise InputError("load path", value=path, allowed="parallelogram, serial")
     if path == "parallelogram" and robot.parallelogram is None:
         raise InputError(f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram")
-    taken = {*robot.joint_names, "bar", "crank"} & {link.name for link in description.link}
+    taken = {*robot.joint_names, *PLACES} & {link.name for link in description.link}
     if taken:
         raise InputError(
             f"link name of {robot.name}",
             value=min(taken),
-            allowed="a name no joint has, and neither bar nor crank",
+            allowed=f"a name no joint has, and none of {', '.join(PLACES)}",
             remedy="rename the link: deflections are reported by part",
         )
     parts: tuple[LinkPart, ...] = ()
@@ -159,7 +206,27 @@ def build_model(
         links=parts,
         joints=tuple(_joint_part(robot, i, joint) for i, joint in enumerate(description.joint)),
         bar=_bar_part(description, robot, links, flanges) if path == "parallelogram" else None,
+        base=_place(description.base),
+        tool=_place(None if description.tool is None else description.tool.stiffness),
+        load_offset=_triple(description.load.offset if description.load else None),
+        load_tilt=_triple(description.load.tilt if description.load else None),
     )
+
+
+def _triple(given: Position | Angles | None) -> Array:
+    return np.zeros(3) if given is None else given.si_array
+
+
+def _place(stiffness: PlaceStiffness | None) -> Array:
+    return np.zeros((6, 6)) if stiffness is None else stiffness.compliance
+
+
+def link_part(description: ModelDescription, model: ArmModel, name: str) -> LinkPart:
+    """A link of another description of the same robot, of the kind and with the flanges that ``model`` has."""
+    own = next(link for link in description.link if link.name == name)
+    before = next(part for part in model.links if part.name == name)
+    flanges = own.model_copy(update={"flanges": dict(before.flanges)})
+    return _described_link(description, model.robot, flanges, model.link_kind, None)
 
 
 def _described_link(
@@ -199,22 +266,35 @@ def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
         axial = ConstantSpring(joint.stiffness.si)
     else:
         axial = spring_from(robot, joint.stiffness)
-    other = np.zeros(5)
+    bearing = np.zeros((6, 6))
+    if joint.bearing is not None:
+        bearing = joint.bearing.compliance
     if joint.translational_stiffness is not None:
-        other[:3] = 1.0 / joint.translational_stiffness.si
+        bearing[[0, 1, 2], [0, 1, 2]] = 1.0 / joint.translational_stiffness.si
     if joint.tilt_stiffness is not None:
-        other[3:] = 1.0 / joint.tilt_stiffness.si
-    return JointPart(joint.name, index, axial, other)
+        bearing[[3, 4], [3, 4]] = 1.0 / joint.tilt_stiffness.si
+    part = JointPart(joint.name, index, axial, bearing)
+    p = robot.parallelogram
+    if part.is_coupled and p is not None and index in (p.driven, p.crank_about):
+        raise InputError(
+            f"bearing of {joint.name}: entries that couple it with the axis",
+            value=bearing[5, :5].tolist(),
+            allowed="none at the joints of a parallelogram, whose actuator sits elsewhere",
+        )
+    return part
 
 
 def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind, flanges: Coupling | None) -> BarPart:
     p, geometry = description.parallelogram, robot.parallelogram
-    if links == "rigid" or p is None or geometry is None:
+    if p is None or geometry is None:
         return BarPart(0.0, None)
+    given = None if p.bar_stiffness is None else 1.0 / p.bar_stiffness.si
+    if links == "rigid":
+        return BarPart(given or 0.0, None)
     material = description.materials[p.bar_material]
     section = section_properties(p.bar.kind, section_dimensions(p.bar), material.poissons_ratio.si)
     length = float(np.linalg.norm(robot.T_pre[geometry.driven][:3, 3]))
-    compliance = length / (material.youngs_modulus.si * float(section.area))
+    compliance = given or length / (material.youngs_modulus.si * float(section.area))
     mesh, body = crank_beam_mesh(description, robot), geometry.driven + 1
     if links == "beam":
         return BarPart(compliance, _beam_part("crank", body, mesh))

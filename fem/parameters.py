@@ -128,7 +128,7 @@ def _maker(model: ArmModel, place: str, what: str) -> Parameter | None:
             return _stiffness(model, place, ROWS.index(row))
         pair = what.split("-")
         if len(pair) == 2 and pair[0] != pair[1] and set(pair) <= set(ROWS):
-            return _coupling(place, *sorted(ROWS.index(r) for r in pair))
+            return _coupling(model, place, *sorted(ROWS.index(r) for r in pair))
     if place in joints and what == "zero":
         return _linear("zero", place, (joints.index(place),), "rad", np.radians(5.0))
     if place == "load" and what in AXES:
@@ -156,11 +156,12 @@ def _stiffness(model: ArmModel, place: str, row: int) -> Parameter:
     return Parameter("", "stiffness", place, (row,), unit, value, *span, "compliance")
 
 
-def _coupling(place: str, a: int, b: int) -> Parameter:
+def _coupling(model: ArmModel, place: str, a: int, b: int) -> Parameter:
     unit = ("m/N", "rad/N", "rad/(N m)")[int(a >= 3) + int(b >= 3)]
     # An entry off the diagonal is below the geometric mean of its two entries on it.
     most = float(np.sqrt(_softest(a) * _softest(b)))
-    return Parameter("", "coupling", place, (a, b), unit, 0.0, -most, most, "linear")
+    own = own_compliance(model, place, a, b, np.zeros((1, model.robot.dof)))
+    return Parameter("", "coupling", place, (a, b), unit, float(own[0]), -most, most, "linear")
 
 
 def _softest(row: int) -> float:
@@ -179,6 +180,5 @@ def own_compliance(model: ArmModel, place: str, a: int, b: int, q: Array) -> Arr
         joint = model.joints[model.robot.joint_names.index(place)]
         if (a, b) == (5, 5):
             return joint.axial.compliance(q)
-        other = np.diag([*joint.other, 0.0]) if joint.other.ndim == 1 else joint.other
-        return np.full(len(q), other[a, b])
-    return np.zeros(len(q))
+        return np.full(len(q), joint.bearing[a, b])
+    return np.full(len(q), (model.base if place == BASE else model.tool)[a, b])

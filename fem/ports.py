@@ -1,8 +1,9 @@
 """Where compliance can sit in an arm, and how a tool reading depends on it: exact and linear.
 
-A *port* is a place that carries a wrench ``s = T(q) w`` for the wrench w at the loaded point: the base, each
-joint (its frame, z along the axis), the tool, each link, the bar. A symmetric compliance C (s, s) there adds
-``T^T C T w`` to the displacement, whatever the rest of the arm does, because the arm is statically determinate.
+A *port* is a place that carries a wrench ``s = T(q) w`` for the wrench w at the loaded point: the base, each joint
+(its frame, z along the axis), each link, the bar, the tool (the model's tool point, flange axes). A symmetric
+compliance C (s, s) there adds ``T^T C T w`` to the displacement, whatever the rest of the arm does, because the arm
+is statically determinate.
 So the displacement is linear in every entry of every compliance, and its derivative is known exactly:
 ``d/dC_ab = T^T (e_a e_b^T + e_b e_a^T) T w`` (half of it on the diagonal).
 """
@@ -74,7 +75,8 @@ def ports(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) 
     for part in transfers(model, frames, q, tool):
         if part.name in known and part.joint is None:
             places[part.name] = (np.broadcast_to(part.matrix(), (len(part.compliance), 6, len(q))), part.compliance)
-    places[TOOL] = (_moved(np.moveaxis(frames.R_flange, 0, -1), np.zeros((3, 1))), None)
+    lever = poses_last(tool - tool_position(model.robot, frames))
+    places[TOOL] = (_moved(np.moveaxis(frames.R_flange, 0, -1), lever), None)
     return {
         name: Port(name, T, np.asarray(np.einsum("skn,kn->sn", T, w)), flexibility)
         for name, (T, flexibility) in places.items()

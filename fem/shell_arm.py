@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.condensation import solve_positive_definite
 from fem.couplings import Coupling, rigid_motion
 from fem.inputs import as_points, as_wrenches
-from fem.model import ArmModel, LinkPart
+from fem.model import ArmModel, LinkPart, independent_springs
 from fem.shell import CoupledShell, couple
 from fem.transfers import axial_transfers
 from meshes import ShellMesh
@@ -228,6 +228,7 @@ def _assemble(
     p = robot.parallelogram if model.bar is not None else None
     R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
     node, at = _Node(np.zeros(0, dtype=np.int64), np.zeros((6, 0))), np.zeros(3)
+    node = _in_axes(system, R[0], node, *independent_springs(model.base))
     crank = pin = None
     for body in range(robot.dof + 1):
         tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
@@ -238,14 +239,20 @@ def _assemble(
                 turned = _turn(system, model, axis[p.driven], node, p.driven, q)
                 crank = _crank(system, model, shells, turned, R[p.driven + 1])
             free = p is not None and joint == p.driven
-            node = _turn(system, model, axis[joint], node, joint, q, free=free)
-            node = _other_directions(system, model, R[body] @ robot.R_post[joint].T, node, joint)
+            R_joint = R[body] @ robot.R_post[joint].T
+            if model.joints[joint].is_coupled:
+                node = _coupled(system, model, R_joint, node, joint, q)
+            else:
+                node = _turn(system, model, axis[joint], node, joint, q, free=free)
+                node = _other_directions(system, model, R_joint, node, joint)
         link = links.get(body)
         ends = {} if link is None else system.link(link, shells[link.name], node, R[body])
         if p is not None and body == p.driven + 1:
             pin = ends.get("pin", node.carried(R[body] @ p.pin))
         node, at = ends.get("tip", node.carried(tip - origin[body])), tip
-    node = node.carried(tool - at)
+    own = tool_position(robot, frames)[0]
+    node = node.carried(own - at)
+    node = _in_axes(system, frames.R_flange[0], node, *independent_springs(model.tool)).carried(tool - own)
     if p is None or crank is None or pin is None:
         return node, None
     u = origin[p.driven + 1] - origin[p.crank_about + 1]
@@ -264,9 +271,20 @@ def _turn(
 
 
 def _other_directions(system: _System, model: ArmModel, R: Array, node: _Node, joint: int) -> _Node:
-    other = model.joints[joint].other
-    kept = np.flatnonzero(other)
-    return system.relative(node, both(R)[:, kept], 1.0 / other[kept])
+    return _in_axes(system, R, node, *model.joints[joint].springs())
+
+
+def _in_axes(system: _System, R: Array, node: _Node, directions: Array, stiffness: Array) -> _Node:
+    """Springs along constant ``directions`` (6, k) in axes R (3, 3)."""
+    return system.relative(node, both(R) @ directions, stiffness)
+
+
+def _coupled(system: _System, model: ArmModel, R: Array, node: _Node, joint: int, q: Array) -> _Node:
+    """A joint whose axis and bearing are coupled."""
+    part = model.joints[joint]
+    C = part.bearing.copy()
+    C[5, 5] = part.axial.compliance(q)[0]
+    return _in_axes(system, R, node, *independent_springs(C))
 
 
 def _crank(system: _System, model: ArmModel, shells: Mapping[str, CoupledShell], node: _Node, R: Array) -> _Node:

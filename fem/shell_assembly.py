@@ -27,11 +27,19 @@ def element_stiffness(mesh: ShellMesh) -> tuple[Array, Array]:
 
 def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
     """Stiffness of the whole free mesh, (6k, 6k), six freedoms a node (u, rotation), body's axes."""
-    pairs = zip(element_stiffness(mesh), (mesh.triangles, mesh.quads), strict=True)
-    parts = [_scatter(K, elements) for K, elements in pairs]
-    values, rows, columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    size = 6 * len(mesh.nodes)
-    return sp.coo_array((values, (rows, columns)), shape=(size, size)).tocsc()
+    k = len(mesh.nodes)
+    pairs = [_pairs(elements) for elements in (mesh.triangles, mesh.quads)]
+    keys, place = np.unique(np.concatenate([k * row + column for row, column in pairs]), return_inverse=True)
+    sums = np.zeros((len(keys), 36))
+    ends = np.split(place, [len(pairs[0][0])])
+    for K, at in zip(element_stiffness(mesh), ends, strict=True):
+        if len(K):
+            gather = sp.csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(len(keys), len(at)))
+            sums += np.asarray(gather @ _blocks(K))
+    starts = np.searchsorted(keys, k * np.arange(k + 1))
+    blocks = sums.reshape(-1, 6, 6), (keys % k).astype(np.int32), starts.astype(np.int32)
+    # Rows for columns: the matrix is symmetric to the last digit.
+    return sp.csc_array(sp.bsr_array(blocks, shape=(6 * k, 6 * k)).tocsr().T)
 
 
 def beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
@@ -47,8 +55,13 @@ def freedoms(nodes: Indices) -> Indices:
     return np.asarray(6 * np.asarray(nodes, dtype=np.int64)[..., None] + np.arange(6))
 
 
-def _scatter(K: Array, elements: Indices) -> tuple[Array, NDArray[np.int32], NDArray[np.int32]]:
-    """Values, rows and columns of element matrices (e, 6n, 6n) in the global one."""
-    dofs = freedoms(elements).reshape(len(elements), 6 * elements.shape[1]).astype(np.int32)
-    n = dofs.shape[1]
-    return K.ravel(), np.repeat(dofs, n, axis=1).ravel(), np.tile(dofs, (1, n)).ravel()
+def _pairs(elements: Indices) -> tuple[Indices, Indices]:
+    """Nodes (e n n,) of the rows and of the columns of the blocks of elements (e, n)."""
+    n = elements.shape[1]
+    return np.repeat(elements, n, axis=1).ravel(), np.tile(elements, (1, n)).ravel()
+
+
+def _blocks(K: Array) -> Array:
+    """Blocks (e n n, 36) of element matrices (e, 6n, 6n), one a pair of nodes."""
+    n = K.shape[1] // 6
+    return np.asarray(np.swapaxes(K.reshape(len(K), n, 6, n, 6), 2, 3).reshape(-1, 36))

@@ -37,9 +37,6 @@ Array = NDArray[np.float64]
 
 # 2x2 Gauss points: full integration of all parts; the modes QM6 and MITC4 leave out are in their strains.
 QUADRATURE_ORDER = 3
-_NODES = np.arange(4)
-MEMBRANE_FREEDOMS = (6 * _NODES[:, None] + [0, 1, 5]).ravel()
-BENDING_FREEDOMS = (6 * _NODES[:, None] + [2, 3, 4]).ravel()
 # Elements worked on at a time: their arrays stay in the processor's cache.
 BATCH = 1024
 # A corner's area relative to the diagonals' product below which the corner counts as collapsed or re-entrant.
@@ -81,9 +78,8 @@ def quad_stiffness(corners: Array, youngs_modulus: float, poissons_ratio: float,
     K = np.empty((len(corners), 24, 24))
     for first in range(0, len(corners), BATCH):
         part = slice(first, first + BATCH)
-        rows = _flat_rows(flat[part], youngs_modulus, poissons_ratio, thickness[part])
-        rows = _turned(_linked_to_plane(rows, height[part]), R[part])
-        K[part] = np.swapaxes(rows, 1, 2) @ rows
+        rows = _rows(flat[part], height[part], R[part], youngs_modulus, poissons_ratio, thickness[part])
+        np.matmul(np.swapaxes(rows, 1, 2), rows, out=K[part])
     return K
 
 
@@ -103,34 +99,42 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _flat_rows(flat: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> Array:
-    """Weighted strains (e, 36, 24) of the facets with corners (e, 4, 2), facet axes: ``S^T S`` is the stiffness."""
+def _rows(
+    flat: Array, height: Array, R: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array
+) -> Array:
+    """Weighted strains S (e, 36, 24) of global freedoms: ``S^T S`` is the stiffness.
+
+    ``flat`` (e, 4, 2) and ``height`` (e, 4): the corners in the facet's axes R (e, 3, 3).
+    """
     e = len(flat)
     # Disconnected: scikit-fem has no surfaces in space, so each facet lies flat in its own plane.
     mesh = MeshQuad1(np.ascontiguousarray(flat.reshape(-1, 2).T), np.arange(4 * e).reshape(e, 4).T.copy())
     basis = Basis(mesh, ElementQuad1(), intorder=QUADRATURE_ORDER, disable_doflocs=True)
     sides = Basis(mesh, ElementQuadN1(), intorder=QUADRATURE_ORDER, disable_doflocs=True)
     material = (youngs_modulus, poissons_ratio, thickness)
-    rows = np.zeros((e, 36, 24))
-    rows[:, :16, MEMBRANE_FREEDOMS] = membrane_rows(basis, flat, *material)
-    rows[:, 16:, BENDING_FREEDOMS] = bending_rows(basis, sides, flat, *material)
-    return rows
+    membrane = membrane_rows(basis, flat, *material).reshape(e, 16, 4, 3)
+    bending = bending_rows(basis, sides, flat, *material).reshape(e, 80, 3)
+    # What a corner's six global freedoms move: (u, v, theta_z) and (w, theta_x, theta_y) in the facet's axes.
+    in_plane, out_of_plane = np.zeros((e, 1, 3, 6)), np.zeros((e, 3, 6))
+    in_plane[:, 0, :2, :3], in_plane[:, 0, 2, 3:] = np.swapaxes(R[:, :, :2], 1, 2), R[:, :, 2]
+    out_of_plane[:, 0, :3], out_of_plane[:, 1:, 3:] = R[:, :, 2], np.swapaxes(R[:, :, :2], 1, 2)
+    rows = np.empty((e, 36, 4, 6))
+    by_corner = np.swapaxes(rows[:, :16], 1, 2)
+    np.matmul(np.swapaxes(membrane, 1, 2), _linked_to_plane(in_plane, height), out=by_corner)
+    np.matmul(bending, out_of_plane, out=rows[:, 16:].reshape(e, 80, 6))
+    return rows.reshape(e, 36, 24)
 
 
-def _linked_to_plane(rows: Array, height: Array) -> Array:
-    """Strains (e, 36, 24) of the corners' motion from those of their projections', facet axes: ``S L``.
+def _linked_to_plane(motion: Array, height: Array) -> Array:
+    """Motion (e, 4, 3, 6) in the plane of the corners' projections from that of the corners (e, 1, 3, 6).
 
-    The rigid links ``L`` add to the projections' ``u`` and ``v`` what the corners' tilts move them.
+    A rigid link adds to the projection's ``u`` and ``v`` what its corner's tilt moves it: ``-h theta x n``.
     """
-    linked = rows.copy()
-    linked[:, :, 4::6] -= rows[:, :, 0::6] * height[:, None, :]
-    linked[:, :, 3::6] += rows[:, :, 1::6] * height[:, None, :]
+    x, y = motion[:, :, 0, :3], motion[:, :, 1, :3]
+    linked = np.repeat(motion, 4, axis=1)
+    linked[:, :, 0, 3:] -= height[:, :, None] * y
+    linked[:, :, 1, 3:] += height[:, :, None] * x
     return linked
-
-
-def _turned(rows: Array, R: Array) -> Array:
-    """Strains (e, 36, 24) from global freedoms, from those in axes R (e, 3, 3)."""
-    return np.asarray((rows.reshape(len(R), -1, 3) @ np.swapaxes(R, 1, 2)).reshape(rows.shape))
 
 
 def _check_inputs(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> None:

@@ -62,7 +62,7 @@ def membrane_rows(
     weight = np.sqrt(basis.dx * thickness[:, None])
     rows = np.concatenate(
         [
-            _strain(weight * grad, np.linalg.cholesky(D).T),
+            _strain(weight * grad, np.asarray(np.linalg.cholesky(D).T, dtype=np.float64)),
             np.sqrt(DRILLING_PENALTY * D[2, 2]) * _drilling_excess(weight * grad, weight * value),
         ],
         axis=2,

@@ -93,13 +93,15 @@ def triangle_stiffness(
     K = np.empty((len(corners), 18, 18))
     for first in range(0, len(corners), BATCH):
         part = slice(first, first + BATCH)
-        K[part] = _stiffness(corners[part], youngs_modulus, poissons_ratio, thickness[part], straight[part])
+        rows = _rows(corners[part], youngs_modulus, poissons_ratio, thickness[part], straight[part])
+        np.matmul(np.swapaxes(rows, 1, 2), rows, out=K[part])
     return K
 
 
-def _stiffness(
+def _rows(
     corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array, straight_sides: NDArray[np.bool_]
 ) -> Array:
+    """Weighted strains S (e, 21, 18) of global freedoms: the stiffness is ``S^T S``."""
     axes, xy = facet_axes(corners)
     area = 0.5 * _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0])
     mean, higher = membrane_strains(xy, area, np.where(straight_sides, 0.0, ALPHA_B))
@@ -109,10 +111,8 @@ def _stiffness(
     bending = bending_curvatures(xy)
     bending *= np.sqrt(area * thickness**3 / 12.0)[:, None, None, None, None]
     bending *= np.sqrt(2.0 * _CURVATURE_WEIGHTS)[:, None, None, None]
-    # Six freedoms a node leave 18 columns; 3 strains at 1 + 3 + 3 points are 21 rows: K = (wS)^T E (wS).
-    root: Array = np.linalg.cholesky(plane_stress(youngs_modulus, poissons_ratio)).T
-    rows = _to_global(_times(root, membrane), _times(root, bending), axes)
-    return np.asarray(np.swapaxes(rows, 1, 2) @ rows)
+    root = np.asarray(np.linalg.cholesky(plane_stress(youngs_modulus, poissons_ratio)).T, dtype=np.float64)
+    return _to_global(_times(root, membrane), _times(root, bending), axes)
 
 
 def _times(root: Array, strains: Array) -> Array:

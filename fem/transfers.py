@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fem.model import ArmModel, LinkPart
 from fem.vectors import constant_times, cross, dot, poses_last, scaled, times_constant, to_base, to_local
 from robots import InputError
-from robots.kinematics import BodyFrames
+from robots.kinematics import BodyFrames, tool_position
 
 Array = NDArray[np.float64]
 
@@ -164,14 +164,20 @@ def transfers(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, first:
     """
     arm = _arm(model, frames, tool)
     loop = _loop(arm, first)
+    if model.base.any():
+        yield Transfer("base", model.base, Moved(arm.R[0], arm.tool - arm.p[0]))
     for link in model.links:
         yield _link(arm, loop, link)
     for joint in model.joints:
         compliance = joint.axial.compliance(q)
         if compliance.any():
             yield Transfer(joint.name, compliance, along=_axial(arm, loop, joint.joint), joint=joint.joint)
-        if joint.other.any():
-            yield _other_directions(arm, loop, joint.joint)
+        if joint.bearing.any():
+            yield _bearing(arm, loop, joint.joint, joint.bearing)
+    if model.tool.any():
+        R_flange = poses_last(frames.R_flange)
+        own = poses_last(tool_position(model.robot, frames))
+        yield Transfer("tool", model.tool, Moved(R_flange, arm.tool - own))
     if loop is None or model.bar is None:
         return
     if model.bar.compliance > 0.0:
@@ -257,11 +263,6 @@ def _axial(arm: _Arm, loop: _Loop | None, joint: int) -> Along:
         row = row + dot(e, cross(loop.pin - origin, loop.u)) * loop.row
     # The driven joint's own row needs no change: the crank's torque equals the forearm's moment.
     return Along(row, np.ones((1, 1)))
-
-
-def _other_directions(arm: _Arm, loop: _Loop | None, joint: int) -> Transfer:
-    """Let the joint translate and tilt."""
-    return _bearing(arm, loop, joint, np.diag([*arm.model.joints[joint].other, 0.0]))
 
 
 def _bearing(arm: _Arm, loop: _Loop | None, joint: int, compliance: Array) -> Transfer:

@@ -96,10 +96,17 @@ def link_beam_mesh(
         end,
         link.section.kind,
         np.array(link.beam_up),
-        description.materials[link.material],
+        _material(description, link),
         elements_per_segment,
         lever,
     )
+
+
+def _material(description: ModelDescription, link: Link) -> Material:
+    """The link's material, with its own modulus if it has one."""
+    material = description.materials[link.material]
+    own = link.youngs_modulus
+    return material if own is None else material.model_copy(update={"youngs_modulus": own})
 
 
 def crank_beam_mesh(

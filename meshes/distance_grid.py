@@ -80,18 +80,16 @@ def _lattice(length: Array, spacing: float) -> tuple[Indices, Array]:
     return owner, place / np.maximum(count[owner] - 1, 1)
 
 
-def distance(grid: Grid, points: Array, low: float, high: float, where: Flags | None = None) -> Array:
+def distance(grid: Grid, points: Array, low: float, high: float) -> Array:
     """Distance (of the grid's shape) m from each grid point to the nearest of ``points`` (p, 3), all on the grid.
 
-    Exact between ``low`` and ``high`` (and where ``where`` says so), elsewhere within a step. Against a surface
+    Exact between ``low`` and ``high``, elsewhere within a step. Against a surface
     with samples a apart it is too large by up to a^2 / (4 distance).
     """
     free = np.ones(grid.shape, dtype=bool)
     free[tuple(np.rint((points - grid.origin) / grid.step).astype(np.int64).T)] = False
     field = np.asarray(ndimage.distance_transform_edt(free, sampling=grid.step), dtype=np.float64)
     near = (field >= low - _ROUNDED * grid.step) & (field <= high + _ROUNDED * grid.step)
-    if where is not None:
-        near &= where
     # Many points are almost equally near: large leaves save half the time.
     field[near] = KDTree(points, leafsize=30).query(grid.origin + grid.step * np.argwhere(near))[0]
     return field
@@ -100,7 +98,7 @@ def distance(grid: Grid, points: Array, low: float, high: float, where: Flags | 
 def enclosed(grid: Grid, nodes: Array, faces: Indices) -> Flags:
     """Which grid points a closed surface encloses."""
     stencil = vtkPolyDataToImageStencil()
-    stencil.SetInputData(pv.PolyData.from_regular_faces(nodes, faces))
+    stencil.SetInputData(pv.PolyData.from_regular_faces(nodes, faces.astype(int)))
     stencil.SetOutputOrigin(*grid.origin)
     stencil.SetOutputSpacing(*[grid.step] * 3)
     stencil.SetOutputWholeExtent(*np.stack([np.zeros(3, int), np.array(grid.shape) - 1], axis=1).ravel().tolist())

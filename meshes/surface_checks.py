@@ -1,13 +1,11 @@
-"""A user's surface file, read, repaired and judged, before anything is meshed on it.
+"""A user's surface repaired and judged, before anything is meshed on it.
 
 Surfaces here are arrays: corners (n, 3) and faces (m, 3), the outward sense of a face by its right hand.
 """
 
 from __future__ import annotations
 
-import importlib.util
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,86 +23,28 @@ Indices = NDArray[np.int64]
 # Has no type hints.
 _triangles: Any = trimesh.triangles
 
-SUFFIXES = (".stl", ".obj", ".dae", ".ply")
+
+class SurfaceFault(InputError):  # noqa: N818 - a fault of the surface
+    """A surface that is no clean closed skin; wrapping may mend it."""
+
+
 # Corners nearer than this share of the diagonal are one; a 32 bit STL resolves 1e-7 of its extents.
 SAME_POINT = 1e-6
 # A face lower than this share of its longest edge has no normal worth the name.
 FLAT_FACE = 1e-6
 # A second body with more than this share of the largest one's area is not an accessory.
 SECOND_BODY = 0.2
-# Extents of a casing over the distance of its interfaces; beyond, the unit of length is in doubt.
-SPAN_RATIO = (0.5, 5.0)
-SCALES = (0.001, 1000.0, 0.01, 100.0, 0.0254, 0.3048)
 
 
-def read_surface(path: Path, scale: float | None) -> tuple[Array, Indices, list[str]]:
-    """Corners in metres and faces of a STL, OBJ, DAE or PLY file, as they stand.
-
-    ``scale`` is metres for one unit of the file; None takes the file's own unit (DAE), else metres.
-
-    Raises
-    ------
-    InputError
-        File missing or unreadable, no triangles, numbers that are not finite, ``scale`` not positive.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"surface {path.name}", value=path.suffix, allowed=", ".join(SUFFIXES))
-    if not path.is_file():
-        raise InputError("surface file not found", value=str(path), remedy="check the path")
-    if scale is not None and not 0.0 < scale < np.inf:
-        raise InputError("scale (m for one unit of the file)", value=scale, allowed="greater than 0")
-    if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
-        raise InputError(
-            f"surface {path.name}: DAE files need the package pycollada",
-            remedy="install pycollada, or convert the file to STL",
-        )
-    try:
-        mesh = trimesh.load_mesh(path, process=False)
-        nodes = np.asarray(mesh.vertices, dtype=np.float64)
-        faces = np.asarray(mesh.faces, dtype=np.int64)
-    except Exception as error:  # the readers raise whatever their parsers do
-        raise InputError(
-            f"surface {path.name} cannot be read ({type(error).__name__}: {error})", remedy="export it again"
-        ) from error
-    if not faces.size:
-        raise InputError(f"surface {path.name} has no triangles", remedy="export a surface, not points or curves")
-    if not np.isfinite(nodes).all():
-        raise InputError(f"surface {path.name}: corners that are not finite numbers", remedy="export it again")
-    notes = [f"read {len(faces)} triangles from {path.name}"]
-    if scale is None:
-        scale = float(trimesh.units.unit_conversion(mesh.units, "meters")) if mesh.units else 1.0
-        notes.append(f"unit of the file {'from its header' if mesh.units else 'taken as the metre'}")
-    if scale != 1.0:
-        notes.append(f"coordinates multiplied by {scale:g}")
-    return nodes * scale, faces, notes
-
-
-def check_scale(name: str, nodes: Array, points: Array, span: float | None) -> str:
-    """Compare the surface's diagonal with the interfaces' distance (m); a line for the report.
-
-    Raises
-    ------
-    InputError
-        The ratio is outside ``SPAN_RATIO``; a factor that would mend it is named.
-    """
-    if span is None:
-        span = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
-    elif not 0.0 < span < np.inf:
-        raise InputError("expected span (m)", value=span, allowed="greater than 0")
-    diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
-    low, high = SPAN_RATIO
-    if span == 0.0:
-        return "scale not checked: one interface and no expected span"
-    if not low <= diagonal / span <= high:
-        fits = [factor for factor in SCALES if low <= factor * diagonal / span <= high]
-        remedy = f"multiply scale by {fits[0]:g} (scale={fits[0]:g} if none was given)" if fits else "check both"
-        raise InputError(
-            f"scale of {name}: surface {diagonal:.4g} m across, interfaces {span:.4g} m apart",
-            value=f"ratio {diagonal / span:.4g}",
-            allowed=f"{low:g} to {high:g}",
-            remedy=remedy,
-        )
-    return f"scale: surface {diagonal:.4g} m across, interfaces {span:.4g} m apart"
+def census(nodes: Array, faces: Indices) -> tuple[int, int]:
+    """Bodies of a surface, and its edges with one face only, once corners at the same place are merged."""
+    nodes, faces, _ = _merged(nodes, faces)
+    if not len(faces):
+        return 0, 0
+    rows, columns = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(len(nodes),) * 2)
+    label = connected_components(graph, directed=False)[1]
+    return int(np.unique(label[faces[:, 0]]).size), len(_open_edges(faces))
 
 
 def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[Array, Indices, list[str]]:
@@ -112,7 +52,7 @@ def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tupl
 
     Raises
     ------
-    InputError
+    SurfaceFault
         Degenerate triangles that cannot be dropped, two bodies, an open surface, edges with three faces or more,
         a surface without an inside.
     """
@@ -121,9 +61,9 @@ def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tupl
     faces, more = _largest_body(name, nodes, faces)
     mesh = trimesh.Trimesh(nodes, faces, process=False)
     if (np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1] > 2).any():
-        raise InputError(
+        raise SurfaceFault(
             f"surface {name}: edges with more than two faces",
-            remedy="remove inner walls and touching parts, or wrap the surface (alpha wrap) before the import",
+            remedy="remove inner walls and touching parts, or let the import wrap it",
         )
     faces, turned = _wound(name, faces)
     nodes, faces, filled = _fill_holes(name, nodes, faces, hole)
@@ -166,7 +106,7 @@ def _without_flat(name: str, nodes: Array, faces: Indices) -> tuple[Indices, lis
     if not flat.any():
         return faces, []
     if flat.all() or len(_open_edges(faces[~flat])) > len(_open_edges(faces)):
-        raise InputError(
+        raise SurfaceFault(
             f"surface {name}: {int(flat.sum())} degenerate triangles (three corners on a line)",
             value=f"the first has corners {np.round(corners[flat][0], 6).tolist()} m",
             allowed="triangles with area, unless the surface stays closed without them",
@@ -188,7 +128,7 @@ def _largest_body(name: str, nodes: Array, faces: Indices) -> tuple[Indices, lis
         return faces, []
     share = float(area[order[1]] / area[order[0]])
     if share > SECOND_BODY:
-        raise InputError(
+        raise SurfaceFault(
             f"surface {name}: {order.size} separate bodies, areas of the two largest 1 : {share:.2f}",
             allowed=f"one body, others below {SECOND_BODY:g} of its area",
             remedy="export the casing's outer skin alone, or unite the parts",
@@ -212,7 +152,7 @@ def _wound(name: str, faces: Indices) -> tuple[Indices, int]:
     graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(2 * m, 2 * m))
     label = connected_components(graph, directed=False)[1].reshape(2, m)
     if (label[0] == label[1]).any():
-        raise InputError(f"surface {name} has one side only", remedy="repair it in a CAD program")
+        raise SurfaceFault(f"surface {name} has one side only", remedy="repair it in a CAD program")
     turned = label[0] > label[1]
     if turned.sum() > m / 2:
         turned = ~turned
@@ -238,11 +178,11 @@ def _fill_holes(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[A
     simple = np.unique(edges[:, 0]).size == len(edges) == np.unique(edges[:, 1]).size
     if around.max() > hole or not simple:
         middle = nodes[edges[loop == np.argmax(around)][:, 0]].mean(axis=0)
-        raise InputError(
+        raise SurfaceFault(
             f"surface {name} is open: {np.unique(loop).size} hole(s), the largest {around.max():.4g} m around "
             f"at {np.round(middle, 4).tolist()} m",
             allowed=f"a closed surface, or plain holes up to {hole:.4g} m around, which are filled",
-            remedy="close it in the program it came from, or wrap it (alpha wrap)",
+            remedy="close it in the program it came from, or let the import wrap it",
         )
     loops, place = np.unique(loop, return_inverse=True)
     middles = np.stack([nodes[edges[place == i][:, 0]].mean(axis=0) for i in range(loops.size)])

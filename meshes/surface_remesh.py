@@ -24,8 +24,11 @@ _triangles: Any = trimesh.triangles
 
 # Edges between these shares of the target size stay (Botsch and Kobbelt).
 SHORT, LONG = 0.8, 4.0 / 3.0
-# Faces that meet at more than this form an edge of the part, which remeshing keeps.
+# Faces that meet at more than this form an edge of the part, which remeshing keeps; no step turns a face further.
 SHARP_DEG = 40.0
+# How far a step may turn a face where no edges are kept.
+FOLD_DEG = 75.0
+NEVER = -2.0  # no cosine is less
 # Below this share of the size an edge goes, even one of a corner: no element could hold such a detail.
 TINY = 0.4
 # Height over longest edge, below which the normal of a face says nothing.
@@ -34,18 +37,32 @@ ROUNDS = 6
 LEFT_OVER = 0.002
 
 
-def remesh(nodes: Array, faces: Indices, size: float, sharp_deg: float = SHARP_DEG) -> tuple[Array, Indices]:
-    """Even triangles of edge ``size`` m on a closed manifold surface; edges sharper than ``sharp_deg`` are kept."""
-    sharp = float(np.cos(np.deg2rad(sharp_deg)))
-    target = _Surface(nodes, faces, size, sharp)
+@dataclass(frozen=True)
+class _Limits:
+    """Element size (m), and cosines: of the angle that makes an edge sharp, and of the most that a face turns."""
+
+    size: float
+    sharp: float
+    fold: float
+
+
+def remesh(nodes: Array, faces: Indices, size: float, keep_edges: bool = True) -> tuple[Array, Indices]:
+    """Even triangles of edge ``size`` m on a closed manifold surface.
+
+    ``keep_edges``: edges sharper than 40 deg stay where they are. Without, they are rounded by up to an element,
+    and the elements are better: for surfaces whose edges mean nothing, as those of contours and wraps.
+    """
+    sharp, fold = float(np.cos(np.deg2rad(SHARP_DEG))), float(np.cos(np.deg2rad(FOLD_DEG)))
+    limits = _Limits(size, sharp, sharp) if keep_edges else _Limits(size, NEVER, fold)
+    target = _Surface(nodes, faces, limits)
     for _ in range(ROUNDS):
         nodes, faces = _split(nodes, faces, LONG * size)
-        nodes, faces = _collapse(nodes, faces, size, sharp)
-        faces = _flip(nodes, faces, sharp)
-        nodes = _smooth(nodes, faces, target)
+        nodes, faces = _collapse(nodes, faces, limits)
+        faces = _flip(nodes, faces, limits)
+        nodes = _smooth(nodes, faces, target, limits)
     # The way back to sharp edges may have brought nodes together.
-    nodes, faces = _collapse(nodes, faces, size, sharp, TINY)
-    return nodes, _flip(nodes, faces, sharp)
+    nodes, faces = _collapse(nodes, faces, limits, TINY)
+    return nodes, _flip(nodes, faces, limits)
 
 
 @dataclass(frozen=True)
@@ -84,10 +101,10 @@ def unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
 
 
-def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limit: float) -> tuple[Flags, Indices]:
+def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limits: _Limits) -> tuple[Flags, Indices]:
     """Which edges (e,) are sharp, and the nodes' kind (n,): 0 on a face, 1 along a sharp edge, 2 a corner."""
     normal = unit(normals(nodes, faces))
-    sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < limit
+    sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < limits.sharp
     ends = edges.ends[sharp]
     way = unit(nodes[ends[:, 1]] - nodes[ends[:, 0]])
     turn = np.zeros((len(nodes), 3))
@@ -95,7 +112,7 @@ def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limit: float) -> tup
     np.add.at(turn, ends[:, 1], -way)
     degree = np.bincount(ends.ravel(), minlength=len(nodes))
     # Two edges that go straight on cancel; |turn| = 2 sin(angle / 2).
-    bent = np.linalg.norm(turn, axis=1) > np.sqrt(2.0 - 2.0 * limit)
+    bent = np.linalg.norm(turn, axis=1) > np.sqrt(2.0 - 2.0 * limits.sharp)
     return sharp, np.where(degree == 0, 0, np.where((degree == 2) & ~bent, 1, 2))
 
 
@@ -133,16 +150,14 @@ def _split(nodes: Array, faces: Indices, longest: float) -> tuple[Array, Indices
         faces = np.concatenate(parts)
 
 
-def _collapse(
-    nodes: Array, faces: Indices, size: float, limit: float, shortest: float = SHORT
-) -> tuple[Array, Indices]:
+def _collapse(nodes: Array, faces: Indices, limits: _Limits, shortest: float = SHORT) -> tuple[Array, Indices]:
     """Collapse edges below ``shortest`` of the size, where form and manifold allow it."""
     # In random order many collapses are independent of each other; the fixed seed makes meshes repeatable.
     order = np.random.default_rng(0)
     for _ in range(400):
         edges = _edges(faces)
         n = len(nodes)
-        gone, kept = _collapsible(nodes, faces, edges, size, limit, shortest)
+        gone, kept = _collapsible(nodes, faces, edges, limits, shortest)
         # The last few block each other for many passes; the next round takes them, if there is one.
         if gone.size <= (LEFT_OVER * len(edges.ends) if shortest == SHORT else 0):
             break
@@ -161,13 +176,13 @@ def _collapse(
 
 
 def _collapsible(
-    nodes: Array, faces: Indices, edges: _Edges, size: float, limit: float, shortest: float
+    nodes: Array, faces: Indices, edges: _Edges, limits: _Limits, shortest: float
 ) -> tuple[Indices, Indices]:
     """Pairs (gone, kept) of nodes whose collapse keeps form, edge length and manifold, each judged by itself."""
-    sharp, kind = _sharpness(nodes, faces, edges, limit)
+    sharp, kind = _sharpness(nodes, faces, edges, limits)
     length = np.linalg.norm(nodes[edges.ends[:, 1]] - nodes[edges.ends[:, 0]], axis=1)
-    short = length < shortest * size
-    ends, along, tiny = edges.ends[short], sharp[short], length[short] < TINY * size
+    short = length < shortest * limits.size
+    ends, along, tiny = edges.ends[short], sharp[short], length[short] < TINY * limits.size
     swap = kind[ends[:, 0]] > kind[ends[:, 1]]
     gone, kept = np.where(swap, ends[:, 1], ends[:, 0]), np.where(swap, ends[:, 0], ends[:, 1])
     # Nodes on a face may go anywhere, nodes of a sharp edge only along it, corners never.
@@ -192,17 +207,18 @@ def _collapsible(
     level = np.einsum("ij,ij->i", unit(normal), unit(before))
     level[_slivers(nodes, old, before) & tiny[pair]] = 1.0
     thin = np.linalg.norm(normal, axis=1) < 0.05 * length**2
-    bad = np.bincount(pair, ((length > LONG * size) & ~tiny[pair]) | (level < limit) | thin, minlength=gone.size) > 0
+    wrong = ((length > LONG * limits.size) & ~tiny[pair]) | (level < limits.fold) | thin
+    bad = np.bincount(pair, wrong, minlength=gone.size) > 0
     return gone[~bad], kept[~bad]
 
 
-def _flip(nodes: Array, faces: Indices, limit: float) -> Indices:
+def _flip(nodes: Array, faces: Indices, limits: _Limits) -> Indices:
     """Turn edges within their two faces until the mesh is Delaunay, but for sharp edges."""
     order = np.random.default_rng(0)
     for _ in range(60):
         edges = _edges(faces)
         n = len(nodes)
-        sharp, _ = _sharpness(nodes, faces, edges, limit)
+        sharp, _ = _sharpness(nodes, faces, edges, limits)
         (a, b), (c, d) = edges.ends.T, edges.opposite.T
         angle = _triangles.angles(nodes[faces])
         corner = [
@@ -214,7 +230,7 @@ def _flip(nodes: Array, faces: Indices, limit: float) -> Indices:
         before = normals(nodes, faces[edges.faces[bad, 0]]) + normals(nodes, faces[edges.faces[bad, 1]])
         fine = np.ones(len(bad), dtype=bool)
         for new in (one, two):
-            fine &= np.einsum("ij,ij->i", unit(normals(nodes, new)), unit(before)) > limit
+            fine &= np.einsum("ij,ij->i", unit(normals(nodes, new)), unit(before)) > limits.fold
         bad, one, two = bad[fine], one[fine], two[fine]
         if not bad.size:
             break
@@ -227,10 +243,10 @@ def _flip(nodes: Array, faces: Indices, limit: float) -> Indices:
     return faces
 
 
-def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
+def _smooth(nodes: Array, faces: Indices, target: _Surface, limits: _Limits) -> Array:
     """Move nodes towards their neighbours' middle and back on the surface; corners stay."""
     edges = _edges(faces)
-    sharp, kind = _sharpness(nodes, faces, edges, target.sharp)
+    sharp, kind = _sharpness(nodes, faces, edges, limits)
     n = len(nodes)
     # A node of a sharp edge has its two neighbours along it only.
     heard = np.concatenate([edges.ends, edges.ends[:, ::-1]])
@@ -244,7 +260,7 @@ def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
     moved[kind == 1] = target.nearest_sharp(moved[kind == 1])
     before = unit(normals(nodes, faces))
     for _ in range(4):
-        turned = np.einsum("ij,ij->i", unit(normals(moved, faces)), before) < target.sharp
+        turned = np.einsum("ij,ij->i", unit(normals(moved, faces)), before) < limits.fold
         moved[np.unique(faces[turned])] = nodes[np.unique(faces[turned])]
     return moved
 
@@ -252,15 +268,14 @@ def _smooth(nodes: Array, faces: Indices, target: _Surface) -> Array:
 class _Surface:
     """The surface to stay on, cut into small triangles so that the nearest centres tell the nearest triangle."""
 
-    def __init__(self, nodes: Array, faces: Indices, size: float, limit: float) -> None:
+    def __init__(self, nodes: Array, faces: Indices, limits: _Limits) -> None:
         edges = _edges(faces)
-        sharp, _ = _sharpness(nodes, faces, edges, limit)
-        self.sharp = limit
+        sharp, _ = _sharpness(nodes, faces, edges, limits)
         self._segments = nodes[edges.ends[sharp]]
-        fine, cells = _split(nodes, faces, size)
+        fine, cells = _split(nodes, faces, limits.size)
         self._triangles = fine[cells]
         self._tree = KDTree(self._triangles.mean(axis=1))
-        self._size = size
+        self._size = limits.size
 
     def nearest(self, points: Array) -> Array:
         """Nearest point on the surface (p, 3)."""

@@ -35,8 +35,8 @@ STEPS = 2.0
 # CGAL's manual advises an offset of a tenth to a thirtieth of alpha.
 ALPHA_OFFSET = 0.1
 TIMEOUT_S = 300.0
-# Of the volume, lost with parts thinner than the wall.
-MOST_LOST = 0.3
+# Share of the volume in parts that are too thin: refused, and worth saying.
+MOST_LOST, LOST_SAID = 0.3, 0.002
 
 # It runs in a process of its own: pymeshlab and CGAL end their process on some surfaces.
 _ALPHA_WRAP = """
@@ -155,53 +155,66 @@ def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset
     raise InputError(f"surface {name}: the alpha wrap failed ({reason})", remedy="wrap by the grid instead")
 
 
-def middle_surface(
-    name: str, skin: tuple[Array, Indices], depth: float, size: float, margin: float
-) -> tuple[Array, Indices, tuple[str, ...]]:
-    """Surface ``depth`` m inside a closed skin, without the parts too thin for it; finer than ``size``.
+def middle_surface(name: str, wrap: Wrap, wall: float, size: float) -> tuple[Array, Indices, tuple[str, ...]]:
+    """Mid-surface of a wall ``wall`` m thick under the wrapped surface, finer than ``size``; and notes.
 
-    The inside is eroded by ``margin`` more and dilated again, so that no two sides of the result come nearer
-    to each other than twice that.
+    What is thinner than the wall and two grid steps goes: the inside of the mid-surface is eroded by half a size
+    and dilated again, so that no two sides of it come nearer to each other than an element.
 
     Raises
     ------
     InputError
-        The skin has no room for the depth: nothing, several large bodies, or too little of it remains.
+        No room for the wall: nothing, several large bodies, or too little of the casing remains.
     """
-    step = size / STEPS
-    grid = grid_around(name, skin[0], step, 4.0 * step)
-    inside = enclosed(grid, *skin)
-    field = _signed_distance(grid, *skin, inside, depth + margin)
+    step, depth, margin = size / STEPS, wrap.offset + 0.5 * wall, 0.5 * size
+    grid = grid_around(name, wrap.nodes, step, 4.0 * step)
+    field = _signed_distance(grid, wrap.nodes, wrap.faces, depth + margin)
     remedy = "give the wall's true thickness or a smaller target size"
     core = bodies(*contour(grid, field + depth + margin))
     if not core:
         raise InputError(
-            f"surface {name} has no room for the wall: nothing of it is {2e3 * (depth + margin):.3g} mm thick",
+            f"surface {name} has no room for its wall: nothing of it is {1e3 * (wall + 2.0 * margin):.3g} mm thick",
+            value=f"wall {1e3 * wall:.3g} mm, target size {1e3 * size:.3g} mm",
             remedy=remedy,
         )
     _refuse_second_body(name, core, "joined only by parts thinner than the wall", remedy)
-    opened = _signed_distance(grid, *core[0], enclosed(grid, *core[0]), margin)
-    nodes, faces = bodies(*contour(grid, opened - margin))[0]
-    whole = float(np.count_nonzero(field < -depth)) * step**3
-    lost = 1.0 - signed_volume(nodes, faces) / whole
+    nodes, faces = bodies(*contour(grid, _signed_distance(grid, *core[0], margin) - margin))[0]
+    lost = 1.0 - signed_volume(nodes, faces) / (float(np.count_nonzero(field < -depth)) * step**3)
     if lost > MOST_LOST:
         raise InputError(
-            f"surface {name}: {100 * lost:.0f} % of its volume is in parts too thin for the wall",
+            f"surface {name}: {100 * lost:.0f} % of its volume is in parts too thin for the wall and the elements",
+            value=f"wall {1e3 * wall:.3g} mm, target size {1e3 * size:.3g} mm",
             allowed=f"up to {100 * MOST_LOST:.0f} %",
             remedy=remedy,
         )
-    notes = () if lost < 0.002 else (f"parts too thin for the wall left out: {100 * lost:.1f} % of the volume",)
+    notes = () if lost < LOST_SAID else (f"parts too thin for a casing left out: {100 * lost:.1f} % of the volume",)
     return nodes, faces, notes
 
 
-def _signed_distance(grid: Grid, nodes: Array, faces: Indices, inside: NDArray[np.bool_], depth: float) -> Array:
-    """Distance to a closed surface on the grid, negative inside; exact around ``depth`` to both sides."""
+def _signed_distance(grid: Grid, nodes: Array, faces: Indices, depth: float) -> Array:
+    """Distance to a closed surface on the grid, negative inside; exact around ``depth`` on both sides."""
     reach = 1.5 * grid.step
     far = distance(grid, sample(nodes[faces], 0.5 * grid.step), max(depth - reach, 0.0), depth + reach)
-    return np.where(inside, -far, far)
+    return np.where(enclosed(grid, nodes, faces), -far, far)
 
 
-def departure(nodes: Array, corners: Array, depth: float, spacing: float) -> tuple[float, float]:
-    """How far nodes (n, 3) are from lying ``depth`` m off triangles (m, 3, 3): 95 % of them, and the worst; m."""
-    off = np.abs(KDTree(sample(corners, spacing)).query(nodes)[0] - depth)
-    return float(np.percentile(off, 95.0)), float(off.max())
+def departure(
+    wrap: Wrap, corners: Array, middle: tuple[Array, Indices], wall: float, size: float
+) -> tuple[float, float]:
+    """How far a mid-surface and the original (m, 3, 3) are from being half a wall apart, by samples; m.
+
+    Of the mid-surface: how much too far from the nearest original triangle (bridged openings). Of the original,
+    where the wrap sees it: how much too far from the mid-surface (details lost, edges rounded).
+
+    Returns
+    -------
+    the value that 95 % of the samples of both keep, and the worst
+    """
+    original, ours = sample(corners, size / 3.0), sample(middle[0][middle[1]], size / 3.0)
+    skin = KDTree(sample(wrap.nodes[wrap.faces], size / 3.0))
+    seen = original[skin.query(original)[0] <= wrap.offset + 0.25 * size]
+    off = []
+    for points, surface in ((ours, original), (seen, ours)):
+        if len(points):
+            off.append(np.maximum(np.asarray(KDTree(surface).query(points)[0]) - 0.5 * wall, 0.0))
+    return max(float(np.percentile(far, 95.0)) for far in off), max(float(far.max()) for far in off)

@@ -142,7 +142,7 @@ def robot_from(description: ModelDescription) -> Robot:
         T_pre=np.stack([pre for pre, _ in placements]),
         R_post=np.stack([post for _, post in placements]),
         sign=np.array([float(joint.sign) for joint in joints]),
-        offset=np.array([0.0 if joint.offset is None else joint.offset.si for joint in joints]),
+        offset=np.array([_offset(joint) for joint in joints]),
         limits=np.stack([joint.limits.si_array for joint in joints]),
         couplings=tuple(_coupling(description, i) for i in range(len(description.coupling))),
         T_last_flange=_transform(description.flange),
@@ -151,6 +151,12 @@ def robot_from(description: ModelDescription) -> Robot:
     )
     _check_parallelogram(robot)
     return robot
+
+
+def _offset(joint: Joint) -> float:
+    """Angle of the joint where its coordinate reads zero; the zero error counts like the coordinate."""
+    nominal = 0.0 if joint.offset is None else joint.offset.si
+    return nominal + joint.sign * (0.0 if joint.zero_error is None else joint.zero_error.si)
 
 
 def rotation_about_x(angle: float) -> Array:

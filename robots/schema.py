@@ -165,7 +165,8 @@ class ParallelogramBar(Strict):
     """The parallelogram that drives the forearm from a motor at the shoulder.
 
     ``pin`` is the bar's pin on the driven link, in that link's body frame; crank and driven lever
-    are parallel and equally long. The bar is pinned at both ends (a two-force member).
+    are parallel and equally long. The bar is pinned at both ends (a two-force member); ``bar_stiffness`` along it
+    overrides what its section gives.
     """
 
     driven: str
@@ -175,6 +176,7 @@ class ParallelogramBar(Strict):
     bar_material: str
     crank: Section
     crank_material: str
+    bar_stiffness: TranslationalStiffness | None = None
 
 
 class CouplingTerm(Strict):

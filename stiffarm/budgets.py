@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import ArmModel
-from fem.budget import Budget, PartKind, compliance_budget
+from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
 from stiffarm.payloads import number
 from surrogate import default_sweep
@@ -29,7 +28,7 @@ _KINDS: Final[dict[PartKind, str]] = {
     "joint": "joints",
     "link": "links",
     "parallelogram": "bar and crank",
-    "other": "other parts",
+    "other": "base and tool",
 }
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stiffarm import __version__
-from stiffarm.commands import calibration, chain, models, surrogates
+from stiffarm.commands import calibration, chain, exporting, models, surrogates
 
 app = typer.Typer(
     name="stiffarm",
@@ -26,6 +26,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "fit": surrogates.fit,
     "query": surrogates.query,
     "map": surrogates.map_command,
+    "export": exporting.export,
 }
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from fem import ArmFields
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from stiffarm import picture_style as style
+from stiffarm.budgets import PoseBudget
 from stiffarm.field_files import FieldGrid
 from stiffarm.rendering import VIEWS, Picture, Renderer, chosen, drawn, show
 from stiffarm.robot_drawing import DrawnBody, draw_robot
@@ -35,10 +36,12 @@ _TOP_PERCENTILE: Final = 99.5
 _ARROW: Final = 0.13
 _LOAD_COLOUR: Final = style.OKABE_ITO["vermillion"]
 _GHOST: Final = "#5A6068"
-# Parts named in the picture: so many at most, with this share at least; height of a line over that of the picture.
+# Parts named in the picture: so many at most, with this share at least; height of a line and width of a letter over the
+# height of the picture.
 _NAMED: Final = 5
 _WORTH_NAMING: Final = 0.05
 _LINE: Final = 0.032
+_LETTER: Final = 0.0125
 
 
 def _energy_colours() -> Colormap:
@@ -58,7 +61,7 @@ _EXTEND: Final[dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]]
 
 @dataclass(frozen=True)
 class DeformedArm:
-    """An arm in one pose under one load, ready to draw: its fields, and how many times they are drawn."""
+    """An arm in one pose under one load, ready to draw: fields, energy budget, how many times motion is drawn."""
 
     description: ModelDescription
     robot: Robot
@@ -67,6 +70,7 @@ class DeformedArm:
     point: Array | None
     fields: ArmFields
     grid: FieldGrid
+    budget: PoseBudget
     scale: float
 
     @property
@@ -116,7 +120,7 @@ def render_field(
         axes = style.frame_axes(figure, loaded.camera, style.box_ticks(corners), flat=view == "side")
         show(figure, axes, loaded, works)
         _outline(figure, axes, unloaded, works)
-        taken = [loaded.camera(place) for arrow in arrows.values() for place in arrow]
+        taken = [loaded.camera(place) for a, b in arrows.values() for place in np.linspace(a, b, 5)]
         _share_labels(axes, loaded.camera, arm, loaded.bodies, taken)
         _draw_load(axes, loaded.camera, arrows)
         style.headings(figure, heading, subtitle)
@@ -182,24 +186,28 @@ def _share_labels(
     axes: Axes, camera: style.Camera, arm: DeformedArm, bodies: Sequence[DrawnBody], taken: Sequence[Array]
 ) -> None:
     """Name the parts that store most, with their share, where they are drawn and nothing else is ``taken``."""
-    places = {body.name: body.mesh.bounds.mean(axis=0) for body in bodies}
+    places: dict[str, Array] = {body.name: body.mesh.bounds.mean(axis=0) for body in bodies}
     nodes = arm.grid.deformed(arm.scale) * M_TO_MM
     ends = np.cumsum([len(link.mesh.nodes) for link in arm.fields.links])[:-1]
     places |= {link.name: part.mean(axis=0) for link, part in zip(arm.fields.links, np.split(nodes, ends), strict=True)}
-    energy = arm.fields.energy_by_part
-    total = sum(energy.values())
-    low, high = axes.get_ylim()
-    spots = [(float(place[0]), float(place[1]), "") for place in taken]
-    for name in sorted(energy, key=lambda n: -energy[n])[:_NAMED]:
-        place = places.get(name.removesuffix(" other directions"))
-        if place is None or energy[name] < _WORTH_NAMING * total:
-            continue
-        u, v = (float(x) for x in camera(place)[:2])
-        while any(abs(u - a) < 0.16 * (high - low) and abs(v - b) < _LINE * (high - low) for a, b, _ in spots):
-            v -= 0.5 * _LINE * (high - low)
-        spots.append((u, v, f"{name} {100.0 * energy[name] / total:.0f} %"))
+    stand_in = {"base": "base plate", "tool": "mounting plate"}
+    places = {own: places[drawn_as] for own, drawn_as in stand_in.items() if drawn_as in places} | places
+    height = float(np.ptp(axes.get_ylim()))
+    line, letter = _LINE * height, _LETTER * height
     halo = [withStroke(linewidth=3.5, foreground="white")]
-    for u, v, text in spots[len(taken) :]:
+    # Middles and half widths of what is there already.
+    there = [(float(place[0]), float(place[1]), 3.0 * letter) for place in taken]
+    for i in arm.budget.order[:_NAMED]:
+        name, share = arm.budget.parts[i], float(arm.budget.share[i])
+        place = places.get(name.removesuffix(" other directions"))
+        if place is None or share < _WORTH_NAMING:
+            continue
+        text = f"{name} {100.0 * share:.0f} %"
+        (u, v), half = camera(place)[:2], 0.5 * letter * len(text)
+        shifts = [0.0] + [sign * k * 0.5 * line for k in range(1, 12) for sign in (1.0, -1.0)]
+        free = [d for d in shifts if not any(abs(u - a) < half + w and abs(v + d - b) < line for a, b, w in there)]
+        v += (free or shifts)[0]
+        there.append((u, v, half))
         axes.text(u, v, text, ha="center", va="center", size=10.5, weight="bold", zorder=6, path_effects=halo)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import ArmModel, arm_fields
+from fem.budget import whole_joints
 from robots import InputError, ModelDescription, Robot, content_hash, load_description
 from stiffarm.budgets import pose_budget
 from stiffarm.field_files import checked_scale, field_grid, write_field
@@ -60,16 +61,16 @@ def deformed_arm(
     """Fields of one pose q (dof,) under one load (6,), and how many times to draw them (None: automatic)."""
     fields = arm_fields(model, q, wrench, point)
     grid = field_grid(fields)
-    return DeformedArm(description, model.robot, q, wrench, point, fields, grid, checked_scale(scale, grid))
+    budget = pose_budget(model, q, wrench, point)
+    return DeformedArm(description, model.robot, q, wrench, point, fields, grid, budget, checked_scale(scale, grid))
 
 
 def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints: bool = False) -> dict[str, Any]:
     """Write ``field.vtu``, ``field.png``, ``energy_share.png`` and ``budget.json``; returns names and figures."""
-    budget = pose_budget(model, arm.q, arm.wrench, arm.point)
     save_vtu(arm, model, folder.path("field.vtu"))
     picture = picture_of(arm, folder, "field.png")
     facts = f"{pose_text(arm.robot, arm.q)}; load {wrench_text(arm.wrench)}".replace("-", "−")
-    figure = energy_share_figure(budget, f"Where the {_short(arm)} gives way", facts)
+    figure = energy_share_figure(arm.budget, f"Where the {_short(arm)} gives way", facts)
     save_png(figure, folder.path("energy_share.png"))
     content = {
         "robot": arm.robot.name,
@@ -77,7 +78,7 @@ def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints:
         "rigid_joints": rigid_joints,
         "pose_deg": {n: number(v) for n, v in zip(arm.robot.coordinates, np.degrees(arm.q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, arm.wrench, strict=True)},
-        **budget.payload(),
+        **arm.budget.payload(),
     }
     folder.write_json("budget.json", content)
     stress = arm.grid.von_mises.max(axis=1)
@@ -88,13 +89,14 @@ def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints:
         "largest_von_mises_MPa": number(float(stress[worst]) * 1e-6),
         "largest_von_mises_in": arm.grid.parts[arm.grid.part[worst]],
         "messages": [picture] if picture else [],
-        "budget": budget.payload(),
+        "budget": arm.budget.payload(),
     }
 
 
 def save_vtu(arm: DeformedArm, model: ArmModel, path: Path) -> None:
     """Write the deformed arm with all its arrays (see :func:`stiffarm.field_files.write_field`)."""
-    write_field(arm.grid, arm.scale, path, springs=arm.fields.springs, metadata=_metadata(arm, model))
+    springs = whole_joints(model, arm.fields.springs)
+    write_field(arm.grid, arm.scale, path, springs=springs, metadata=_metadata(arm, model))
 
 
 def picture_of(arm: DeformedArm, folder: OutputFolder, name: str) -> str:

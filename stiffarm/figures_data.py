@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _HATCHES: Final = ("////", "xxxx", "....")
 # From this many bars on, their numbers stand upright; from the second on they are left out.
 _BARS_UPRIGHT, _BARS_BARE = 36, 90
+# From this many characters on, the labels of the poses stand upright.
+_LABELS_UPRIGHT = 100
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,10 @@ def data_figure(
     bars = len(loads) * len(poses)
     places = np.add.outer((len(poses) + 1.4) * np.arange(len(loads)), np.arange(len(poses)))
     used: set[int] = set()
+    longest = max(map(len, poses))
+    upright = bars * longest > _LABELS_UPRIGHT
+    # What stands below the pose labels, in points: upright ones are as high as they are long.
+    below_pt = 10.0 + 6.0 * max(longest, 2)
     with house_style():
         figure, (ax,) = new_figure((10.0, 5.0 + 0.25 * len(doubts)))
         for (load, rows), at in zip(loads, places, strict=True):
@@ -89,14 +95,14 @@ def data_figure(
                 _data_bar(ax, float(x), mine[~np.isnan(mine)], look, bars)
             text = f"{load:.4g} N" + (" (not used to calibrate)" if pale else "")
             below = {"xycoords": ("data", "axes fraction"), "weight": "bold", "size": 10}
-            note(ax, text, (float(at.mean()), 0.0), (0, -22), va="top", **below)
-        ax.set_xticks(places.ravel(), poses * len(loads), size=8.5, rotation=0 if bars <= 40 else 90)
+            note(ax, text, (float(at.mean()), 0.0), (0, -(below_pt if upright else 22.0)), va="top", **below)
+        ax.set_xticks(places.ravel(), poses * len(loads), size=8.5, rotation=90 if upright else 0)
         ax.tick_params(axis="x", length=0, pad=2)
         ax.grid(visible=False, axis="x")
         ax.set_xlim(-1.2, places[-1, -1] + 1.2)
         ax.set_ylim(0.0, (1.08 if bars <= _BARS_UPRIGHT else 1.14) * float(np.nanmax(dz)))
         ax.set_ylabel("measured deflection |dz| (mm)")
-        ax.set_xlabel("pose number, grouped by load (N)", labelpad=28)
+        ax.set_xlabel("pose number, grouped by load (N)", labelpad=28.0 + (2.0 * longest if upright else 0.0))
         if len(names) > 1:
             above(ax, [Patch(facecolor=c, label=name) for c, name in zip(SERIES, names, strict=False)], 4)
         hatched = [(_HATCHES[i % 3], textwrap.fill(doubts[i].note, 130)) for i in sorted(used)]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from fem.budget import PartKind
+from fem import PartKind
 from robots import InputError
 from stiffarm.budgets import PoseBudget, WorkspaceBudget
 from stiffarm.figure_parts import above, joint_colour, note, paler, title
@@ -25,13 +25,15 @@ _KIND_LOOKS: Final[dict[PartKind, tuple[str, str, str]]] = {
     "joint": (OKABE_ITO["blue"], "", "joints"),
     "link": ("#8A9097", "", "links"),
     "parallelogram": ("#C4C8CD", "////", "bar and crank"),
-    "other": ("#C4C8CD", "....", "other parts"),
+    "other": ("#C4C8CD", "....", "base and tool"),
 }
 _GREYS: Final = ("#4E545B", "#DADDE1")
 # Bands of the workspace figure below this mean share everywhere are drawn together.
 _LEAST_BAND = 0.03
 # Per cent below which a share is round-off of a torque that is zero.
 _NOTHING = 1e-9
+# mm or mrad: no gauge sees less.
+_LEAST_MOTION = 0.001
 
 
 def energy_share_figure(budget: PoseBudget, heading: str, subtitle: str = "") -> Figure:
@@ -81,8 +83,13 @@ def _share_text(budget: PoseBudget, part: int) -> str:
     text = f"{value:.1f} %" if value >= 0.05 else "below 0.1 %"
     if budget.along is None:
         return text
-    motion = float(budget.along[part])
-    return f"{text}   {motion:{'.3g' if motion >= 0.1 else '.2g'}} {budget.along_unit}"
+    return f"{text}   {_motion(float(budget.along[part]))} {budget.along_unit}"
+
+
+def _motion(value: float) -> str:
+    if value < _LEAST_MOTION:
+        return f"below {_LEAST_MOTION:g}"
+    return f"{value:{'.3g' if value >= 0.1 else '.2g'}}"
 
 
 def workspace_budget_figure(found: WorkspaceBudget, heading: str, subtitle: str = "") -> Figure:

@@ -77,7 +77,7 @@ def match_figure(
         top.margins(y=0.1)
         low.set_ylim(-1.15 * limit, (1.6 if beyond else 1.15) * limit)
         low.set_ylabel("simulated − measured (mm)\n← too stiff    too soft →", size=9.5)
-        low.set_xticks(x, list(poses), rotation=0 if len(poses) <= 24 else 90)
+        low.set_xticks(x, list(poses), rotation=0 if sum(map(len, poses)) <= 100 else 90)
         low.set_xlabel("pose number" + ("; arrows leave the axis and are not shown above" if beyond else ""))
         for ax in (top, low):
             ax.grid(visible=False, axis="x")

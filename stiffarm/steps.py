@@ -32,6 +32,7 @@ from doe import (
     with_spring_laws,
 )
 from fem import ArmModel, LinkKind, deflection, directional_stiffness
+from fem.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
 from stiffarm.inputs import ModelInput
 from surrogate import StiffnessMap, Surrogate, Trained, default_sweep, full_poses, scope_of, sweep_map, train
@@ -316,4 +317,5 @@ def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> 
 
 def simulate(model: ArmModel, data: Measurements) -> Array:
     """Simulated displacement (n, 6) of every reading."""
-    return deflection(model, data.q, data.wrench, loaded_points(model, data))
+    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
+    return deflection(model, at.q, at.wrench, at.point)

@@ -72,8 +72,8 @@ def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[
     )
     blocks: list[Block] = [
         Text(
-            f"Over the whole workspace ({len(found.q)} reachable poses, {names} spread evenly over their limits, "
-            f"vertical load): {' '.join(found.sentences())}"
+            f"The same over the workspace: {len(found.q)} reachable poses, {names} spread evenly over their limits, "
+            f"vertical load. {' '.join(found.sentences())}"
         ),
         pictures.add(
             figure,

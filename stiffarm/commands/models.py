@@ -22,7 +22,7 @@ from stiffarm.options import (
     Out,
     folder_if,
     model_hash,
-    say_notes,
+    open_table,
 )
 from stiffarm.payloads import number
 
@@ -110,9 +110,7 @@ def simulate(
         if pose is not None:
             q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
         else:
-            table = inputs.read_data(given.robot, model, data)
-            say_notes(table.notes)
-            files["data"] = table.sha256
+            table = open_table(given, model, data, files)
         with folder_if(out, files) as folder:
             result = (
                 simulation.of_table(given, table, rigid_joints)

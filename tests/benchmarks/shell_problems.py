@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -202,3 +203,14 @@ def twisted_beam(
     # Read at the middle of the tip, as published, and not by the work of the spread force.
     middle = _unit(len(nodes), {6 * int(tip[m // 2]) + component: 1.0})
     return Problem(mesh, freedoms(np.arange(m + 1)).ravel(), load, middle, TWISTED_BEAM[thickness, direction])
+
+
+COURSE: dict[str, Callable[[int, Shape], Problem]] = {
+    "Scordelis-Lo roof": scordelis_lo_roof,
+    "pinched cylinder": pinched_cylinder,
+    "pinched hemisphere": pinched_hemisphere,
+    "twisted beam 0.32 in-plane": partial(twisted_beam, thickness=0.32, direction="in-plane"),
+    "twisted beam 0.32 out-of-plane": partial(twisted_beam, thickness=0.32, direction="out-of-plane"),
+    "twisted beam 0.0032 in-plane": partial(twisted_beam, thickness=0.0032, direction="in-plane"),
+    "twisted beam 0.0032 out-of-plane": partial(twisted_beam, thickness=0.0032, direction="out-of-plane"),
+}

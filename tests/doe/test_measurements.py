@@ -463,9 +463,29 @@ def test_a_moment_alone_is_a_load(table: Write, xr701: Robot) -> None:
     assert len(m.notes) == 2
 
 
-def test_no_reading(table: Write, xr701: Robot) -> None:
-    path = table(HEADER + ",dx_mm", ROW + ",", "0,77.5,-650,,", "0,77.5,-375,0,")
-    assert "row 3, no deflection was read; allowed: at least one of dx_mm" in only_fault(path, xr701)
+def test_rows_without_a_reading_are_skipped_and_named(table: Write, xr701: Robot) -> None:
+    rows = ["0,77.5,-650,,", "0,77.5,-375,0,", "1,77.5,-650,,", "2,77.5,-650,,"]
+    m = read_measurements(table(HEADER + ",dx_mm", ROW + ",", *rows), xr701)
+    assert m.row_numbers == (2, 4)
+    assert "3 row(s) without any reading skipped: 3, 5-6" in m.notes
+
+
+def test_faults_of_rows_without_a_reading_are_still_named(table: Write, xr701: Robot) -> None:
+    assert "q2_deg = 50 is outside" in only_fault(table(HEADER, ROW, "50,77.5,-650,"), xr701)
+
+
+def test_no_reading_at_all(table: Write, xr701: Robot) -> None:
+    path = table(HEADER + ",dx_mm", "0,77.5,-650,,", "0,77.5,-375,,")
+    assert "row 2, no deflection was read, here or in any row; allowed: at least one of dx" in only_fault(path, xr701)
+
+
+def test_columns_to_fill_in_are_written_empty(table: Write, xr701: Robot, tmp_path: Path) -> None:
+    m = read_measurements(table(HEADER, ROW), xr701)
+    write_measurements(m, tmp_path / "out.csv", xr701, to_fill=("dx_mm", "dz_mm"))
+    head, row = (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()
+    assert head.endswith("mz_Nm,dx_mm,dz_mm")
+    assert row.split(",")[-2] == ""
+    assert read_measurements(tmp_path / "out.csv", xr701).displacement[0, 2] == m.displacement[0, 2]
 
 
 @pytest.mark.parametrize(

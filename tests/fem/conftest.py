@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fem import ArmModel
+from fem.model import JointPart
 from robots import ModelDescription, Robot
 from robots.library import parse_description
 
@@ -71,6 +72,28 @@ def reachable() -> Callable[..., Array]:
     return draw
 
 
+def _compliance(rng: np.random.Generator, turn: float) -> Array:
+    """A full compliance matrix (6, 6), positive definite: shifts up to 1e-8 m/N, turns up to ``turn`` rad/(N m)."""
+    size = np.sqrt(np.array([1e-8] * 3 + [turn] * 3) * 10.0 ** -rng.uniform(0.0, 2.0, 6))
+    mix = rng.normal(size=(6, 6))
+    C = mix @ mix.T + 2.0 * np.eye(6)
+    d = np.sqrt(np.diag(C))
+    return np.asarray(size[:, None] * (C / np.outer(d, d)) * size)
+
+
+def _bearing(model: ArmModel, joint: JointPart, rng: np.random.Generator) -> Array:
+    """A bearing whose directions are coupled; with the axis too, but at a parallelogram's joints."""
+    bearing = _compliance(rng, 1e-5)
+    # The axial spring takes the last diagonal entry's place, so the couplings are scaled to it.
+    bearing[5] *= np.sqrt(joint.axial.compliance(np.zeros((1, model.robot.dof)))[0] / bearing[5, 5])
+    bearing[:, 5] = bearing[5]
+    bearing[5, 5] = 0.0
+    p = model.robot.parallelogram
+    if p is not None and joint.joint in (p.driven, p.crank_about):
+        bearing[5] = bearing[:, 5] = 0.0
+    return bearing
+
+
 @pytest.fixture(scope="session")
 def soften() -> Callable[..., ArmModel]:
     """Give every joint a random spring; ``other`` lets it tilt and shift as well."""
@@ -80,9 +103,7 @@ def soften() -> Callable[..., ArmModel]:
         model = model.with_springs(dict(zip(names, 10.0 ** rng.uniform(4.3, 6.6, len(names)), strict=True)))
         if not other:
             return model
-        # Translations 1e8 to 1e10 N/m, tilts 1e5 to 1e7 N m/rad.
-        exponents = np.array([[8.0, 10.0]] * 3 + [[5.0, 7.0]] * 2).T
-        joints = tuple(replace(j, other=10.0 ** -rng.uniform(*exponents)) for j in model.joints)
-        return replace(model, joints=joints)
+        joints = tuple(replace(j, bearing=_bearing(model, j, rng)) for j in model.joints)
+        return replace(model, joints=joints, base=_compliance(rng, 1e-7), tool=_compliance(rng, 1e-6))
 
     return apply

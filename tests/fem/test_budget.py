@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fem import ArmModel, arm_fields, build_model, deflection, deflection_by_part
-from fem.budget import compliance_budget
+from fem import ArmModel, arm_fields, build_model, compliance_budget, deflection, deflection_by_part
+from fem.budget import whole_joints
 from robots import InputError, ModelDescription, Robot, load_description
 
 Array = NDArray[np.float64]
@@ -46,8 +46,9 @@ def test_shares_add_up_and_are_those_of_the_displacement_along_the_load(
         assert budget.share.shape == (50, len(budget.parts)) == (50, len(budget.kinds))
         assert budget.share.sum(axis=1) == pytest.approx(np.ones(50), rel=ROUND_OFF)
         assert (budget.share >= 0.0).all()
-        parts = deflection_by_part(model, q, wrench)
+        parts = whole_joints(model, deflection_by_part(model, q, wrench))
         assert budget.parts == tuple(parts)
+        np.testing.assert_allclose(sum(parts.values()), deflection(model, q, wrench), rtol=0.0, atol=1e-14)  # m, rad
         for column, part in enumerate(budget.parts):
             along = np.einsum("ni,ni->n", loads, parts[part])
             assert budget.share[:, column] == pytest.approx(along / work, abs=ROUND_OFF)
@@ -99,8 +100,26 @@ def test_kinds_of_parts(soften: Callable[..., ArmModel], rng: np.random.Generato
     assert kinds["forearm"] == "link"
     assert kinds["j3"] == kinds["j3 other directions"] == "joint"
     assert kinds["bar"] == kinds["crank"] == "parallelogram"
-    together = sum(budget.of_kind(kind) for kind in ("link", "joint", "parallelogram"))
+    assert kinds["base"] == kinds["tool"] == "other"
+    together = sum(budget.of_kind(kind) for kind in ("link", "joint", "parallelogram", "other"))
     assert together == pytest.approx(np.ones(1), rel=ROUND_OFF)
+
+
+def test_a_joint_whose_bearing_is_coupled_with_its_axis_is_one_part(
+    reachable: Callable[[Robot, int, np.random.Generator], Array],
+    soften: Callable[..., ArmModel],
+    rng: np.random.Generator,
+) -> None:
+    model = soften(build_model(load_description("kr60-3")), rng, other=True)
+    assert all(joint.is_coupled for joint in model.joints)
+    q = reachable(model.robot, 50, rng)
+    parts = deflection_by_part(model, q, W)
+    # Taken alone, some bearing would release energy: that is why.
+    alone = [parts[f"{joint.name} other directions"] @ W for joint in model.joints]
+    assert np.min(alone) < 0.0
+    budget = compliance_budget(model, q, W)
+    assert not [name for name in budget.parts if name.endswith("other directions")]
+    assert (budget.share >= 0.0).all()
 
 
 def test_what_cannot_be_is_refused(rng: np.random.Generator) -> None:

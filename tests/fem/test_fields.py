@@ -100,7 +100,7 @@ def _split(mesh: ShellMesh, kept: int) -> ShellMesh:
     return replace(mesh, triangles=triangles, quads=mesh.quads[:kept], thickness=thickness)
 
 
-def test_a_link_of_trianglesbeside_quads(kr60: Prepared, reachable: Draw, rng: Random) -> None:
+def test_a_link_of_triangles_beside_quads(kr60: Prepared, reachable: Draw, rng: Random) -> None:
     model, shells, shapes = kr60
     wrist = next(link for link in model.links if link.name == "wrist")
     assert wrist.shell is not None

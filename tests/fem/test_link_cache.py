@@ -29,7 +29,7 @@ def tube(name: str = "tube") -> ShellMesh:
     """Octagonal tube along x."""
     angle = np.arange(8) * np.pi / 4.0
     ring = 0.05 * np.stack([np.zeros(8), np.cos(angle), np.sin(angle)], axis=1)
-    nodes = np.concatenate([ring + [x, 0.0, 0.0] for x in np.linspace(0.0, 0.3, 5)])
+    nodes = np.concatenate([ring + np.array([x, 0.0, 0.0]) for x in np.linspace(0.0, 0.3, 5)])
     number = np.arange(40).reshape(5, 8)
     turned = np.roll(number, -1, axis=1)
     quads = np.stack([number[:-1], turned[:-1], turned[1:], number[1:]], axis=-1).reshape(-1, 4)
@@ -61,6 +61,12 @@ def same_bits(a: Superelement, b: Superelement) -> bool:
     )
 
 
+def agree(a: Superelement, b: Superelement) -> bool:
+    """To round-off: a solver with threads adds up in another order each time."""
+    scale = np.sqrt(np.diag(b.flexibility))
+    return bool((np.abs(a.flexibility - b.flexibility) < 1e-9 * np.outer(scale, scale)).all())
+
+
 def files(store: ArrayCache) -> list[Path]:
     assert store.folder is not None
     return list(store.folder.iterdir())
@@ -70,15 +76,14 @@ def files(store: ArrayCache) -> list[Path]:
 def test_a_hit_gives_the_same_bits(
     kinds: dict[str, Coupling], store: ArrayCache, no_condensation: Callable[[], None]
 ) -> None:
-    direct = shell_superelement(tube(), POINTS, kinds)
     first = cached_superelement(tube(), POINTS, kinds, store)
-    assert same_bits(first, direct)
+    assert agree(first, shell_superelement(tube(), POINTS, kinds))
     no_condensation()
-    assert same_bits(cached_superelement(tube(), POINTS, kinds, store), direct)
+    assert same_bits(cached_superelement(tube(), POINTS, kinds, store), first)
     # Names are the caller's: links that are alike share a file.
     twin = cached_superelement(tube("left"), POINTS, kinds, store)
     assert twin.name == "left"
-    assert same_bits(replace(twin, name="tube"), direct)
+    assert same_bits(replace(twin, name="tube"), first)
     with pytest.raises(AssertionError, match="condensed again"):
         cached_superelement(replace(tube(), youngs_modulus=7.1e10), POINTS, kinds, store)
 
@@ -189,7 +194,7 @@ def test_without_source_nothing_is_kept(store: ArrayCache, monkeypatch: pytest.M
 
     monkeypatch.setattr(link_cache, "_source", refuse)
     element = cached_superelement(tube(), POINTS, RIGID, store)
-    assert same_bits(element, shell_superelement(tube(), POINTS, RIGID))
+    assert agree(element, shell_superelement(tube(), POINTS, RIGID))
     assert store.folder is not None
     assert not store.folder.exists()
 
@@ -216,7 +221,7 @@ def test_contents_that_are_no_such_link_are_built_again(
     good = store.get(_key())
     assert good is not None
     store.put(_key(), _wrong_contents(good)[wrong])
-    assert same_bits(cached_superelement(tube(), POINTS, RIGID, store), element)
+    assert agree(cached_superelement(tube(), POINTS, RIGID, store), element)
     assert len(caplog.records) == 1
     assert "is damaged" in caplog.text
     assert store.get(_key()) is not None
@@ -263,7 +268,7 @@ def test_models_without_a_cache(
     for place in ("off", "file/below"):
         (tmp_path / "file").touch()
         monkeypatch.setenv("STIFFARM_CACHE", place)
-        assert same_bits(build_model(boom(length=0.15), "shell").links[0].element, cached)
+        assert agree(build_model(boom(length=0.15), "shell").links[0].element, cached)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 

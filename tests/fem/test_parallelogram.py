@@ -160,7 +160,7 @@ def test_a_shifting_elbow_carries_the_load_and_the_bars_pull() -> None:
     shift = 1e8
     model = build_model(load_description("xr701"), links="rigid").with_rigid_joints()
     joints = list(model.joints)
-    joints[2] = replace(joints[2], other=np.array([1.0, 1.0, 1.0, 0.0, 0.0]) / shift)
+    joints[2] = replace(joints[2], bearing=np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / shift)
     dz = deflection(replace(model, joints=tuple(joints)), _q(), DOWN)[:, 2]
     # Load in front of the elbow, heel behind it: the bar holds the heel, pulling it down along the upper
     # arm. The elbow carries that pull on top of the load.

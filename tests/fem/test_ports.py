@@ -49,7 +49,7 @@ def test_other_directions_of_a_joint_are_those_of_the_statics(model: ArmModel) -
     places = ports(model, q, w)
     for j, name in enumerate(model.robot.joint_names):
         joints = list(model.joints)
-        joints[j] = replace(joints[j], other=c)
+        joints[j] = replace(joints[j], bearing=np.diag([*c, 0.0]))
         change = deflection(replace(model, joints=tuple(joints)), q, w) - plain
         np.testing.assert_allclose(places[name].share(np.diag([*c, 0.0])), change, atol=1e-10 * np.abs(change).max())
 

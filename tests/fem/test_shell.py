@@ -327,6 +327,9 @@ def test_pardiso_gets_the_upper_triangle_and_gives_its_memory_back(
     K, b, x = _small_system(rng)
     np.testing.assert_allclose(solve_positive_definite(K, b), x, rtol=1e-12)  # round-off
     assert seen == [2, (1, 1), (2, 2), True]
+    # One solver for all: a new one would look for its library on the disk again.
+    solve_positive_definite(K, b)
+    assert seen == [2, (1, 1), (2, 2), True, True]
 
 
 class _Refusal(Exception):  # noqa: N818 - stands for the errors of two libraries

@@ -19,8 +19,9 @@ from meshes import (
 )
 from meshes.sections import SectionKind
 from robots import bundled_names, load_description
+from robots.quantities import PositiveLength
 from robots.robot import robot_from
-from robots.schema import Opening, PositiveLength, Rim, Surface
+from robots.schema import Opening, Rim, Surface
 
 STEEL = 7850.0
 

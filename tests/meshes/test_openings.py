@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from fem.shell import shell_superelement
 from meshes import BeamMesh, ShellMesh, casing_mesh
 from robots import InputError
-from robots.schema import Opening, PositiveLength, Rim
+from robots.quantities import PositiveLength
+from robots.schema import Opening, Rim
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from test_figures import texts
 
-from fem import build_model, deflection, deflection_by_part
-from fem.budget import Budget, PartKind, compliance_budget
+from fem import Budget, PartKind, build_model, compliance_budget, deflection, deflection_by_part
 from robots import InputError, forward_kinematics, load_description, tool_position
 from stiffarm.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
 from stiffarm.figures_energy import energy_share_figure, part_colours, workspace_budget_figure

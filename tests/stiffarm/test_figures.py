@@ -53,6 +53,14 @@ def data() -> Figure:
     )
 
 
+def data_with_long_labels() -> Figure:
+    return figures_data.data_figure(replace(DATA, pose=tuple(f"corner {pose}" for pose in DATA.pose)))
+
+
+def match_with_long_labels() -> Figure:
+    return figures_match.match_figure([f"far corner {pose}" for pose in POSES], MEASURED, {"one": MEASURED + 0.1})
+
+
 def sensitivity() -> Figure:
     study = {
         "parallelogram": [effects("5", 2.33, 13.1, 0.0, 0.49), effects("41", 0.05, 12.8, 0.0, -0.5)],
@@ -143,6 +151,8 @@ def budget() -> Figure:
 
 FIGURES: dict[Callable[[], Figure], tuple[str, ...]] = {
     data: ("(mm)", "(N)"),
+    data_with_long_labels: ("(mm)", "(N)"),
+    match_with_long_labels: ("(mm)",),
     sensitivity: ("(mm)", "N m/rad"),
     match: ("deflection |dz| (mm)", "measured (mm)"),
     comparison: ("(mm)",),

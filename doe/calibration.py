@@ -1,0 +1,237 @@
+"""Run a calibration file: stage by stage or all at once, resumable, with what each stage can and cannot tell."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.applied import apply_estimates
+from doe.campaign import Campaign, Stage
+from doe.estimate import Estimate, estimate, estimate_at
+from doe.identifiability import TradeOff, trade_offs, unseen
+from doe.lack_of_fit import LackOfFit, lack_of_fit
+from doe.level_study import LevelStudy, level_study
+from doe.measurements import Measurements
+from doe.noise import Noise
+from doe.problem import Problem, problem
+from doe.readings import check_poses, rms_mm, select_loads
+from doe.uncertainty import Certainty, certainty
+from fem import ArmModel
+from fem.laws import FreeLaw
+from fem.walls import wall_flexibilities
+from meshes.array_cache import ArrayCache
+from robots import InputError, ModelDescription, content_hash
+
+Array = NDArray[np.float64]
+Build = Callable[[ModelDescription], ArmModel]
+Progress = Callable[[str], None]
+
+FORMAT = "stiffarm-stage/1"
+
+
+@dataclass(frozen=True)
+class StageResult:
+    """One stage: its estimate on its own readings, and what that can and cannot tell.
+
+    ``study``: the parametric study, if the stage was one; its numbers have no noise model, so their intervals are
+    those of least squares around the best levels.
+    """
+
+    stage: Stage
+    estimate: Estimate
+    certainty: Certainty
+    trade_offs: tuple[TradeOff, ...]
+    unseen: tuple[str, ...]
+    lack_of_fit: LackOfFit
+    laws: tuple[FreeLaw, ...]
+    study: LevelStudy | None = None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A finished calibration: stages, the calibrated description and model, residuals over all readings used.
+
+    ``overall``: all readings evaluated with the final numbers, nothing set free (``residual`` read minus predicted).
+    """
+
+    campaign: Campaign
+    stages: tuple[StageResult, ...]
+    description: ModelDescription
+    model: ArmModel
+    overall: Problem
+    residual: Array
+
+    @property
+    def rms_mm(self) -> float:
+        """RMS of the translational residuals over all readings used."""
+        return rms_mm(self.residual, self.overall.component)
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers were estimated."""
+        return sum(len(stage.estimate.u) for stage in self.stages)
+
+
+def run_campaign(
+    description: ModelDescription,
+    build: Build,
+    data: Measurements,
+    campaign: Campaign,
+    *,
+    store: ArrayCache | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Estimate a campaign's numbers; earlier stages' numbers are held in later ones.
+
+    Parameters
+    ----------
+    build : makes the mechanical model of a description (kind of links and load path as wanted)
+    store : where finished stages are kept; a run that was stopped goes on from there with the same numbers
+
+    Raises
+    ------
+    InputError
+        A stage names a pose, load or number that is not there, or has too few readings.
+    """
+    stages = campaign.stage or (Stage(name="all at once", parameters=_all_names(campaign)),)
+    key = _key(description, data, campaign)
+    model = build(description)
+    done: list[StageResult] = []
+    for number, stage in enumerate(stages):
+        result = _run_stage(description, model, data, campaign, stage, store, f"{key}:{number}")
+        done.append(result)
+        description = apply_estimates(description, result.certainty.estimates, result.laws)
+        model = build(description)
+        if progress is not None:
+            e = result.estimate
+            error = rms_mm(e.residual, e.problem.component)
+            progress(f"{stage.name}: {len(e.u)} numbers on {len(e.problem)} readings, RMS {error:.3f} mm")
+    whole = problem(model, data, ())
+    residual = whole.value - whole.evaluate(np.zeros(0))[0]
+    return Calibration(campaign, tuple(done), description, model, whole, residual)
+
+
+def _all_names(campaign: Campaign) -> tuple[str, ...]:
+    return tuple(p.name for p in campaign.parameter) + tuple(f"{law.joint}.law" for law in campaign.law)
+
+
+def _key(description: ModelDescription, data: Measurements, campaign: Campaign) -> str:
+    """Everything that the stages' numbers depend on, but the program itself."""
+    parts = [FORMAT, content_hash(description), data.sha256, str(data.n), campaign.model_dump_json(by_alias=True)]
+    return json.dumps(parts)
+
+
+def _run_stage(
+    description: ModelDescription,
+    model: ArmModel,
+    data: Measurements,
+    campaign: Campaign,
+    stage: Stage,
+    store: ArrayCache | None,
+    key: str,
+) -> StageResult:
+    used = _readings(data, stage)
+    parameters, laws = campaign.free(model, stage.parameters)
+    walls = wall_flexibilities(description, model, [p.place for p in parameters if p.kind == "wall"])
+    p = problem(model, used, parameters, laws, walls)
+    gauge = (campaign.noise.gauge_mm * 1e-3, campaign.noise.gauge_mrad * 1e-3)
+    file = hashlib.sha256(f"{key}:{model.link_kind}:{model.load_path}:{stage.model_dump_json()}".encode()).hexdigest()
+    kept = store.get(file, lambda arrays: _fault(arrays, p)) if store is not None else None
+    study = None
+    if kept is not None:
+        found = estimate_at(p, kept["u"], _noise(kept["noise"]), kept["weight"], settled=bool(kept["settled"][0]))
+    elif stage.levels is None:
+        found = estimate(p, gauge, robust=campaign.noise.robust)
+    else:
+        study = level_study(p, stage.levels, refine=stage.refine)
+        found = estimate_at(p, study.u, Noise(white=_scatter(p, study.u, gauge)), np.ones(len(p)), settled=True)
+    if store is not None and kept is None and study is None:
+        noise = found.noise
+        numbers = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
+        store.put(
+            file, {"u": found.u, "noise": numbers, "weight": found.weight, "settled": np.array([float(found.settled)])}
+        )
+    sure = certainty(found)
+    return StageResult(stage, found, sure, trade_offs(found, sure), unseen(found), lack_of_fit(found), laws, study)
+
+
+def _readings(data: Measurements, stage: Stage) -> Measurements:
+    used = select_loads(data, stage.loads_N)
+    if stage.poses:
+        check_poses(used, stage.poses, f"stage {stage.name!r}")
+        used = used.select(np.isin(np.array(used.pose, dtype=str), stage.poses))
+    if used.n == 0:
+        raise InputError(f"stage {stage.name!r} has no reading", remedy="check its poses and loads")
+    return used
+
+
+def _scatter(p: Problem, u: Array, gauge: tuple[float, float]) -> tuple[float, float]:
+    """Standard deviations of what a study leaves, never below the gauge's."""
+    residual = p.value - p.evaluate(u)[0]
+    spare = max(len(p) - len(u), 1)
+    turn = p.component >= 3
+    parts = [float(np.sqrt(np.sum(residual[mask] ** 2) / spare)) for mask in (~turn, turn)]
+    return max(parts[0], gauge[0]), max(parts[1], gauge[1])
+
+
+def _noise(numbers: Array) -> Noise:
+    a, b, share, c, d, pose_share = numbers.tolist()
+    return Noise((a, b), share, (c, d), pose_share)
+
+
+def _fault(arrays: Mapping[str, Array], p: Problem) -> str | None:
+    expected = {"u": (len(p.parameters),), "noise": (6,), "weight": (len(p),), "settled": (1,)}
+    if {name: a.shape for name, a in arrays.items()} != expected:
+        return "arrays of other shapes"
+    return None if all(np.isfinite(a).all() for a in arrays.values()) else "numbers that are not finite"
+
+
+def leave_one_pose_out(result: StageResult) -> tuple[Array, dict[str, str]]:
+    """Errors (m,) read minus predicted of each pose by an estimate on the others; NaN where they cannot tell.
+
+    The noise is that of the whole estimate. A pose that alone determines a number is not predicted; the second
+    value says why, by pose.
+    """
+    p, e = result.estimate.problem, result.estimate
+    error, reasons = np.full(len(p), np.nan), {}
+    for k, label in enumerate(p.poses):
+        mine = p.pose == k
+        try:
+            rest = p.take(~mine)
+            found = estimate(rest, (0.0, 0.0), fixed_noise=e.noise, robust=False)
+        except InputError as reason:
+            reasons[label] = str(reason)
+            continue
+        value, J = p.take(mine).evaluate(found.u)
+        blind = _undetermined(found, J)
+        if blind:
+            reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
+            continue
+        error[mine] = p.value[mine] - value
+    return error, reasons
+
+
+def _undetermined(found: Estimate, J: Array) -> list[str]:
+    """Parameters that the rest does not determine and that the left-out readings move with."""
+    sure = certainty(found, profiles=False)
+    names = [q.name for q in found.problem.parameters]
+    seen = found.seen
+    moves = np.linalg.norm(J, axis=0) > 1e-9 * np.linalg.norm(J)
+    out = [n for n, visible, moving in zip(names, seen, moves, strict=True) if not visible and moving]
+    for row in sure.null:
+        if np.linalg.norm(J @ row) > 1e-6 * np.linalg.norm(J * row):
+            out += [n for n, part in zip(names, row, strict=True) if part != 0.0 and n not in out]
+    return out
+
+
+def without_outliers(result: StageResult) -> StageResult:
+    """The same stage estimated with all readings at full weight, to show what outliers do."""
+    e = result.estimate
+    found = estimate(e.problem, e.noise.white, robust=False)
+    sure = certainty(found)
+    return replace(result, estimate=found, certainty=sure)

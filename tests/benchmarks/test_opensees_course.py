@@ -1,0 +1,78 @@
+"""The published shell problems solved by OpenSees on the same meshes: an independent code beside ours."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from opensees_shell import run_opensees
+from shell_problems import COURSE
+
+pytestmark = pytest.mark.oracle
+pytest.importorskip("openseespy")
+
+TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_opensees.md"
+OURS = {"quads here": "quad", "triangles here": "tri"}
+SHAPES = {**OURS, "ASDShellQ4": "quad", "ShellMITC4": "quad", "ShellDKGT": "tri", "ASDShellT3": "tri"}
+
+
+@cache
+def ratio(problem: str, element: str, n: int) -> float:
+    """Deflection over reference, by our elements or by one of OpenSees'."""
+    p = COURSE[problem](n, SHAPES[element])
+    if element in OURS:
+        return p.ratio()
+    run = run_opensees(p.mesh, element, p.fixed, p.load[None])
+    return float(p.reading @ run.displacements.ravel()) / p.reference
+
+
+def _table() -> dict[tuple[str, str], dict[int, float]]:
+    """Ratios by n of each problem and element, as printed in docs/."""
+    rows, sizes = {}, []
+    for line in TABLE.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[:2] == ["problem", "element"]:
+            sizes = [int(cell) for cell in cells[2:]]
+        elif len(cells) > 2 and cells[1] in SHAPES:
+            rows[cells[0], cells[1]] = dict(zip(sizes, map(float, cells[2:]), strict=True))
+    return rows
+
+
+PRINTED = _table()
+
+
+def _agree(problem: str, element: str, n: int) -> None:
+    ours = next(name for name, shape in OURS.items() if shape == SHAPES[element])
+    # The brief's 1 %: other formulations of the same theory leave 0.1 to 0.7 % on these meshes.
+    assert ratio(problem, element, n) == pytest.approx(ratio(problem, ours, n), rel=0.01)
+
+
+# Quads of the same kind: enhanced membrane, MITC4 bending and a treatment of warp of its own.
+@pytest.mark.parametrize(("problem", "n"), [(name, 12 if name.startswith("twisted") else 16) for name in COURSE])
+def test_quads_agree_with_asdshellq4(problem: str, n: int) -> None:
+    _agree(problem, "ASDShellQ4", n)
+
+
+@pytest.mark.parametrize(("problem", "n"), [("Scordelis-Lo roof", 16), ("twisted beam 0.32 in-plane", 24)])
+def test_triangles_agree_with_shelldkgt(problem: str, n: int) -> None:
+    _agree(problem, "ShellDKGT", n)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", COURSE)
+@pytest.mark.parametrize("element", ["ASDShellQ4", "ShellMITC4", "ShellDKGT", "ASDShellT3"])
+def test_all_agree_where_both_have_converged(problem: str, element: str) -> None:
+    if problem.startswith("twisted") and element == "ShellMITC4":
+        pytest.skip("ShellMITC4 has no correction for warp and has not converged at n = 96")
+    _agree(problem, element, max(PRINTED[problem, element]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("problem", "element"), PRINTED)
+def test_the_printed_table_is_what_comes_out(problem: str, element: str) -> None:
+    printed = PRINTED[problem, element]
+    found = [ratio(problem, element, n) for n in printed]
+    # Three digits are printed: half of the last one, and a little for other solvers' round-off.
+    np.testing.assert_allclose(found, list(printed.values()), rtol=0, atol=5.5e-4)
