@@ -298,5 +298,5 @@ def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind, flan
     mesh, body = crank_beam_mesh(description, robot), geometry.driven + 1
     if links == "beam":
         return BarPart(compliance, _beam_part("crank", body, mesh))
-    couplings = dict.fromkeys(mesh.interfaces, flanges or "rigid")
+    couplings = dict.fromkeys(mesh.interfaces, flanges or p.crank_flanges)
     return BarPart(compliance, _shell_part("crank", body, mesh, casing_mesh(mesh), couplings))

@@ -204,7 +204,7 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
         for ring in _levels(facing, along, skin):
             if np.unique(sector[ring]).size < SECTORS_HELD:
                 continue
-            middle = float(along[ring].mean())
+            middle = float(np.median(along[ring]))
             gap = abs(middle) if tree is None else float(np.median(tree.query(skin.nodes[ring])[0]))
             area = float(np.linalg.norm(skin.normal[ring], axis=1).sum())
             seats.append(_Seat(ring, area, middle, gap))
@@ -214,6 +214,9 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
     near = [seat for seat in seats if seat.gap <= best + skin.size]
     held = [seat for seat in near if seat.area >= LEAST_SHARE * max(s.area for s in near)]
     ring = np.unique(np.concatenate([seat.nodes for seat in held]))
+    # The rim belongs to it whichever way its nodes face: walls that start beside the ring would hang on its edge.
+    level = np.min([np.abs(along - seat.along) for seat in held], axis=0) <= 0.5 * skin.size
+    ring = np.union1d(ring, np.flatnonzero(level & (off <= min(most, off[ring].max() + skin.size))))
     across_arm = bool(ways) and abs(float(ways[0] @ axis)) < ALONG * float(np.linalg.norm(ways[0]))
     if across_arm and here.radius is None and not here.whole:
         ring = _disc(ring, off, sector, skin.size)

@@ -166,7 +166,7 @@ class ParallelogramBar(Strict):
 
     ``pin`` is the bar's pin on the driven link, in that link's body frame; crank and driven lever
     are parallel and equally long. The bar is pinned at both ends (a two-force member); ``bar_stiffness`` along it
-    overrides what its section gives.
+    overrides what its section gives. ``crank_flanges``: how the crank's ends are coupled (shell links).
     """
 
     driven: str
@@ -177,6 +177,7 @@ class ParallelogramBar(Strict):
     crank: Section
     crank_material: str
     bar_stiffness: TranslationalStiffness | None = None
+    crank_flanges: FlangeCoupling = "rigid"
 
 
 class CouplingTerm(Strict):

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
-from fem import LINK_KINDS, ArmModel, LinkKind, build_model
+from fem import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, load_description
 from robots.robot import robot_from
+from robots.schema import FlangeCoupling
 from stiffarm.console import progress, say
 from surrogate import Surrogate, default_sweep, load_surrogate
 
@@ -33,20 +34,38 @@ class ModelInput:
 
 
 def read_model(name: str, links: str | None, load_path: str | None) -> ModelInput:
-    """Load and build a model; links default to what it was calibrated with, else beams."""
+    """Load and build a model; links default to what it was calibrated with, else beams.
+
+    ``shell:distributing`` and ``shell:rigid`` choose how the flanges of all shell links are coupled; the choice goes
+    into the description, so that a calibrated model keeps it.
+    """
     description = load_description(name)
-    asked = links
-    if asked is None:
+    asked, _, flanges = (links or "").partition(":")
+    if not asked:
         asked = description.calibration.links if description.calibration else "beam"
-    if asked not in LINK_KINDS:
-        raise InputError("--links", value=asked, allowed=", ".join(LINK_KINDS))
+    if asked not in LINK_KINDS or (flanges and (asked != "shell" or flanges not in FLANGES)):
+        allowed = [*LINK_KINDS, *(f"shell:{choice}" for choice in FLANGES)]
+        raise InputError("--links", value=links, allowed=", ".join(allowed), remedy="choose one of them")
     kind: LinkKind = next(known for known in LINK_KINDS if known == asked)
+    if flanges:
+        description = with_flanges(description, "distributing" if flanges == "distributing" else "rigid")
     path: LoadPath | None = None
     if load_path is not None:
         if load_path not in ("parallelogram", "serial"):
             raise InputError("--load-path", value=load_path, allowed="parallelogram, serial")
         path = "parallelogram" if load_path == "parallelogram" else "serial"
     return ModelInput(description, robot_from(description), _built(description, kind, path))
+
+
+def with_flanges(description: ModelDescription, coupling: FlangeCoupling) -> ModelDescription:
+    """The description with all flanges, the crank's too, coupled in one way."""
+    p = description.parallelogram
+    links = []
+    for link in description.link:
+        names = ("root", "tip", "pin") if p is not None and link.body == p.driven else ("root", "tip")
+        links.append(link.model_copy(update={"flanges": dict.fromkeys(names, coupling)}))
+    crank = None if p is None else p.model_copy(update={"crank_flanges": coupling})
+    return description.model_copy(update={"link": tuple(links), "parallelogram": crank})
 
 
 def _built(description: ModelDescription, kind: LinkKind, path: LoadPath | None) -> ArmModel:

@@ -23,7 +23,14 @@ DataArg = Annotated[
     Path | None,
     typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one"),
 ]
-Links = Annotated[str | None, typer.Option("--links", help="beam, shell or rigid; default: as calibrated, else beam")]
+Links = Annotated[
+    str | None,
+    typer.Option(
+        "--links",
+        help="beam, shell or rigid; default: as calibrated, else beam. shell:distributing leaves the flanges free to "
+        "warp (the soft bound), shell:rigid holds them (the stiff bound); shell takes what the model says",
+    ),
+]
 LoadPathOpt = Annotated[str | None, typer.Option("--load-path", help="parallelogram or serial; default: the model's")]
 Out = Annotated[Path | None, typer.Option("--out", help="folder for results")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
