@@ -39,7 +39,7 @@ class StageResult:
     """One stage: its estimate on its own readings, and what that can and cannot tell.
 
     ``study``: the parametric study, if the stage was one; its numbers have no noise model, so their intervals are
-    those of least squares around the best levels.
+    those of least squares around the best levels. ``resumed``: its numbers were found by an earlier run.
     """
 
     stage: Stage
@@ -50,6 +50,7 @@ class StageResult:
     lack_of_fit: LackOfFit
     laws: tuple[FreeLaw, ...]
     study: LevelStudy | None = None
+    resumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def _run_stage(
     store: ArrayCache | None,
     key: str,
 ) -> StageResult:
-    used = _readings(data, stage)
+    used = readings_of(data, stage)
     parameters, laws = campaign.free(model, stage.parameters)
     walls = wall_flexibilities(description, model, [p.place for p in parameters if p.kind == "wall"])
     p = problem(model, used, parameters, laws, walls)
@@ -157,10 +158,13 @@ def _run_stage(
             file, {"u": found.u, "noise": numbers, "weight": found.weight, "settled": np.array([float(found.settled)])}
         )
     sure = certainty(found)
-    return StageResult(stage, found, sure, trade_offs(found, sure), unseen(found), lack_of_fit(found), laws, study)
+    return StageResult(
+        stage, found, sure, trade_offs(found, sure), unseen(found), lack_of_fit(found), laws, study, kept is not None
+    )
 
 
-def _readings(data: Measurements, stage: Stage) -> Measurements:
+def readings_of(data: Measurements, stage: Stage) -> Measurements:
+    """The readings that a stage uses; raises InputError if there are none."""
     used = select_loads(data, stage.loads_N)
     if stage.poses:
         check_poses(used, stage.poses, f"stage {stage.name!r}")
@@ -191,7 +195,9 @@ def _fault(arrays: Mapping[str, Array], p: Problem) -> str | None:
     return None if all(np.isfinite(a).all() for a in arrays.values()) else "numbers that are not finite"
 
 
-def leave_one_pose_out(result: StageResult) -> tuple[Array, dict[str, str]]:
+def leave_one_pose_out(
+    result: StageResult, progress: Callable[[int, int], None] | None = None
+) -> tuple[Array, dict[str, str]]:
     """Errors (m,) read minus predicted of each pose by an estimate on the others; NaN where they cannot tell.
 
     The noise is that of the whole estimate. A pose that alone determines a number is not predicted; the second
@@ -201,6 +207,8 @@ def leave_one_pose_out(result: StageResult) -> tuple[Array, dict[str, str]]:
     error, reasons = np.full(len(p), np.nan), {}
     for k, label in enumerate(p.poses):
         mine = p.pose == k
+        if progress is not None:
+            progress(k, len(p.poses))
         try:
             rest = p.take(~mine)
             found = estimate(rest, (0.0, 0.0), fixed_noise=e.noise, robust=False)
@@ -208,7 +216,7 @@ def leave_one_pose_out(result: StageResult) -> tuple[Array, dict[str, str]]:
             reasons[label] = str(reason)
             continue
         value, J = p.take(mine).evaluate(found.u)
-        blind = _undetermined(found, J)
+        blind = undetermined(found, J)
         if blind:
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
             continue
@@ -216,8 +224,8 @@ def leave_one_pose_out(result: StageResult) -> tuple[Array, dict[str, str]]:
     return error, reasons
 
 
-def _undetermined(found: Estimate, J: Array) -> list[str]:
-    """Parameters that the rest does not determine and that the left-out readings move with."""
+def undetermined(found: Estimate, J: Array) -> list[str]:
+    """Parameters that an estimate does not determine and that other readings, with derivatives J (m, p), move with."""
     sure = certainty(found, profiles=False)
     names = [q.name for q in found.problem.parameters]
     seen = found.seen

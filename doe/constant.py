@@ -260,7 +260,7 @@ def _profile_limit(problem: _Scaled, index: int, best: float, far: float, limit:
 def _remarks(
     springs: tuple[SpringEstimate, ...], bounds: tuple[float, float], widest: tuple[float, float], spare: int
 ) -> list[str]:
-    out = [text for s in springs if s.status != "not identified" for text in _bound_remark(s, bounds, widest)]
+    out = [text for s in springs if s.status != "not identified" for text in bound_remark(s, bounds, widest)]
     together = [s.joint for s in springs if s.status == "not identified" and not math.isnan(s.stiffness)]
     if len(together) > 1:
         out.append(f"{', '.join(together)}: cannot be told apart, only combinations of them are determined")
@@ -272,7 +272,8 @@ def _remarks(
     return out
 
 
-def _bound_remark(spring: SpringEstimate, bounds: tuple[float, float], widest: tuple[float, float]) -> list[str]:
+def bound_remark(spring: SpringEstimate, bounds: tuple[float, float], widest: tuple[float, float]) -> list[str]:
+    """What to say of a spring outside the range in which it was expected."""
     k, at_bound = spring.stiffness, spring.status == "at bound"
     if bounds[0] <= k <= bounds[1] and not at_bound:
         return []

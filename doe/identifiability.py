@@ -46,7 +46,7 @@ def trade_offs(e: Estimate, c: Certainty) -> tuple[TradeOff, ...]:
     Two parameters belong together if their estimates correlate beyond 0.9, with bounds ignored. Parameters that no
     reading moves with form no group; :func:`unseen` names them.
     """
-    correlation, covariance, index = _correlations(e)
+    correlation, covariance, index = correlations(e)
     out = []
     for group in _groups(np.abs(correlation) > TRADED):
         out.append(_trade_off(e, covariance[np.ix_(group, group)], index[group]))
@@ -58,7 +58,7 @@ def unseen(e: Estimate) -> tuple[str, ...]:
     return tuple(q.name for q, visible in zip(e.problem.parameters, e.seen, strict=True) if not visible)
 
 
-def _correlations(e: Estimate) -> tuple[Array, Array, NDArray[np.intp]]:
+def correlations(e: Estimate) -> tuple[Array, Array, NDArray[np.intp]]:
     """Correlations and covariance of the variables seen, bounds ignored, and their positions.
 
     Directions without information get the variance of their whole range, so that they show as trade-offs.

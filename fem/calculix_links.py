@@ -12,8 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fem.calculix_deck import MM_PER_M, Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
-from fem.couplings import distributing_coupling, giving_way, rigid_motion
+from fem.couplings import Coupling, distributing_coupling, giving_way, rigid_motion
 from fem.model import LinkPart
+from fem.shell import ring_parts
 from fem.shell_arm import shell_of
 from meshes import ShellMesh
 from robots import InputError
@@ -101,13 +102,15 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     for name, point, ring in zip(mesh.interfaces, link.element.points, mesh.interfaces.values(), strict=True):
         tag, what = f"{label}_{safe_name(name)}", f"interface {ascii_text(name)} of {where}"
         interfaces[name] = _interface(deck, tag, what, ring, MM_PER_M * (origin + R @ point))
-    kinds = {name: link.flanges.get(name, "rigid") for name in interfaces}
+    kinds: list[Coupling] = [link.flanges.get(name, "rigid") for name in interfaces]
+    parts = ring_parts(mesh, list(mesh.interfaces.values()), kinds)
     # Rigid rings first: a distributing one that shares nodes with them must know which freedoms are taken.
-    for name in sorted(interfaces, key=lambda name: kinds[name] != "rigid"):
-        if kinds[name] == "rigid":
-            _rigid(deck, placed, interfaces[name])
-        else:
-            _distributing(deck, placed, interfaces[name])
+    for kind, interface in zip(kinds, interfaces.values(), strict=True):
+        if kind == "rigid":
+            _rigid(deck, placed, interface)
+    for kind, interface, bodies in zip(kinds, interfaces.values(), parts, strict=True):
+        if kind == "distributing":
+            _distributing(deck, placed, interface, bodies)
     first_name, *others = interfaces
     follow(deck, interfaces[first_name].reference, interfaces[first_name].rotation, root)
     return {name: Motion.of_nodes(interfaces[name].reference, interfaces[name].rotation) for name in others}
@@ -202,26 +205,28 @@ def _rigid(deck: Deck, placed: _Placed, interface: _Interface) -> None:
             deck.equation((node, i + 3), {(interface.rotation, i): 1.0})
 
 
-def _distributing(deck: Deck, placed: _Placed, interface: _Interface) -> None:
-    """The ring's weighted mean motion is the interface's.
+def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: list[Indices]) -> None:
+    """The weighted mean motion of the ring is the interface's; of each of its parts if it joins several bodies.
 
-    Six freedoms of the ring follow the interface and the rest of the ring. The other way round every ring tied to
+    Six freedoms of a part follow the interface and the rest of the part. The other way round every ring tied to
     this interface would follow hundreds of freedoms, and CalculiX would fill its matrix (or fail).
     """
-    nodes, weights = _weighted(placed, interface.ring)
-    mean = distributing_coupling(placed.nodes, nodes, interface.point, weights)
-    mean = mean.reshape(6, -1, 6)[:, :, :3].reshape(6, -1)  # rotations of the nodes have no part
-    numbers = placed.numbers(nodes).tolist()
-    deck.node_set(numbers, f"RING_{interface.label}", f"distributing ring of {interface.what}, mid-side nodes included")
-    ring = [(node, i) for node in numbers for i in (1, 2, 3)]
-    free = np.array([i for i, freedom in enumerate(ring) if not deck.depends(freedom)], dtype=np.int64)
-    pivots = free[np.sort(giving_way(sp.csc_array(mean[:, free]))[0])]
-    others = np.setdiff1d(np.arange(len(ring)), pivots)
-    by_motion = np.linalg.inv(mean[:, pivots])
-    given = (*Motion.of_nodes(interface.reference, interface.rotation).freedoms, *(ring[i] for i in others))
-    motion = Motion(given, np.hstack([by_motion, -by_motion @ mean[:, others]]))
-    for i, direction in zip(pivots.tolist(), np.eye(6), strict=True):
-        deck.equation(ring[i], motion.along(direction))
+    members = []
+    for part in bodies:
+        nodes, weights = _weighted(placed, part)
+        members += placed.numbers(nodes).tolist()
+        mean = distributing_coupling(placed.nodes, nodes, interface.point, weights)
+        mean = mean.reshape(6, -1, 6)[:, :, :3].reshape(6, -1)  # rotations of the nodes have no part
+        ring = [(node, i) for node in placed.numbers(nodes).tolist() for i in (1, 2, 3)]
+        free = np.array([i for i, freedom in enumerate(ring) if not deck.depends(freedom)], dtype=np.int64)
+        pivots = free[np.sort(giving_way(sp.csc_array(mean[:, free]))[0])]
+        others = np.setdiff1d(np.arange(len(ring)), pivots)
+        by_motion = np.linalg.inv(mean[:, pivots])
+        given = (*Motion.of_nodes(interface.reference, interface.rotation).freedoms, *(ring[i] for i in others))
+        motion = Motion(given, np.hstack([by_motion, -by_motion @ mean[:, others]]))
+        for i, direction in zip(pivots.tolist(), np.eye(6), strict=True):
+            deck.equation(ring[i], motion.along(direction))
+    deck.node_set(members, f"RING_{interface.label}", f"distributing ring of {interface.what}, mid-side nodes included")
 
 
 def _weighted(placed: _Placed, ring: Indices) -> tuple[Indices, Array]:

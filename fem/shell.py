@@ -105,7 +105,7 @@ def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
     points, rings = np.asarray(points, dtype=np.float64), list(mesh.interfaces.values())
     kinds = _kinds(mesh, points, coupling)
     rigid = [j for j, kind in enumerate(kinds) if kind == "rigid"]
-    parts = _parts(mesh, rings, kinds)
+    parts = ring_parts(mesh, rings, kinds)
     T = _expansion(mesh, {j: rings[j] for j in rigid}, points)
     first_master = T.shape[1] - 6 * len(rigid)
     reading = []
@@ -212,7 +212,7 @@ def _joined(
     return sp.csc_array(T @ S), reading, lead[0]
 
 
-def _parts(mesh: ShellMesh, rings: list[Indices], kinds: list[Coupling]) -> list[list[Indices]]:
+def ring_parts(mesh: ShellMesh, rings: list[Indices], kinds: list[Coupling]) -> list[list[Indices]]:
     """Each ring's parts that only the ring itself joins: one for a rigid ring; refuses bodies that nothing joins."""
     pairs = [np.stack([np.full(ring.size, ring[0]), ring], axis=1) for ring in rings]
     rigid = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == "rigid"]

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stiffarm import __version__
-from stiffarm.commands import calibration, chain, exporting, models, surrogates
+from stiffarm.commands import calibration, chain, exporting, models, planning, surrogates
 
 app = typer.Typer(
     name="stiffarm",
@@ -23,6 +23,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "simulate": models.simulate,
     "sensitivity": calibration.sensitivity,
     "calibrate": calibration.calibrate,
+    "plan": planning.plan,
     "fit": surrogates.fit,
     "query": surrogates.query,
     "map": surrogates.map_command,

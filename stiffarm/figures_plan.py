@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from doe.measurement_plan import Foresight, MeasurementPlan
@@ -54,10 +55,8 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     """Intervals as factors of the value planned for; of linear parameters as multiples of the interval before."""
     places = np.arange(len(rows))[::-1]
     for y, (f, found) in zip(places, rows, strict=True):
-        before, after = _ends(f, f.before), _ends(f, f.after)
-        # Nothing limits an open parameter upward: the bar runs out of the frame.
-        high = _WIDEST * 2.0 if is_open(found) and f.parameter.scale == "compliance" else before[1]
-        _bar(ax, float(y) + 0.17, before[0], high, _BEFORE)
+        before, after = _before(f, found), _ends(f, f.after)
+        _bar(ax, float(y) + 0.17, *before, _BEFORE)
         _bar(ax, float(y) - 0.17, *after, _AFTER if f.seen else _BEFORE)
         text = f"÷ {f.shrink:.2g}" if f.shrink < 9.95 else f"÷ {f.shrink:.0f}"
         right = min(after[1], _WIDEST)
@@ -75,6 +74,15 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     ax.set_xlabel("95 % interval over the value planned for" + (" (offsets: over that before)" if linear else ""))
     handles = [Patch(facecolor=_BEFORE, label="before"), Patch(facecolor=_AFTER, label="after, predicted; ÷: times narrower")]
     above(ax, handles, 2)
+
+
+def _before(f: Foresight, found: ParameterEstimate | None) -> tuple[float, float]:
+    """Interval before, as a factor; one that the readings leave open ends nowhere on that side."""
+    if found is None or not is_open(found) or f.parameter.scale == "linear":
+        return _ends(f, f.before)
+    if math.isnan(found.interval[0]):
+        return 0.0, math.inf
+    return found.interval[0] / f.planned_for, found.interval[1] / f.planned_for
 
 
 def _ends(f: Foresight, sd: float) -> tuple[float, float]:
@@ -119,6 +127,8 @@ def _against_chance(ax: Axes, made: MeasurementPlan) -> None:
     shown = slice(max(0, min(n, 3) - 1), None)
     ax.set_ylim(0.8 * min(value, float(low.min())), 1.15 * float(high[shown].max()))
     log_ticks(ax.yaxis, lambda v: f"{v:g}")
+    if ax.get_ylim()[1] < 12.0 * ax.get_ylim()[0]:
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)))
     ax.yaxis.set_minor_locator(NullLocator())
     ax.set_xlim(0.0, len(m) + 1.0)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))

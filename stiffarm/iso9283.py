@@ -6,13 +6,16 @@ repeats, displacements along all axes); the standard itself says under which con
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from doe.pose_designs import Zone, pose_design
 from robots import Robot, forward_kinematics, tool_position
 from stiffarm.plan_options import resting_pose
-from stiffarm.sheets import SetUp
+from stiffarm.payloads import number
+from stiffarm.sheets import SetUp, Sheet
 from surrogate import default_sweep
 
 Array = NDArray[np.float64]
@@ -27,6 +30,15 @@ DIRECTIONS = (
 _POSES, _CELL = 2000, 0.05
 _NEAREST = 20
 
+RULES = (
+    "This is a template after the static compliance test of ISO 9283:1998; the standard itself says under which "
+    "conditions (mounting, warm-up, control, place of the load) the test is valid.",
+    "Load along one axis of the base at a time, at the mechanical interface; x forward at q1 = 0, z up.",
+    "Zero the gauges on the unloaded arm before each repeat; the load then rises in steps of 10 % of the rated load.",
+    "The small number in a box is the row (column step) of measurement_sheet.csv. Displacements in mm, base axes.",
+    "Static compliance is displacement per load, mm/N. A mass that hangs on the arm from the start is no load here.",
+)
+
 
 def setups(poses: Array, rated_N: float) -> tuple[SetUp, ...]:
     """Set-ups of the test in poses (n, dof) rad, six directions each, loads in steps of 10 % of the rated one."""
@@ -36,6 +48,35 @@ def setups(poses: Array, rated_N: float) -> tuple[SetUp, ...]:
         for i, q in enumerate(poses)
         for name, direction in DIRECTIONS
     )
+
+
+def sheet(robot: Robot, title: str, poses: Array, rated_N: float, *, usual: bool) -> Sheet:
+    """The sheet for poses (n, dof) rad; ``usual``: they are the default, not asked for."""
+    facts = (
+        ("robot", title),
+        ("test", "static compliance, after ISO 9283:1998"),
+        ("rated load", f"{rated_N:.5g} N, in {STEPS} steps, {REPEATS} times along each direction"),
+        ("pose", "tool in the middle of what it reaches in the plane of q1 = 0" if usual else "as given"),
+    )
+    return Sheet(
+        robot, f"Static compliance of {robot.name}", setups(poses, rated_N), COMPONENTS, REPEATS, False, facts, RULES
+    )
+
+
+def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:
+    """plan.json of an ISO 9283 sheet."""
+    return {
+        "schema": "stiffarm-plan/1",
+        "kind": "iso9283",
+        "robot": robot.name,
+        "rated_load_N": number(rated_N),
+        "loads_N": [number(f) for f in setups(poses[:1], rated_N)[0].forces],
+        "directions": [name for name, _ in DIRECTIONS],
+        "repeats": REPEATS,
+        "poses": [
+            {name: number(float(v)) for name, v in zip(robot.coordinates, np.degrees(q), strict=True)} for q in poses
+        ],
+    }
 
 
 def middle_pose(robot: Robot, zone: Zone) -> Array:

@@ -58,9 +58,11 @@ def output_folder(out: Path, files: dict[str, Path | str], seed: int | None = No
     return OutputFolder(out, command_line(), files, seed)
 
 
-def folder_if(out: Path | None, files: dict[str, Path | str]) -> AbstractContextManager[OutputFolder | None]:
+def folder_if(
+    out: Path | None, files: dict[str, Path | str], seed: int | None = None
+) -> AbstractContextManager[OutputFolder | None]:
     """The folder of ``--out``, or nothing where that was not given."""
-    return nullcontext() if out is None else output_folder(out, files)
+    return nullcontext() if out is None else output_folder(out, files, seed)
 
 
 def open_measured(

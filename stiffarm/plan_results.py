@@ -56,7 +56,7 @@ def plan_sheet(given: ModelInput, data: Measurements | None, planned: Planned) -
         facts.append(("standing still", ", ".join(f"{k} = {v:g}" for k, v in planned.held_deg.items())))
     rules = [*RULES, "The plan knows joint limits, floor and boxes, not cables and fixtures: drive slowly the first time."]
     return Sheet(
-        given.robot, f"Measurement sheet: {robot_title(given)}", setups, protocol.components, protocol.repeats,
+        given.robot, f"Measurement sheet {given.robot.name}", setups, protocol.components, protocol.repeats,
         planned.request.unloading, tuple(facts), tuple(rules),
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from stiffarm.robot_drawing import M_TO_MM, draw_robot
 from stiffarm.scenes import Scene, Window, z_buffer_image
 
 Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
 
 # Width and height in pixels: some 300 dpi at the size on the page.
 WIDTH, HEIGHT = 640, 520
@@ -27,7 +28,9 @@ _ARROW = style.OKABE_ITO["vermillion"]
 _CAMERA = style.Camera(np.array([0.55, -1.0, 0.42]))
 
 
-def pose_pictures(description: ModelDescription, robot: Robot, q: Array, direction: Array) -> list[str]:
+def pose_pictures(
+    description: ModelDescription, robot: Robot, q: Array, direction: Array, progress: Progress | None = None
+) -> list[str]:
     """A base64 PNG for each pose q (n, dof) rad under a load along direction (n, 3); all at the same scale."""
     tool = tool_position(robot, forward_kinematics(robot, q)) * M_TO_MM
     scenes = [Scene(_CAMERA, np.zeros((0, 3)), np.zeros((0, 3)), tuple(draw_robot(description, robot, one))) for one in q]
@@ -35,7 +38,12 @@ def pose_pictures(description: ModelDescription, robot: Robot, q: Array, directi
     # Half the arrow's length on either side of the tool point would hide it: it ends or starts there.
     arrows = [np.stack([end, end + 0.22 * reach * d]) for end, d in zip(tool, direction, strict=True)]
     extent = _extent(scenes, arrows)
-    return [_drawn(scene, arrow, extent) for scene, arrow in zip(scenes, arrows, strict=True)]
+    out = []
+    for scene, arrow in zip(scenes, arrows, strict=True):
+        out.append(_drawn(scene, arrow, extent))
+        if progress is not None:
+            progress(len(out), len(scenes))
+    return out
 
 
 def _extent(scenes: Sequence[Scene], arrows: Sequence[Array]) -> tuple[float, float, float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
@@ -100,7 +100,10 @@ def write_table(sheet: Sheet, path: Path) -> None:
 
 @dataclass(frozen=True)
 class Grid:
-    """Boxes of one set-up: column heads in two levels, and lines of boxes (the step number each belongs to)."""
+    """Boxes of one set-up: heads of groups of columns (with their widths) and of columns, then lines of boxes.
+
+    A line has its name and the step number that each box belongs to.
+    """
 
     groups: tuple[tuple[str, int], ...]
     columns: tuple[str, ...]
@@ -118,22 +121,29 @@ class Block:
     hint: str
     picture: str
     grid: Grid
-    again: bool = field(default=False)
+    again: bool = False
 
 
 def grid(sheet: Sheet, rows: Sequence[Reading]) -> Grid:
     """Boxes for the rows of one set-up: repeats side by side where there is room, else one below the other."""
-    names = tuple(DISPLACEMENTS[k].replace("_", " ") for k in sheet.components)
+    names = tuple(_head(DISPLACEMENTS[k]) for k in sheet.components)
     by_repeat = [list(group) for _, group in groupby(rows, key=lambda row: row.repeat)]
-    if len(names) * len(by_repeat) <= MOST_BOXES:
-        lines = tuple(
-            (_load(case[0]), tuple(row.step for row in case for _ in names)) for case in zip(*by_repeat, strict=True)
-        )
-        groups = tuple((f"repeat {k + 1}" if len(by_repeat) > 1 else "", len(names)) for k in range(len(by_repeat)))
-        return Grid(groups, names * len(by_repeat), lines)
-    several = len(by_repeat) > 1
-    lines = tuple((_load(row, several), (row.step,) * len(names)) for row in rows)
-    return Grid(((("displacement of the tool point"), len(names)),), names, lines)
+    count = len(by_repeat)
+    if len(names) * count > MOST_BOXES:
+        lines = tuple((_load(row, count > 1), (row.step,) * len(names)) for row in rows)
+        return Grid((), names, lines)
+    lines = tuple(
+        (_load(case[0]), tuple(row.step for row in case for _ in names)) for case in zip(*by_repeat, strict=True)
+    )
+    titles = [f"repeat {k + 1}" for k in range(count)]
+    if count > 1 and len(names) == 1:
+        return Grid((), tuple(f"{title}: {names[0]}" for title in titles), lines)
+    return Grid(tuple((title, len(names)) for title in titles) if count > 1 else (), names * count, lines)
+
+
+def _head(column: str) -> str:
+    name, _, unit = column.rpartition("_")
+    return f"{name} ({unit})"
 
 
 def _load(row: Reading, with_repeat: bool = False) -> str:
