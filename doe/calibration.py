@@ -20,7 +20,7 @@ from doe.measurements import Measurements
 from doe.noise import Noise
 from doe.problem import Problem, problem
 from doe.readings import check_poses, rms_mm, select_loads
-from doe.uncertainty import Certainty, certainty
+from doe.uncertainty import Certainty, blind_directions, certainty
 from fem import ArmModel
 from fem.laws import FreeLaw
 from fem.walls import wall_flexibilities
@@ -109,6 +109,8 @@ def run_campaign(
         description = apply_estimates(description, result.certainty.estimates, result.laws)
         model = build(description)
         if progress is not None:
+            if result.resumed and store is not None:
+                progress(f"resumed: stage {stage.name} from {store.folder}")
             e = result.estimate
             error = rms_mm(e.residual, e.problem.component)
             progress(f"{stage.name}: {len(e.u)} numbers on {len(e.problem)} readings, RMS {error:.3f} mm")
@@ -226,12 +228,11 @@ def leave_one_pose_out(
 
 def undetermined(found: Estimate, J: Array) -> list[str]:
     """Parameters that an estimate does not determine and that other readings, with derivatives J (m, p), move with."""
-    sure = certainty(found, profiles=False)
     names = [q.name for q in found.problem.parameters]
     seen = found.seen
     moves = np.linalg.norm(J, axis=0) > 1e-9 * np.linalg.norm(J)
     out = [n for n, visible, moving in zip(names, seen, moves, strict=True) if not visible and moving]
-    for row in sure.null:
+    for row in blind_directions(found):
         if np.linalg.norm(J @ row) > 1e-6 * np.linalg.norm(J * row):
             out += [n for n, part in zip(names, row, strict=True) if part != 0.0 and n not in out]
     return out

@@ -16,9 +16,7 @@ TRIALS = 4
 SAME = 1e-6
 
 
-def idle_coordinates(
-    start: Outset, protocol: Protocol, poses: Array, rng: np.random.Generator
-) -> tuple[str, ...]:
+def idle_coordinates(start: Outset, protocol: Protocol, poses: Array, rng: np.random.Generator) -> tuple[str, ...]:
     """Coordinates whose value changes nothing of what any experiment tells, as in q1 under a vertical load.
 
     Each is moved alone, in ``poses`` (n, dof) rad, to other values that the robot can take; where there are none

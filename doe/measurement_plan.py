@@ -110,7 +110,8 @@ class MeasurementPlan:
             return np.sqrt(np.asarray(value))
         unseen = [f for f in self.foresight if not f.seen]
         constant = sum(2.0 * float(np.log(f.after)) for f in unseen)
-        return np.exp((np.asarray(value) - constant) / (2.0 * max(len(self.foresight) - len(unseen), 1)))
+        seen = max(len(self.foresight) - len(unseen), 1)
+        return np.asarray(np.exp((np.asarray(value) - constant) / (2.0 * seen)))
 
 
 def plan(

@@ -124,7 +124,7 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
         if check_reach:
             _check_reach(m, robot, faults)
     faults.raise_if_any()
-    unread = ~m.used.any(axis=1)
+    unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
     notes = (*_column_notes(table, columns, robot), *_unread_notes(m, unread))
     m = m.select(~unread)
     return replace(m, notes=(*notes, *_plausibility_notes(m)))

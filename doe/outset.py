@@ -134,10 +134,11 @@ def design_point(e: Estimate, c: Certainty) -> Array:
         p = found.parameter
         if p.scale != "compliance" or found.status == "determined":
             continue
-        softest = found.interval[0] if found.status in ("at bound", "one-sided") else math.nan
-        if not softest > p.lower:
-            softest = math.sqrt(p.lower * p.upper)
-        u[k] = 1.0 / softest
+        softest, stiffest = found.interval
+        if found.status != "not identified" and softest > p.lower:
+            u[k] = 1.0 / softest
+        elif found.status == "not identified" or not math.isfinite(stiffest):
+            u[k] = 1.0 / math.sqrt(p.lower * p.upper)
     return u
 
 

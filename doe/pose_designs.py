@@ -28,11 +28,15 @@ MOST_RUNS = 100_000
 class Zone:
     """Where the arm must not be: below ``floor`` (m, base z; None: no floor) and inside ``boxes`` (b, 2, 3) m.
 
-    Tested on the line through the joints to the tool, in points: keep boxes larger than the links are thick.
+    ``own`` (m): how far wrist and tool (from the last but one joint on) keep from the line base - joint 2 - joint 3;
+    arms of fewer than five joints are not tested for it. All is tested on the line through the joints to the tool,
+    in points: keep boxes larger than the links are thick. No collision check: cables, fixtures and the shape of the
+    casings are not known here.
     """
 
     floor: float | None = None
     boxes: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...] = ()
+    own: float = 0.0
 
     def free(self, robot: Robot, q: Array) -> NDArray[np.bool_]:
         """Which poses q (n, dof) keep clear of it (n,)."""
@@ -49,7 +53,20 @@ class Zone:
         for low, high in self.boxes:
             inside = np.all((points >= np.array(low)) & (points <= np.array(high)), axis=2)
             out &= ~np.any(inside, axis=1)
+        if self.own > 0.0 and robot.dof >= 5:
+            end = points[:, -2 * ALONG :] if robot.dof < 6 else points[:, -3 * ALONG :]
+            for k in range(3):
+                out &= (_distance(end, frames.p[:, k], frames.p[:, k + 1]) >= self.own).all(axis=1)
         return out
+
+
+def _distance(points: Array, start: Array, end: Array) -> Array:
+    """Distance (n, m) of points (n, m, 3) from the segments start (n, 3) to end (n, 3)."""
+    way = (end - start)[:, None]
+    off = points - start[:, None]
+    length = np.maximum(np.sum(way**2, axis=2), 1e-30)
+    share = np.clip(np.sum(off * way, axis=2) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(off - share[..., None] * way, axis=2))
 
 
 def pose_design(
@@ -105,11 +122,12 @@ def _drawn(
         drawn += size
         kept.append(_allowed(robot, _poses(base, columns, low, high, sampler.random(size)), zone))
         found += len(kept[-1])
-        if drawn > MOST_DRAWN and found < n:
+        # Where nothing turned up among a tenth of them, nothing will.
+        if found < n and (drawn > MOST_DRAWN or (not found and drawn > MOST_DRAWN / 10)):
             raise InputError(
                 f"poses that {robot.name} can take: {found} of {drawn} tried",
                 allowed=f"{n} or more",
-                remedy="widen the limits, move the floor or the boxes, or let more coordinates vary",
+                remedy="widen the limits, lower the floor, move the boxes, or let more coordinates vary",
             )
     return np.concatenate(kept)[:n]
 

@@ -52,11 +52,20 @@ class Screening:
     runs: int
 
 
-def screen(free: FreeModel, component: int, *, samples: int = 512, trajectories: int = 40, seed: int = 0) -> Screening:
+def screen(
+    free: FreeModel,
+    component: int,
+    *,
+    samples: int = 512,
+    trajectories: int = 40,
+    seed: int = 0,
+    methods: Sequence[str] = ("sobol", "morris"),
+) -> Screening:
     """Sobol and Morris studies of displacement ``component`` (0..5) at all loaded poses of ``free``.
 
     Parameters are varied over their ranges, positive ones in the logarithm. ``samples``: base sample of the Sobol
     study, a power of two; it takes ``samples (k + 2)`` runs. ``trajectories`` of the Morris study: ``(k + 1)`` each.
+    What is not among ``methods`` is not run, and NaN.
 
     Raises
     ------
@@ -68,17 +77,17 @@ def screen(free: FreeModel, component: int, *, samples: int = 512, trajectories:
         raise InputError("parameters to screen", value="none", remedy="name at least one")
     if samples < 8 or samples & (samples - 1):
         raise InputError("samples of a Sobol study", value=samples, allowed="a power of two from 8")
-    study = _study(parameters)
-    base = sobol_sample.sample(study, samples, calc_second_order=False, seed=seed)
-    outputs = evaluate_runs(free, inner(parameters, base), component)
-    first, first_conf, total, total_conf = _sobol(study, outputs, seed)
-    paths = morris_sample.sample(study, trajectories, num_levels=LEVELS, seed=seed)
-    effects = evaluate_runs(free, inner(parameters, paths), component)
-    mean, spread = _morris(study, paths, effects, seed)
-    return Screening(
-        tuple(p.name for p in parameters), first, first_conf, total, total_conf, mean, spread,
-        derivative_shares(free, component), len(base) + len(paths),
-    )  # fmt: skip
+    study, shape = _study(parameters), (len(free.at), len(parameters))
+    sobol, morris, runs = (np.full(shape, np.nan),) * 4, (np.full(shape, np.nan),) * 2, 0
+    if "sobol" in methods:
+        base = sobol_sample.sample(study, samples, calc_second_order=False, seed=seed)
+        sobol, runs = _sobol(study, evaluate_runs(free, inner(parameters, base), component), seed), len(base)
+    if "morris" in methods:
+        paths = morris_sample.sample(study, trajectories, num_levels=LEVELS, seed=seed)
+        morris = _morris(study, paths, evaluate_runs(free, inner(parameters, paths), component), seed)
+        runs += len(paths)
+    names = tuple(p.name for p in parameters)
+    return Screening(names, *sobol, *morris, derivative_shares(free, component), runs)
 
 
 def evaluate_runs(free: FreeModel, u: Array, component: int) -> Array:

@@ -103,6 +103,12 @@ def certainty(e: Estimate, level: float = 0.95, *, profiles: bool = True) -> Cer
     return Certainty(tuple(out), covariance, singular, null)
 
 
+def blind_directions(e: Estimate) -> Array:
+    """Directions (d, p) of the variables that no reading determines, length one."""
+    A = np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])
+    return _covariance(A, e.seen)[1][1]
+
+
 def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress: Progress | None = None) -> Array:
     """Values (times, p) re-estimated from poses drawn with replacement, noise as estimated.
 

@@ -7,6 +7,7 @@ raises RuntimeError where a caller asks for such a thing.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ MM_PER_M = 1e3
 PA_PER_MPA = 1e6
 # Coefficients below this share of an equation's largest are round-off of products of cosines.
 SMALLEST_SHARE = 1e-14
-_LONGEST_NAME = 40
+_NAME = re.compile("[A-Z0-9_]{1,80}")
+_LONGEST_PART = 40
 _LONGEST_COMMENT = 110
 
 
@@ -68,9 +70,9 @@ def with_middles(mesh: ShellMesh) -> QuadraticMesh:
 
 
 def safe_name(text: str) -> str:
-    """A name CalculiX can read: capitals, digits and underscores, at most 40; empty if nothing is left."""
+    """A part of a set's name: at most 40 capitals, digits and underscores; empty if nothing is left."""
     kept = "".join(c if c.isascii() and c.isalnum() else "_" for c in ascii_text(text).upper())
-    return "_".join(filter(None, kept.split("_")))[:_LONGEST_NAME].rstrip("_")
+    return "_".join(filter(None, kept.split("_")))[:_LONGEST_PART].rstrip("_")
 
 
 def ascii_text(text: str) -> str:
@@ -216,8 +218,8 @@ class Deck:
         return "".join(parts)
 
     def _name(self, name: str, what: str) -> None:
-        if name != safe_name(name) or name in self.sets:
-            raise RuntimeError(f"{name!r} cannot name a set: {'it is taken' if name in self.sets else 'characters'}")
+        if not _NAME.fullmatch(name) or name in self.sets:
+            raise RuntimeError(f"{name!r} cannot name a set: it is taken, too long or has other than A-Z, 0-9, _")
         self.sets[name] = what
 
     def _depend(self, freedom: Freedom) -> None:

@@ -1,10 +1,11 @@
 """Couplings of a ring of shell nodes to an interface point.
 
-*Rigid*: the ring moves as a rigid body, ``u_i = u_p + theta x (x_i - p)``, ``theta_i = theta``, so that p's six
-freedoms replace the ring's. It holds the section's shape and warping: an upper bound of the stiffness of a
-flange. *Distributing* (the RBE3 of MSC/Nastran): p follows the ring's displacements by weighted least squares,
-the ring stays free, and a force at p spreads over it with the same resultant: a lower bound. The truth of a
-bolted flange lies between them.
+*Rigid*: the ring moves as a rigid body, ``u_i = u_p + theta x (x_i - p)``, ``theta_i = theta + phi_i n_i``, so that
+p's six freedoms replace the ring's. Only about the wall's normal n_i a node turns by itself: a clamp holds an edge
+and its slope, while the rotation of a wall in its own plane is half its shear. It holds the section's shape and
+warping: an upper bound of the stiffness of a flange. *Distributing* (the RBE3 of MSC/Nastran): p follows the
+ring's displacements by weighted least squares, the ring stays free, and a force at p spreads over it with the same
+resultant: a lower bound. The truth of a bolted flange lies between them.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Coupling = FlangeCoupling
 
+# A node is on a smooth wall where the normals around it share this much of one direction: folds up to 60 deg.
+SMOOTH = 0.75
 # Least of the ring's three spreads over the greatest: below it the nodes lie on a line and feel no twist.
 SMALLEST_SPREAD = 1e-6
 # Least share of a ring's motion that other rings with the same nodes leave to it; equal rings leave 1e-16.
@@ -44,6 +47,26 @@ def rigid_coupling(nodes: Array, ring: Indices, point: Array) -> Array:
     ``nodes`` (k, 3) m. The transpose gives the resultant force and moment at the point of forces at the ring.
     """
     return rigid_motion(nodes[ring] - point).reshape(-1, 6)
+
+
+def drilling_axes(mesh: ShellMesh, ring: Indices) -> Array:
+    """Unit normals (r, 3) of the wall at the ring's nodes, either sense; zero at folds, where walls share a node.
+
+    The principal axis of the normals around the node, by area.
+    """
+    place = np.full(len(mesh.nodes), -1)
+    place[ring] = np.arange(ring.size)
+    spread = np.zeros((ring.size, 3, 3))
+    for cells in (mesh.triangles, mesh.quads):
+        near = cells[(place[cells] >= 0).any(axis=1)]
+        corners = mesh.nodes[near]
+        normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+        area = np.linalg.norm(normal, axis=1)[:, None, None]
+        at = place[near]
+        element, corner = np.nonzero(at >= 0)
+        np.add.at(spread, at[element, corner], (normal[:, :, None] * normal[:, None] / area)[element])
+    share, axes = np.linalg.eigh(spread)
+    return np.where(share[:, 2:] > SMOOTH * share.sum(axis=1, keepdims=True), axes[:, :, 2], 0.0)
 
 
 def distributing_coupling(nodes: Array, ring: Indices, point: Array, weights: Array | None = None) -> Array:

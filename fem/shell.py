@@ -15,6 +15,7 @@ from fem.condensation import Superelement, solve_positive_definite
 from fem.couplings import (
     Coupling,
     distributing_coupling,
+    drilling_axes,
     edge_weights,
     giving_way,
     led_by,
@@ -123,7 +124,9 @@ def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
         T, reading, held = _joined(T, reading, joints)
     motion = sp.csc_array(sp.vstack(reading))
     giving_way(motion)
-    K = sp.csc_array(T.T @ assemble_shell(mesh) @ T)
+    # By rows throughout, and its rows for columns in the end: it is symmetric, and no product needs a conversion.
+    by_rows = T.tocsr()
+    K = sp.csc_array((by_rows.T.tocsr() @ assemble_shell(mesh).T @ by_rows).T)
     return CoupledShell(mesh.nodes, T, K, motion, points, held)
 
 
@@ -173,7 +176,7 @@ def _kinds(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
 
 
 def _expansion(mesh: ShellMesh, rigid: Mapping[int, Indices], points: Array) -> sp.csc_array:
-    """Mesh freedoms from those of the free nodes, then six for each rigid ring (6k, n)."""
+    """Mesh freedoms (6k, n) from those of free nodes, drilling rotations of rigid rings, then six for each ring."""
     k = len(mesh.nodes)
     tied = np.concatenate([np.zeros(0, np.int64), *rigid.values()])
     if np.unique(tied).size != tied.size:
@@ -182,13 +185,18 @@ def _expansion(mesh: ShellMesh, rigid: Mapping[int, Indices], points: Array) -> 
             remedy="choose separate rings, or the distributing coupling for one of them",
         )
     kept = freedoms(np.setdiff1d(np.arange(k), tied)).ravel()
-    rows, columns, values = [kept], [np.arange(kept.size)], [np.ones(kept.size)]
+    axes = drilling_axes(mesh, tied)
+    smooth = axes.any(axis=1)
+    first_master = kept.size + int(smooth.sum())
+    rows = [kept, freedoms(tied[smooth])[:, 3:].ravel()]
+    columns = [np.arange(kept.size), np.repeat(np.arange(kept.size, first_master), 3)]
+    values = [np.ones(kept.size), axes[smooth].ravel()]
     for number, (j, ring) in enumerate(rigid.items()):
         rows.append(np.repeat(freedoms(ring).ravel(), 6))
-        columns.append(np.tile(kept.size + 6 * number + np.arange(6), 6 * ring.size))
+        columns.append(np.tile(first_master + 6 * number + np.arange(6), 6 * ring.size))
         values.append(rigid_coupling(mesh.nodes, ring, points[j]).ravel())
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return sp.coo_array(entries, shape=(6 * k, kept.size + 6 * len(rigid))).tocsc()
+    return sp.coo_array(entries, shape=(6 * k, first_master + 6 * len(rigid))).tocsc()
 
 
 def _columns(block: Array, columns: Indices, width: int) -> sp.csc_array:

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 # 2x2 Gauss points: full integration of all parts; the modes QM6 and MITC4 leave out are in their strains.
 QUADRATURE_ORDER = 3
 # Elements worked on at a time: their arrays stay in the processor's cache.
-BATCH = 1024
+BATCH = 2048
 # A corner's area relative to the diagonals' product below which the corner counts as collapsed or re-entrant.
 SMALLEST_CORNER = 1e-6
 

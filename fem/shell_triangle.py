@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 ALPHA_B = 1.5
 BETA0_FLOOR = 0.01
 # Elements worked on at a time: their arrays stay in the processor's cache.
-BATCH = 1024
+BATCH = 2048
 # Height over the longest side below which a triangle has lost the digits of its own area.
 SMALLEST_ASPECT = 1e-6
 # Felippa's beta 1 to 9 = 1, 2, 1, 0, 1, -1, -1, -1, -2, arranged for the natural strains of sides 01, 12, 20

@@ -16,8 +16,9 @@ from robots.schema import Link, Surface
 
 Array = NDArray[np.float64]
 
-# A ring's middle lies no further from its interface point than this many radii of the ring.
-FARTHEST = 3.0
+# A ring's middle lies no further from its interface point than this many radii of the ring, or this share of the
+# longest way between interfaces: joints stand off their casings, as wrist centres do beyond forearms.
+FARTHEST, STAND_OFF = 3.0, 0.6
 # Walls in the file and in the description are the same figure, but for the conversion of its unit.
 SAME_WALL = 1e-6
 _REMEDY = "import the link's surface again for this model"
@@ -58,15 +59,18 @@ def _check_interfaces(link: str, surface: Surface, mesh: ShellMesh, beam: BeamMe
             allowed=f"exactly {', '.join(beam.interfaces)}",
             remedy=_REMEDY,
         )
-    for name, point in zip(beam.interfaces, beam.interface_points, strict=True):
+    points = beam.interface_points
+    way = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+    for name, point in zip(beam.interfaces, points, strict=True):
         ring = mesh.nodes[mesh.interfaces[name]]
         middle = ring.mean(axis=0)
         radius, distance = np.linalg.norm(ring - middle, axis=1).max(), np.linalg.norm(middle - point)
-        if distance > FARTHEST * radius:
+        limit = max(FARTHEST * radius, STAND_OFF * way)
+        if distance > limit:
             raise InputError(
                 f"{where}: the middle of ring {name} is {1e3 * distance:.4g} mm from the link's interface at "
                 f"{np.round(point, 4).tolist()} m",
-                allowed=f"at most {1e3 * FARTHEST * radius:.4g} mm, {FARTHEST:g} radii of the ring",
+                allowed=f"at most {1e3 * limit:.4g} mm: {FARTHEST:g} radii of the ring or {STAND_OFF:g} of its link",
                 remedy=f"{_REMEDY}: its geometry has changed since, or the file belongs to another link",
             )
 

@@ -5,32 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from meshes.shell_mesh import ShellMesh
-from meshes.surface_checks import SurfaceFault, census, crossings, repair_surface
-from meshes.surface_offset import offset_inward
-from meshes.surface_reading import SPAN_RATIO, check_scale, read_surface
-from meshes.surface_remesh import remesh
-from meshes.surface_rings import Interface, Ring, choose_rings
+from meshes.surface_checks import SurfaceFault, census
+from meshes.surface_reading import check_scale, read_surface
+from meshes.surface_rings import Interface, Ring
+from meshes.surface_routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
 from robots import InputError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Repair = Literal["auto", "none", "wrap"]
 REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles
 
-# Elements beyond this come from a target size in the wrong unit.
-MOST_ELEMENTS = 400_000
-# What a link gets where no size is given: its condensation takes seconds.
-USUAL_ELEMENTS = 10_000
 POOR_ANGLE_DEG = 10.0
 
 
@@ -39,8 +33,8 @@ class ImportFigures:
     """What an import found and left.
 
     ``bodies``, ``open_edges``: of the files, after corners at one place are merged. ``wrapped``: whether the
-    surface was wrapped. ``area_m2``: of the mid-surface. ``rings``: by interface. ``departure_m``: 95 % of the
-    surfaces are nearer than this to where they should be, and the farthest is; NaN where not wrapped.
+    surface was wrapped. ``area_m2``: of the mid-surface. ``rings``: by interface. ``departure_m``: see
+    :class:`meshes.surface_routes.Meshed`.
     """
 
     bodies: int
@@ -61,29 +55,6 @@ class ImportedLink:
     mesh: ShellMesh
     report: tuple[str, ...]
     figures: ImportFigures
-
-
-@dataclass(frozen=True)
-class ImportSettings:
-    """How a surface becomes a shell.
-
-    ``wall`` m: thickness everywhere. ``youngs_modulus`` Pa, ``poissons_ratio``. ``target_size`` m: edge length
-    aimed at; None gives some ten thousand elements, never smaller than the wall. ``repair``: "none" takes the
-    surface as it is, with small repairs, or refuses it; "wrap" wraps it; "auto" wraps what "none" refuses.
-    ``opening`` m and ``wrap``: see :func:`meshes.surface_wrap.wrap_surface`. ``expected_span`` m, that the
-    surface should span; None takes the interfaces' largest distance. ``span_ratio``: the surface's diagonal
-    over that span, least and most.
-    """
-
-    wall: float
-    youngs_modulus: float
-    poissons_ratio: float
-    target_size: float | None = None
-    repair: Repair = "auto"
-    opening: float | None = None
-    wrap: Literal["auto", "alpha", "grid"] = "auto"
-    expected_span: float | None = None
-    span_ratio: tuple[float, float] = SPAN_RATIO
 
 
 def import_surface(
@@ -166,97 +137,36 @@ def prepare_link(
     report = [*notes, check_scale(name, nodes, points, settings.expected_span, settings.span_ratio)]
     bodies, open_edges = census(nodes, faces)
     report.append(f"as read: {bodies} {'body' if bodies == 1 else 'bodies'}, {open_edges} open edges")
-    wrapped = settings.repair == "wrap"
-    if not wrapped:
+    wrap = settings.repair == "wrap"
+    if not wrap:
         try:
-            middle, rings, more = _as_it_is(name, nodes, faces, interfaces, settings)
+            done = as_it_is(name, nodes, faces, interfaces, settings)
         except SurfaceFault as fault:
             if settings.repair == "none":
                 raise
             report.append(f"not taken as it is: {fault.what}")
-            wrapped = True
-    if wrapped:
-        middle, rings, more = _wrapped(name, nodes, faces, interfaces, settings)
-    report += more.report
-    report += [f"interface {key}: {ring.words}, {ring.nodes.size} nodes" for key, ring in rings.items()]
+            wrap = True
+    if wrap:
+        done = wrapped(name, nodes, faces, interfaces, settings)
+    report += done.report
+    report += [f"interface {key}: {ring.words}, {ring.nodes.size} nodes" for key, ring in done.rings.items()]
     mesh = ShellMesh(
         name=name,
-        nodes=middle[0],
-        triangles=middle[1],
+        nodes=done.nodes,
+        triangles=done.faces,
         quads=np.zeros((0, 4), dtype=np.int64),
-        thickness=np.full(len(middle[1]), float(settings.wall)),
+        thickness=np.full(len(done.faces), float(settings.wall)),
         youngs_modulus=settings.youngs_modulus,
         poissons_ratio=settings.poissons_ratio,
-        interfaces={key: ring.nodes for key, ring in rings.items()},
+        interfaces={key: ring.nodes for key, ring in done.rings.items()},
     )
-    angle = float(np.rad2deg(_triangles.angles(middle[0][middle[1]]).min()))
-    report.append(_quality(*middle, angle))
-    area = float(_triangles.area(middle[0][middle[1]]).sum())
-    figures = ImportFigures(bodies, open_edges, wrapped, more.size, len(middle[1]), angle, area, rings, more.departure)
+    angle = least_angle(done.nodes, done.faces)
+    report.append(_quality(done.nodes, done.faces, angle))
+    area = float(_triangles.area(mesh.triangle_corners).sum())
+    figures = ImportFigures(
+        bodies, open_edges, wrap, done.size, len(done.faces), angle, area, done.rings, done.departure
+    )
     return ImportedLink(mesh, tuple(report), figures)
-
-
-@dataclass(frozen=True)
-class _Done:
-    """How a surface was meshed: lines of the report, element size, departure from the original (m)."""
-
-    report: list[str]
-    size: float
-    departure: tuple[float, float] = (float("nan"), float("nan"))
-
-
-def usual_size(area: float, wall: float) -> float:
-    """Element size (m) that gives ``USUAL_ELEMENTS`` equilateral triangles on ``area`` m^2, at least the wall."""
-    return max(wall, float(np.sqrt(area / (np.sqrt(0.1875) * USUAL_ELEMENTS))))
-
-
-def _as_it_is(
-    name: str, nodes: Array, faces: Indices, interfaces: Mapping[str, Interface], settings: ImportSettings
-) -> tuple[tuple[Array, Indices], dict[str, Ring], _Done]:
-    """Mesh a closed skin with its own edges; SurfaceFault where it has no clean one."""
-    size = settings.target_size or usual_size(float(_triangles.area(nodes[faces]).sum()), settings.wall)
-    nodes, faces, report = repair_surface(name, nodes, faces, 2.0 * np.pi * size)
-    _check_room(name, nodes, faces, size, settings.wall)
-    skin, cells = remesh(nodes, faces, size)
-    _refuse_crossings(name, skin, cells, "crosses itself", "separate the parts in the program it came from")
-    report.append(f"remeshed from {len(faces)} to {len(cells)} triangles of {1e3 * size:.4g} mm")
-    rings, shrunk = choose_rings(interfaces, skin, cells, size)
-    middle, fewer = offset_inward(name, skin, cells, 0.5 * settings.wall)
-    _refuse_crossings(name, middle, cells, "has places thinner than the wall", "give the wall's true thickness")
-    report.append(f"nodes moved inward by half the wall, {500 * settings.wall:.4g} mm, to the mid-surface")
-    if fewer:
-        report.append(f"{fewer} nodes moved less, where elements would have folded")
-    return (middle, cells), rings, _Done([*report, *shrunk], size)
-
-
-def _wrapped(
-    name: str, nodes: Array, faces: Indices, interfaces: Mapping[str, Interface], settings: ImportSettings
-) -> tuple[tuple[Array, Indices], dict[str, Ring], _Done]:
-    """Wrap any surface and mesh the wrap's mid-surface; edges are rounded by up to an element."""
-    # Brings VTK with it, which only wrapping needs.
-    from meshes.surface_wrap import departure, middle_surface, wrap_surface
-
-    size = settings.target_size
-    if size is None:
-        # Files may hold much more than the skin, so its area is that of a coarse wrap.
-        coarse = max(settings.wall, float(np.linalg.norm(np.ptp(nodes, axis=0))) / 40.0)
-        trial = wrap_surface(name, nodes, faces, coarse, settings.opening)
-        size = usual_size(float(_triangles.area(trial.nodes[trial.faces]).sum()), settings.wall)
-    wrap = wrap_surface(name, nodes, faces, size, settings.opening, settings.wrap)
-    _check_room(name, wrap.nodes, wrap.faces, size, settings.wall)
-    fine, cells, notes = middle_surface(name, wrap, settings.wall, size)
-    middle, cells = remesh(fine, cells, size, keep_edges=False)
-    _refuse_crossings(name, middle, cells, "crosses itself even wrapped", "choose a smaller target size")
-    rings, shrunk = choose_rings(interfaces, middle, cells, size)
-    off = departure(wrap, nodes[faces], (middle, cells), settings.wall, size)
-    report = [
-        *wrap.notes,
-        f"mid-surface {500 * settings.wall:.4g} mm inside the original, remeshed to {len(cells)} triangles of "
-        f"{1e3 * size:.4g} mm, edges rounded",
-        *notes,
-        f"departure from the original: 95 % within {1e3 * off[0]:.3g} mm, at most {1e3 * off[1]:.3g} mm",
-    ]
-    return (middle, cells), rings, _Done([*report, *shrunk], size, off)
 
 
 def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings) -> None:
@@ -278,35 +188,6 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
     alone = [one for one in interfaces.values() if one.radius is None and one.axis is None]
     if len(interfaces) == 1 and alone:
         raise InputError("one interface has no direction to cut along", remedy="give its interface_radius")
-
-
-def _check_room(name: str, nodes: Array, faces: Indices, size: float, wall: float) -> None:
-    """Refuse target sizes out of all proportion, and skins that enclose the wall instead of the casing."""
-    mesh = trimesh.Trimesh(nodes, faces, process=False)
-    elements = mesh.area / (np.sqrt(0.1875) * size**2)
-    if not 50.0 <= elements <= MOST_ELEMENTS:
-        raise InputError(
-            f"target size for {name} (m)", value=size, allowed=f"50 to {MOST_ELEMENTS} elements, not {elements:.3g}"
-        )
-    room = 2.0 * mesh.volume / mesh.area
-    # A plain tube has a quarter of its width more than this; two sides of a wall have exactly the wall.
-    if room < 2.0 * wall:
-        raise InputError(
-            f"surface {name} encloses {room:.3g} m on average between its sides (2 volume / area)",
-            value=f"wall {wall:.3g} m",
-            allowed="a wall below half of it",
-            remedy="if the file holds both sides of the casing's wall, export the outer skin alone, closed, or wrap "
-            "it with an opening wider than its holes",
-        )
-
-
-def _refuse_crossings(name: str, nodes: Array, faces: Indices, what: str, remedy: str) -> None:
-    pairs = crossings(nodes, faces)
-    if len(pairs):
-        place = np.round(nodes[faces[pairs[0, 0]]].mean(axis=0), 4).tolist()
-        raise SurfaceFault(
-            f"surface {name} {what}: {np.unique(pairs).size} triangles, the first near {place} m", remedy=remedy
-        )
 
 
 def _quality(nodes: Array, faces: Indices, least: float) -> str:

@@ -155,18 +155,20 @@ def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset
     raise InputError(f"surface {name}: the alpha wrap failed ({reason})", remedy="wrap by the grid instead")
 
 
-def middle_surface(name: str, wrap: Wrap, wall: float, size: float) -> tuple[Array, Indices, tuple[str, ...]]:
+def middle_surface(
+    name: str, wrap: Wrap, wall: float, size: float, margin: float
+) -> tuple[Array, Indices, tuple[str, ...]]:
     """Mid-surface of a wall ``wall`` m thick under the wrapped surface, finer than ``size``; and notes.
 
-    What is thinner than the wall and two grid steps goes: the inside of the mid-surface is eroded by half a size
-    and dilated again, so that no two sides of it come nearer to each other than an element.
+    The inside of the mid-surface is eroded by ``margin`` m and dilated again: parts thinner than wall and two
+    margins go, and no two sides of the rest come nearer to each other than two margins.
 
     Raises
     ------
     InputError
         No room for the wall: nothing, several large bodies, or too little of the casing remains.
     """
-    step, depth, margin = size / STEPS, wrap.offset + 0.5 * wall, 0.5 * size
+    step, depth = size / STEPS, wrap.offset + 0.5 * wall
     grid = grid_around(name, wrap.nodes, step, 4.0 * step)
     field = _signed_distance(grid, wrap.nodes, wrap.faces, depth + margin)
     remedy = "give the wall's true thickness or a smaller target size"
@@ -212,9 +214,9 @@ def departure(
     """
     original, ours = sample(corners, size / 3.0), sample(middle[0][middle[1]], size / 3.0)
     skin = KDTree(sample(wrap.nodes[wrap.faces], size / 3.0))
-    seen = original[skin.query(original)[0] <= wrap.offset + 0.25 * size]
+    seen = original[skin.query(original, workers=-1)[0] <= wrap.offset + 0.25 * size]
     off = []
     for points, surface in ((ours, original), (seen, ours)):
         if len(points):
-            off.append(np.maximum(np.asarray(KDTree(surface).query(points)[0]) - 0.5 * wall, 0.0))
+            off.append(np.maximum(np.asarray(KDTree(surface).query(points, workers=-1)[0]) - 0.5 * wall, 0.0))
     return max(float(np.percentile(far, 95.0)) for far in off), max(float(far.max()) for far in off)

@@ -56,7 +56,7 @@ def visuals_of(
                 source, scale = _source(shape.geometry, urdf)
                 if source is None:
                     name = shape.geometry.mesh.filename
-                    notes.append(f"link {link}: mesh not found: {name}{_hint(name)}")
+                    notes.append(f"link {link}: mesh not found: {name}, a {kind[:-1]}{_hint(name)}")
                     continue
                 T = T_body_link if shape.origin is None else T_body_link @ shape.origin
                 found.append(Visual(source, scale, np.asarray(T, dtype=np.float64), link))

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stiffarm import __version__
-from stiffarm.commands import calibration, chain, exporting, models, planning, surrogates
+from stiffarm.commands import calibration, chain, exporting, importing, models, planning, sensitivity, surrogates
 
 app = typer.Typer(
     name="stiffarm",
@@ -21,12 +21,13 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "run": chain.run,
     "robots": models.robots,
     "simulate": models.simulate,
-    "sensitivity": calibration.sensitivity,
+    "sensitivity": sensitivity.sensitivity,
     "calibrate": calibration.calibrate,
     "plan": planning.plan,
     "fit": surrogates.fit,
     "query": surrogates.query,
     "map": surrogates.map_command,
+    "import": importing.import_command,
     "export": exporting.export,
 }
 for _name, _command in _COMMANDS.items():

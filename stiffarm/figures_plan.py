@@ -26,8 +26,8 @@ _BEFORE, _AFTER, _RANDOM = FAINT, OKABE_ITO["blue"], OKABE_ITO["orange"]
 # Intervals wider than this factor to either side are cut off, with an arrow.
 _WIDEST = 30.0
 _BAR_IN, _FRAME_IN = 0.62, 1.75
-# More parameters than these are shown by the widest intervals afterwards.
-_MOST = 24
+# From so many parameters on bars get thin and names one line; more than the second are left to plan.json.
+_MANY, _MOST = 9, 24
 
 
 def plan_figure(made: MeasurementPlan, found: Sequence[ParameterEstimate | None], robot: str) -> Figure:
@@ -37,9 +37,10 @@ def plan_figure(made: MeasurementPlan, found: Sequence[ParameterEstimate | None]
     """
     rows: list[Row] = list(zip(made.foresight, found, strict=True))
     rows.sort(key=lambda row: not row[0].seen)
+    left_out = max(0, len(rows) - _MOST)
     rows = rows[:_MOST]
     chosen = len(made.random) > 0
-    height = max(3.8, _FRAME_IN + _BAR_IN * len(rows))
+    height = max(3.8, _FRAME_IN + (_BAR_IN if len(rows) < _MANY else 0.55 * _BAR_IN) * len(rows))
     with house_style():
         widths = {"gridspec_kw": {"width_ratios": [1.5, 1.0]}} if chosen else {}
         figure, axes = new_figure((11.0 if chosen else 7.0, height), 1, 2 if chosen else 1, **widths)
@@ -47,7 +48,8 @@ def plan_figure(made: MeasurementPlan, found: Sequence[ParameterEstimate | None]
         if chosen:
             _against_chance(axes[1], made)
         count = f"{len(made.q)} set-ups for {robot}"
-        title(figure, f"{count}: what they will tell" + (", and what chance would" if chosen else ""))
+        rest = f" ({left_out} more parameters in plan.json)" if left_out else ""
+        title(figure, f"{count}: what they will tell" + (", and what chance would" if chosen else "") + rest)
     return figure
 
 
@@ -59,29 +61,37 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
         _bar(ax, float(y) + 0.17, *before, _BEFORE)
         _bar(ax, float(y) - 0.17, *after, _AFTER if f.seen else _BEFORE)
         text = f"÷ {f.shrink:.2g}" if f.shrink < 9.95 else f"÷ {f.shrink:.0f}"
-        right = min(after[1], _WIDEST)
-        note(ax, text if f.seen else "not seen", (right, float(y) - 0.17), (5, 0), ha="left", color=_AFTER if f.seen else INK)
+        right, gap = (after[1], 5) if after[1] < _WIDEST else (_WIDEST, 11)
+        note(
+            ax,
+            text if f.seen else "not seen",
+            (right, float(y) - 0.17),
+            (gap, 0),
+            ha="left",
+            color=_AFTER if f.seen else INK,
+        )
     ax.axvline(1.0, color="#888888", linewidth=0.9, zorder=1.5)
     ax.set_xscale("log")
     ax.set_xlim(1.0 / _WIDEST, _WIDEST)
     log_ticks(ax.xaxis, lambda v: f"{v:g}")
     ax.xaxis.set_minor_locator(NullLocator())
-    ax.set_yticks(places, [_name(f) for f, _ in rows])
+    ax.set_yticks(places, [_name(f, len(rows) >= _MANY) for f, _ in rows])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(-0.6, len(rows) - 0.4)
     ax.grid(visible=False, axis="y")
     linear = any(f.parameter.scale == "linear" for f, _ in rows)
     ax.set_xlabel("95 % interval over the value planned for" + (" (offsets: over that before)" if linear else ""))
-    handles = [Patch(facecolor=_BEFORE, label="before"), Patch(facecolor=_AFTER, label="after, predicted; ÷: times narrower")]
+    handles = [
+        Patch(facecolor=_BEFORE, label="before"),
+        Patch(facecolor=_AFTER, label="after, predicted; ÷: times narrower"),
+    ]
     above(ax, handles, 2)
 
 
 def _before(f: Foresight, found: ParameterEstimate | None) -> tuple[float, float]:
     """Interval before, as a factor; one that the readings leave open ends nowhere on that side."""
-    if found is None or not is_open(found) or f.parameter.scale == "linear":
+    if found is None or not is_open(found) or f.parameter.scale == "linear" or math.isnan(found.interval[0]):
         return _ends(f, f.before)
-    if math.isnan(found.interval[0]):
-        return 0.0, math.inf
     return found.interval[0] / f.planned_for, found.interval[1] / f.planned_for
 
 
@@ -96,27 +106,29 @@ def _ends(f: Foresight, sd: float) -> tuple[float, float]:
 
 def _bar(ax: Axes, y: float, low: float, high: float, colour: str) -> None:
     left, right = max(low, 1.0 / _WIDEST), min(high, _WIDEST)
-    ax.barh(y, right - left, 0.3, left, color=colour, zorder=2)
+    # The edge keeps an interval in sight that is narrower than a pixel.
+    ax.barh(y, right - left, 0.3, left, color=colour, edgecolor=colour, linewidth=1.2, zorder=2)
     # Arrow heads where the interval goes on.
     for end, cut, marker in ((left, low < left, "<"), (right, high > right, ">")):
         if cut:
             ax.plot(end, y, marker=marker, markersize=8, color=colour, clip_on=False, zorder=3)
 
 
-def _name(f: Foresight) -> str:
+def _name(f: Foresight, in_one_line: bool) -> str:
     p = f.parameter
-    if p.scale == "linear":
-        return f"{p.name}\n± {quantity(WIDE * f.after, p.unit, 2)} after"
-    return f"{p.name}\nat {quantity(f.planned_for, p.unit, 2)}"
+    end = f"± {quantity(WIDE * f.after, p.unit, 2)} after" if p.scale == "linear" else ""
+    return f"{p.name}{' ' if in_one_line else chr(10)}{end or 'at ' + quantity(f.planned_for, p.unit, 2)}"
 
 
 def _against_chance(ax: Axes, made: MeasurementPlan) -> None:
     """Typical standard deviation of random choices of 1, 2 ... set-ups, and of the one chosen."""
     n, m = len(made.q), np.arange(1, len(made.random) + 1)
-    low, middle, high = (100.0 * made.per_parameter(column) for column in made.random.T)
-    value = 100.0 * float(made.per_parameter(made.value))
-    if made.criterion == "I":
-        low, middle, high, value = low / 100.0, middle / 100.0, high / 100.0, value / 100.0
+    value = float(made.per_parameter(made.value))
+    mixed = any(f.parameter.scale == "linear" for f in made.foresight)
+    # Standard deviations in different units have no common one: they are shown over this plan's.
+    scale = 1.0 if made.criterion == "I" else 1.0 / value if mixed and made.criterion == "D" else 100.0
+    low, middle, high = (scale * made.per_parameter(column) for column in made.random.T)
+    value *= scale
     ax.fill_between(m, low, high, color=_RANDOM, alpha=0.25, linewidth=0.0)
     ax.plot(m, middle, color=_RANDOM)
     ax.plot(n, value, "o", color=_AFTER, markersize=9, zorder=4)
@@ -135,10 +147,13 @@ def _against_chance(ax: Axes, made: MeasurementPlan) -> None:
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     ax.set_xlabel("set-ups")
     ax.set_ylabel({
-        "D": "standard deviation of a parameter\n(geometric mean, % of its value)",
+        "D": "standard deviation of a parameter\n(geometric mean, " + ("over this plan's)" if mixed else "% of its value)"),
         "A": "standard deviation of a parameter\n(root mean square, % of the vague prior's)",
         "I": "standard deviation of a predicted deflection (mm)",
     }[made.criterion])  # fmt: skip
+    if len(made.foresight) >= _MANY:
+        ax.set_box_aspect(1.0)
+        ax.set_anchor("N")
     handles = [
         Line2D([], [], color=_AFTER, marker="o", linestyle="", markersize=8, label="this plan"),
         Line2D([], [], color=_RANDOM, label="random, median and 80 %"),

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from doe.pose_designs import Zone, pose_design
 from robots import Robot, forward_kinematics, tool_position
-from stiffarm.plan_options import resting_pose
 from stiffarm.payloads import number
+from stiffarm.plan_options import resting_pose
 from stiffarm.sheets import SetUp, Sheet
 from surrogate import default_sweep
 
@@ -56,7 +56,7 @@ def sheet(robot: Robot, title: str, poses: Array, rated_N: float, *, usual: bool
         ("robot", title),
         ("test", "static compliance, after ISO 9283:1998"),
         ("rated load", f"{rated_N:.5g} N, in {STEPS} steps, {REPEATS} times along each direction"),
-        ("pose", "tool in the middle of what it reaches in the plane of q1 = 0" if usual else "as given"),
+        ("pose", "tool in the middle of what it reaches ahead of the base in the plane of q1 = 0" if usual else "as given"),
     )
     return Sheet(
         robot, f"Static compliance of {robot.name}", setups(poses, rated_N), COMPONENTS, REPEATS, False, facts, RULES
@@ -82,7 +82,7 @@ def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:
 def middle_pose(robot: Robot, zone: Zone) -> Array:
     """A pose (dof,) rad with the tool in the middle of what it reaches in the plane of q1 = 0, in whole degrees.
 
-    The middle is the centre of the cells that the tool point meets; of the poses nearest to it the one whose joints
+    The middle is the centre of the cells ahead of the base that the tool point meets; of the poses nearest to it the one whose joints
     are farthest from their limits.
 
     Raises
@@ -99,6 +99,9 @@ def middle_pose(robot: Robot, zone: Zone) -> Array:
     fits[fits] = zone.free(robot, whole[fits])
     poses = whole[fits] if fits.any() else poses
     tool = tool_position(robot, forward_kinematics(robot, poses))[:, [0, 2]]
+    # An arm that reaches over its own base has its middle there; nobody works there.
+    ahead = tool[:, 0] > 0.0
+    poses, tool = (poses[ahead], tool[ahead]) if ahead.any() else (poses, tool)
     middle = np.unique(np.round(tool / _CELL), axis=0).mean(axis=0) * _CELL
     near = np.argsort(np.linalg.norm(tool - middle, axis=1), kind="stable")[:_NEAREST]
     columns = [robot.coordinate_index(name) for name in coordinates]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.pose_designs import Zone
+from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot
 from stiffarm.inputs import LARGEST_LOAD
 
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 GRAVITY = 9.81
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.
 PAYLOAD_SHARES = (0.25, 0.5, 1.0)
+# What wrist and base keep from each other beyond their casings, m.
+MARGIN = 0.05
 # A table may hold a measured force for each reading; a plan is made for a few nominal ones.
 MOST_LOADS, MOST_DIRECTIONS = 5, 6
 DOWN = (0.0, 0.0, -1.0)
@@ -103,12 +106,29 @@ def parse_read(text: str) -> tuple[int, ...]:
     return tuple(sorted(k for letter in letters for k in _READ[letter]))
 
 
-def parse_zone(floor: str, boxes: Sequence[str]) -> Zone:
-    """Where the arm must not be: below ``floor`` (mm or ``none``), inside boxes ``x0,y0,z0:x1,y1,z1`` (mm)."""
+def parse_zone(description: ModelDescription, floor: str, boxes: Sequence[str], clearance: float | None) -> Zone:
+    """Where the arm must not be: below ``floor`` (mm or ``none``), inside boxes ``x0,y0,z0:x1,y1,z1`` (mm).
+
+    ``clearance`` (mm) of wrist and tool from base and upper arm; None: what the casings and a margin need.
+    """
+    if clearance is not None and not 0.0 <= clearance < 1e4:
+        raise InputError("--clearance-mm", value=clearance, allowed="0 (no test) to 10000", remedy="give mm")
+    own = usual_clearance(description) if clearance is None else 1e-3 * clearance
     height: float | None = None
     if floor.strip().lower() != "none":
         height = _finite([floor], "--floor-mm", floor, "a height in mm, or none", "as in --floor-mm 0")[0] * 1e-3
-    return Zone(height, tuple(_box(text) for text in boxes))
+    return Zone(height, tuple(_box(text) for text in boxes), own)
+
+
+def usual_clearance(description: ModelDescription) -> float:
+    """Distance (m) of the wrist's line from that of base and upper arm: half of both casings and a margin."""
+    bodies = ["base", *[joint.name for joint in description.joint]]
+
+    def half(wanted: set[str]) -> float:
+        links = [link for link in description.link if link.body in wanted]
+        return max((0.5 * float(section_dimensions(link.section)[:-1].max()) for link in links), default=0.05)
+
+    return half(set(bodies[:3])) + half({bodies[-1]}) + MARGIN
 
 
 def _box(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

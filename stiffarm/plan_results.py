@@ -41,9 +41,7 @@ def plan_sheet(given: ModelInput, data: Measurements | None, planned: Planned) -
     hints = [_hint(planned, k) for k in range(len(planned.labels))]
     setups = tuple(
         SetUp(label, q, direction, forces, hint)
-        for label, q, direction, hint in zip(
-            planned.labels, planned.made.q, planned.made.direction, hints, strict=True
-        )
+        for label, q, direction, hint in zip(planned.labels, planned.made.q, planned.made.direction, hints, strict=True)
     )
     source = "no readings yet" if data is None else f"{data.source}, {planned.start.readings} readings"
     facts = [
@@ -54,7 +52,10 @@ def plan_sheet(given: ModelInput, data: Measurements | None, planned: Planned) -
     ]
     if planned.held_deg:
         facts.append(("standing still", ", ".join(f"{k} = {v:g}" for k, v in planned.held_deg.items())))
-    rules = [*RULES, "The plan knows joint limits, floor and boxes, not cables and fixtures: drive slowly the first time."]
+    rules = [
+        *RULES,
+        "The plan knows joint limits, floor and boxes, not cables and fixtures: drive slowly the first time.",
+    ]
     return Sheet(
         given.robot, f"Measurement sheet {given.robot.name}", setups, protocol.components, protocol.repeats,
         planned.request.unloading, tuple(facts), tuple(rules),
@@ -125,7 +126,9 @@ def _setup(robot: Robot, planned: Planned, k: int) -> dict[str, Any]:
     out["direction"] = [number(float(v)) for v in planned.made.direction[k]]
     if planned.expected is not None:
         read = planned.made.protocol.components
-        out["expected_at_largest_load"] = {DISPLACEMENTS[c]: number(1e3 * float(planned.expected[k, c]), 3) for c in read}
+        out["expected_at_largest_load"] = {
+            DISPLACEMENTS[c]: number(1e3 * float(planned.expected[k, c]), 3) for c in read
+        }
     return out
 
 
@@ -158,7 +161,8 @@ def show(given: ModelInput, planned: Planned) -> None:
     kind = "plain design" if planned.request.plain else f"{planned.made.criterion}-optimal choice"
     count = f"{len(planned.labels)} set-ups for {given.robot.name}, {kind} of {planned.candidates} poses"
     show_table(count, ["set-up", *names, "load"], rows)
+    say(f"what {len(planned.labels)} set-ups tell (95 %):")
     for sentence in planned.sentences:
-        say(sentence)
+        say(f"  {sentence}")
     for note in planned.notes:
         say(f"note: {note}")

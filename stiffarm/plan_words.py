@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 WIDE = 1.96
 # Beyond this factor to either side a parameter is not called known.
 POORLY = 3.0
+# Beyond this one nothing worth saying is.
+HARDLY = 30.0
 _SIDES = {
     (1, 0, 0): "forward (+x)",
     (-1, 0, 0): "backward (−x)",
@@ -34,6 +36,13 @@ def direction_words(direction: Array) -> str:
     return known or f"along ({x:.3g}, {y:.3g}, {z:.3g}) of the base".replace("-", "−")
 
 
+def plain(value: float, digits: int) -> str:
+    """A number with so many significant digits, without an exponent where it can be read without."""
+    if not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.{digits}g}"
+    return np.format_float_positional(float(f"{value:.{digits}g}"), trim="-")
+
+
 def quantity(value: float, unit: str, digits: int = 3) -> str:
     """A number with its unit; stiffnesses in 10⁶ N m/rad and N/µm, angles in deg, lengths in mm."""
     factor, shown = {
@@ -43,14 +52,16 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
         "rad": (180.0 / math.pi, "deg"),
         "m": (1e3, "mm"),
     }.get(unit, (1.0, unit))
-    text = f"{value * factor:.{digits}g}"
+    text = plain(value * factor, digits)
     return f"{text}·{shown}" if shown.startswith("10") else f"{text} {shown}"
 
 
 def known_so_far(found: ParameterEstimate | None, p: Parameter) -> str:
     """What the readings so far say: ``0.82 to 4.9·10⁶ N m/rad``, ``only ≥ 0.034·10⁶ N m/rad``, ``nothing``."""
-    if found is None or found.status == "not identified" or all(map(math.isnan, found.interval)):
+    if found is None or found.status == "not identified":
         return "nothing"
+    if all(map(math.isnan, found.interval)):
+        return "nothing beyond a fit without a spare reading"
     low, high = found.interval
     nowhere = (0.0, -math.inf) if p.scale != "linear" else (-math.inf,)
     if math.isinf(high) and low in nowhere:
@@ -92,20 +103,28 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
     if not f.seen:
         return f"{p.name}: no reading of this plan moves with it (known: {was}); load or read in other directions"
     if p.scale == "linear":
-        return (f"{p.name}: known to ± {quantity(WIDE * f.after, p.unit)} (was: ± {quantity(WIDE * f.before, p.unit)}); "
-                f"{_times(f.shrink)}")  # fmt: skip
+        now, then = (quantity(WIDE * sd, p.unit) for sd in (f.after, f.before))
+        return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.shrink)}"
     factor = factor95(f.after)
-    size = f"within a factor {factor:.3g}" if factor < POORLY else f"only within a factor {factor:.2g}"
+    if factor > HARDLY:
+        return f"{p.name}: still open, these readings hardly tell it by itself (was: {was}); {_times(f.shrink)}"
     rest = f"(was: {was}); {_times(f.shrink)}"
     if not is_open(found) or p.scale != "compliance":
-        return f"{p.name}: known {size} {rest}"
+        return f"{p.name}: known {_within(factor)} {rest}"
     at = quantity(f.planned_for, p.unit, 2)
-    assumed = f"if it is {at}" if was == "nothing" else f"if it is as soft as the readings allow, {at}"
+    softest = found is not None and found.interval[0] > p.lower
+    assumed = f"if it is as soft as the readings allow, {at}" if softest else f"if it is {at}"
     limit = rigid_from(f)
-    if factor >= POORLY or limit <= 1.5 * f.planned_for:
-        return f"{p.name}: known {size} {assumed} {rest}"
-    return (f"{p.name}: known {size} {assumed} {rest}. A stiffer one is told from a rigid one up to "
+    if limit <= 1.5 * f.planned_for:
+        return f"{p.name}: known {_within(factor)} {assumed} {rest}"
+    return (f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one is told from a rigid one up to "
             f"{quantity(limit, p.unit, 2)}")  # fmt: skip
+
+
+def _within(factor: float) -> str:
+    if factor < 1.1:
+        return f"to ± {100.0 * (factor - 1.0):.1g} %"
+    return f"within a factor {factor:.3g}" if factor < POORLY else f"only within a factor {factor:.2g}"
 
 
 def _times(shrink: float) -> str:
@@ -128,6 +147,6 @@ def against_chance(made: MeasurementPlan) -> str:
         "I": "standard deviations of predicted deflections (root mean square)",
     }[made.criterion]
     return (
-        f"a random choice of {n} has {what} {ratio:.2f} times as large (median of many); "
-        f"for the same it takes {needed} set-ups at random"
+        f"a random choice of {n} leaves {what} {ratio:.2f} times as large; it takes {needed} set-ups chosen at random "
+        "for the same (medians of many random choices)"
     )

@@ -100,8 +100,7 @@ class Planned:
     @property
     def sentences(self) -> list[str]:
         """What the plan will tell."""
-        n = len(self.made.q)
-        out = [f"{n} set-ups: {words.told(f, found)}" for f, found in self.rows]
+        out = [words.told(f, found) for f, found in self.rows]
         return out if self.request.plain else [*out, words.against_chance(self.made)]
 
 
@@ -160,7 +159,9 @@ def _free(
     notes = []
     if names is None:
         joints = given.robot.joint_names
-        springs = first_outset(given.model, [parameter(given.model, f"{j}.stiffness") for j in joints], Noise((1., 1.)))
+        springs = first_outset(
+            given.model, [parameter(given.model, f"{j}.stiffness") for j in joints], Noise((1.0, 1.0))
+        )
         visible = seen_by(experiments(springs, probes, protocol), springs.vague)
         known = set() if data is None else set(steps.springs_seen(given, data))
         chosen = [j for j, seen in zip(joints, visible, strict=True) if seen or j in known]
@@ -177,9 +178,7 @@ def _free(
     return free, notes
 
 
-def _outset(
-    given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]
-) -> Outset:
+def _outset(given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]) -> Outset:
     if data is None:
         return first_outset(given.model, free, Noise(white=gauge))
     return outset_of(problem(given.model, data, free), gauge)
@@ -210,9 +209,7 @@ def _others(robot: Robot, vary: tuple[str, ...]) -> list[str]:
     return [name for name in robot.coordinates if name not in vary]
 
 
-def _candidates(
-    robot: Robot, request: Request, vary: tuple[str, ...], held: Array, rng: np.random.Generator
-) -> Array:
+def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Array, rng: np.random.Generator) -> Array:
     """Poses (N, dof) rad to choose from, in whole degrees where they are drawn: a sheet is set by hand."""
     n = request.poses if request.plain else request.candidates
     poses = pose_design(
@@ -232,11 +229,21 @@ def _candidates(
                 remedy="give that number, fewer --levels, or fewer coordinates with --vary",
             )
         return poses
+    poses = _wrapped(robot, poses)
     whole = np.radians(np.round(np.degrees(poses)))
     fits = robot.reachable(whole)
     fits[fits] = request.zone.free(robot, whole[fits])
     poses = np.where(fits[:, None], whole, poses)
     return poses[np.sort(np.unique(np.round(poses, 9), axis=0, return_index=True)[1])]
+
+
+def _wrapped(robot: Robot, q: Array) -> Array:
+    """Angles within half a turn of 0 where the limits allow: the same poses, without cables wound up."""
+    turned = (q + np.pi) % (2.0 * np.pi) - np.pi
+    inside = (turned >= robot.limits[:, 0]) & (turned <= robot.limits[:, 1])
+    # Coupled limits are about angles as they are counted, so their joints stay.
+    coupled = np.any([c.factors != 0.0 for c in robot.couplings], axis=0) if robot.couplings else False
+    return np.where(inside & ~np.broadcast_to(coupled, q.shape), turned, q)
 
 
 def _check_size(request: Request, candidates: int) -> None:
@@ -270,6 +277,13 @@ def _remarks(start: Outset, request: Request, data: Measurements | None) -> list
                    "and for the gauge's scatter alone; a scatter between set-ups widens what is predicted")  # fmt: skip
     elif not start.found:
         out.append(f"{start.readings} reading(s) are fewer than the parameters: a vague prior stands in for the rest")
+    zone = request.zone
+    kept = [] if zone.floor is None else [f"above z = {1e3 * zone.floor:g} mm"]
+    kept += [f"out of {len(zone.boxes)} box(es)"] if zone.boxes else []
+    kept += [f"wrist and tool {1e3 * zone.own:.0f} mm from the lines of base and upper arm"] if zone.own else []
+    out.append(f"poses keep {'; '.join(['the joint limits', *kept])}. That is no collision check")
+    if data is not None and request.repeats > 1 and not start.noise.has_common:
+        out.append("repeats count as independent readings: those so far show no scatter between set-ups")
     if request.random_order:
         out.append("random order: slow drift of gauge and robot does not look like an effect of the pose")
     else:

@@ -167,8 +167,16 @@ def render_sheet(sheet: Sheet, pictures: Sequence[str]) -> str:
         mine = [row for row in rows if row.setup is setup]
         same = k > 0 and np.array_equal(setup.q, sheet.setups[k - 1].q)
         blocks.append(
-            Block(k + 1, setup.label, angles(sheet.robot, setup.q), direction_words(setup.direction), setup.hint,
-                  picture, grid(sheet, mine), same)  # fmt: skip
+            Block(
+                k + 1,
+                setup.label,
+                angles(sheet.robot, setup.q),
+                direction_words(setup.direction),
+                setup.hint,
+                picture,
+                grid(sheet, mine),
+                same,
+            )
         )
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("stiffarm", "templates"),

@@ -1,16 +1,18 @@
-"""Commands that meet measurements: `sensitivity`, `calibrate`."""
+"""The command `calibrate`: the published scheme, or any numbers of the model."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from doe import Measurements, Scheme, bundled_scheme
 from robots import InputError, save_description
-from stiffarm import inputs, payloads, steps, tables
+from stiffarm import calibration_payload, calibration_tables, general_calibration, inputs, payloads, steps, tables
 from stiffarm.console import emit_json, say, user_errors
+from stiffarm.general_calibration import MOST_DRAWS, Options
 from stiffarm.options import (
     DataArg,
     Debug,
@@ -22,79 +24,51 @@ from stiffarm.options import (
     ModelArg,
     Out,
     SchemeFile,
+    Seed,
     folder_if,
     open_measured,
 )
+from stiffarm.outputs import OutputFolder
+from stiffarm.plan_options import parse_parameters
+from stiffarm.reading_checks import refuse_implausible
 
-
-def sensitivity(
-    model: ModelArg,
-    data: DataArg = None,
-    poses: Annotated[str | None, typer.Option("--poses", help="pose labels, as in 5,41,77")] = None,
-    joints: Joints = None,
-    low: Annotated[float, typer.Option(help="low level, N m/rad")] = 1e5,
-    high: Annotated[float, typer.Option(help="high level, N m/rad")] = 1e6,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    out: Out = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Two-level factorial of the joint springs: effects with signs, ranked."""
-    with user_errors(debug):
-        if not (0.0 < low < high and np.isfinite(high)):
-            raise InputError(
-                "--low, --high",
-                value=f"{low:g}, {high:g}",
-                allowed="0 < low < high, finite, N m/rad",
-                remedy="give the range in which the springs are expected",
-            )
-        given, table, files = open_measured(model, data, links, load_path)
-        scheme = bundled_scheme(given.robot.name)
-        chosen = inputs.parse_names(joints, given.robot.joint_names, "--joints")
-        labels = inputs.parse_names(poses, tuple(dict.fromkeys(table.pose)), "--poses")
-        chosen = chosen or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
-        if labels is None:
-            known = set(table.pose)
-            planned = scheme.sensitivity.poses if scheme and set(scheme.sensitivity.poses) <= known else ()
-            labels = planned or tuple(dict.fromkeys(table.pose))
-        with folder_if(out, files) as folder:
-            effects = steps.sensitivity(given, table, chosen, labels, low, high)
-            result = {
-                "robot": given.robot.name,
-                "load_path": given.model.load_path,
-                "links": given.model.link_kind,
-                "low_Nm_per_rad": low,
-                "high_Nm_per_rad": high,
-                "effects": payloads.effects(effects),
-            }
-            if folder is not None:
-                from stiffarm.figures_sensitivity import sensitivity_figure
-                from stiffarm.picture_style import save_png
-
-                folder.write_json("sensitivity.json", result)
-                save_png(sensitivity_figure({given.model.load_path: effects}), folder.path("sensitivity.png"))
-        if as_json:
-            emit_json(result)
-        else:
-            tables.sensitivity(effects, low, high, given.model.load_path)
+Free = Annotated[
+    str | None,
+    typer.Option("--free", help="numbers set free, as in j2.stiffness,j3.rx,forearm.modulus; instead of --joints"),
+]
 
 
 def calibrate(
     model: ModelArg,
     data: DataArg = None,
-    scheme: Annotated[str, typer.Option("--scheme", help="staged (published) or global (constant springs)")] = "staged",
+    scheme: Annotated[
+        str | None,
+        typer.Option("--scheme", help="staged (published) or global; default: staged where a scheme is known"),
+    ] = None,
     joints: Joints = None,
+    free: Free = None,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="calibration TOML: free numbers, ranges, priors, laws, stages")
+    ] = None,
     loads: Loads = None,
     spacing: Annotated[
         str | None, typer.Option("--spacing", help="of the levels (staged): log or linear; default: log")
     ] = None,
     low: Annotated[
-        float | None, typer.Option(help="first lower bound (global), N m/rad; default: the scheme's, or 1e5")
+        float | None,
+        typer.Option(help="springs are expected from here (global), N m/rad; default: the scheme's, or 1e5"),
     ] = None,
     high: Annotated[
-        float | None, typer.Option(help="first upper bound (global), N m/rad; default: the scheme's, or 1e6")
+        float | None, typer.Option(help="springs are expected to here (global), N m/rad; default: the scheme's, or 1e6")
     ] = None,
+    holdout: Annotated[
+        Path | None, typer.Option("--holdout", help="table of other poses, to judge the prediction (global)")
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust/--no-robust", help="outliers lose weight (global)")] = True,
+    bootstrap: Annotated[
+        int, typer.Option("--bootstrap", help="draws of poses with replacement (global)", min=0, max=MOST_DRAWS)
+    ] = 0,
+    seed: Seed = 0,
     scheme_file: SchemeFile = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -102,43 +76,99 @@ def calibrate(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Fit the joint springs to measured deflections; writes a new model TOML into --out."""
+    """Find numbers of the model from measured deflections; writes a new model TOML and a report into --out."""
     with user_errors(debug):
         staged_only = {"--spacing": spacing}
-        global_only = {"--joints": joints, "--low": low, "--high": high}
-        if scheme not in ("staged", "global"):
+        global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}
+        global_only |= {"--holdout": holdout, "--bootstrap": bootstrap or None, "--no-robust": None if robust else ""}
+        if scheme not in (None, "staged", "global"):
             raise InputError("--scheme", value=scheme, allowed="staged, global", remedy="choose one of them")
-        _refuse(global_only if scheme == "staged" else staged_only, scheme)
         if spacing not in (None, "log", "linear"):
             raise InputError("--spacing", value=spacing, allowed="log, linear", remedy="choose one of them")
+        _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
+        _refuse_both({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = inputs.parse_loads(loads)
         given, table, files = open_measured(model, data, links, load_path)
+        staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
+        _refuse(global_only if staged else staged_only, "staged" if staged else "global")
+        refuse_implausible(table)
+        for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
+            if file is not None:
+                files[name] = file if name == "scheme" else _existing(file, f"--{name}")
         names = inputs.parse_names(joints, given.robot.joint_names, "--joints")
-        if scheme_file is not None:
-            files["scheme"] = scheme_file
-        plan: Scheme | None = None
-        if scheme == "staged" or scheme_file is not None:
-            plan = inputs.read_scheme(given.robot, scheme_file)
-        elif table.sha256 == steps.bundled_sha256(given.robot.name):
-            plan = bundled_scheme(given.robot.name)
+        plan = _plan(given, table, scheme_file, staged)
         if chosen_loads is None:
-            chosen_loads = plan.loads_N if plan is not None else ()
-        with folder_if(out, files) as folder:
+            chosen_loads = plan.loads_N if plan is not None and campaign is None else ()
+        options = Options(
+            names, parse_parameters(free), campaign, chosen_loads, low, high, holdout, robust, bootstrap, seed
+        )
+        with folder_if(out, files, seed if bootstrap else None) as folder:
             say(f"loads used: {', '.join(f'{v:g} N' for v in chosen_loads) or 'all'}")
-            if scheme == "staged" and plan is not None:
-                result = steps.calibrate_by_stages(given, table, plan, chosen_loads, spacing or "log", progress=say)
+            if staged and plan is not None:
+                content, show = _by_stages(given, table, plan, chosen_loads, spacing or "log", folder)
             else:
-                result = _constant_springs(given, table, plan, names, chosen_loads, low, high)
-            content = payloads.variant(result)
-            if folder is not None:
-                folder.write_json("calibration.json", content)
-                save_description(result.description, folder.path("model.toml"))
+                content, show = _in_general(given, table, plan, options, folder)
         if out is not None:
             say(f"written: {out / 'model.toml'}, {out / 'calibration.json'}")
         if as_json:
             emit_json(content)
         else:
-            tables.variant(result)
+            show()
+
+
+def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
+    """The published scheme where one is known and nothing says otherwise."""
+    if scheme is not None:
+        return scheme == "staged"
+    return not named and (scheme_file is not None or bundled_scheme(given.robot.name) is not None)
+
+
+def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Scheme | None:
+    """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
+    if staged or scheme_file is not None:
+        return inputs.read_scheme(given.robot, scheme_file)
+    bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
+    return bundled_scheme(given.robot.name) if bundled else None
+
+
+def _by_stages(
+    given: inputs.ModelInput,
+    table: Measurements,
+    plan: Scheme,
+    loads: tuple[float, ...],
+    spacing: str,
+    folder: OutputFolder | None,
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    result = steps.calibrate_by_stages(given, table, plan, loads, spacing, progress=say)
+    content = payloads.variant(result)
+    if folder is not None:
+        folder.write_json("calibration.json", content)
+        save_description(result.description, folder.path("model.toml"))
+    return content, lambda: tables.variant(result)
+
+
+def _in_general(
+    given: inputs.ModelInput, table: Measurements, plan: Scheme | None, options: Options, folder: OutputFolder | None
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    found = general_calibration.run(given, table, plan, options)
+    content = calibration_payload.calibration(found)
+    if folder is not None:
+        general_calibration.write(found, content, folder)
+    return content, lambda: calibration_tables.show(found)
+
+
+def _existing(file: Path, option: str) -> Path:
+    """The file itself; the folder of results hashes it, and its reader says what is wrong inside."""
+    if not file.is_file():
+        raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
+    return file
+
+
+def _refuse_both(options: dict[str, Any]) -> None:
+    """Refuse options that exclude one another."""
+    given = [name for name, value in options.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
 
 
 def _refuse(options: dict[str, Any], scheme: str) -> None:
@@ -149,30 +179,3 @@ def _refuse(options: dict[str, Any], scheme: str) -> None:
             f"{', '.join(given)}: no option of --scheme {scheme}",
             remedy="give --scheme global" if scheme == "staged" else "give --scheme staged, or leave it out",
         )
-
-
-def _constant_springs(
-    given: inputs.ModelInput,
-    table: Measurements,
-    plan: Scheme | None,
-    names: tuple[str, ...] | None,
-    loads: tuple[float, ...],
-    low: float | None,
-    high: float | None,
-) -> steps.Variant:
-    usual = steps.DEFAULT_BOUNDS_Nm_per_rad
-    gauge = steps.DEFAULT_GAUGE_mm
-    if plan is not None:
-        names = names or plan.constant.joints
-        usual, gauge = (plan.low_Nm_per_rad, plan.high_Nm_per_rad), plan.gauge_mm
-    first, last = usual[0] if low is None else low, usual[1] if high is None else high
-    if not (0.0 < first < last and np.isfinite(last)):
-        raise InputError(
-            "--low, --high",
-            value=f"{first:g}, {last:g}",
-            allowed="0 < low < high, finite, N m/rad",
-            remedy="give the range in which the springs are expected; it is widened where the data ask for it",
-        )
-    return steps.calibrate_constant(
-        given, table, names or steps.springs_seen(given, table), loads, (first, last), gauge
-    )

@@ -60,9 +60,15 @@ Levels = Annotated[int, typer.Option("--levels", help="of a full factorial", min
 Vary = Annotated[
     str | None, typer.Option("--vary", help="coordinates that vary, as in q2_deg,q4_deg; default: all that matter")
 ]
-Hold = Annotated[str | None, typer.Option("--hold", help="where others stand, as in q1_deg=30; default: 0 or mid-range")]
+Hold = Annotated[
+    str | None, typer.Option("--hold", help="where others stand, as in q1_deg=30; default: 0 or mid-range")
+]
 Floor = Annotated[str, typer.Option("--floor-mm", help="height below which no part of the arm may be, or none")]
 KeepOut = Annotated[list[str] | None, typer.Option("--keep-out", help="box x0,y0,z0:x1,y1,z1 in mm; repeatable")]
+Clearance = Annotated[
+    float | None,
+    typer.Option("--clearance-mm", help="wrist and tool from base and upper arm; default: as the casings need; 0: any"),
+]
 RandomOrder = Annotated[bool, typer.Option("--random-order", help="against drift; default: a short way")]
 Gauge = Annotated[float, typer.Option("--gauge-mm", help="smallest scatter of a reading, mm")]
 GaugeTurn = Annotated[float, typer.Option("--gauge-mrad", help="smallest scatter of a rotation, mrad")]
@@ -95,6 +101,7 @@ def plan(
     hold: Hold = None,
     floor: Floor = "0",
     keep_out: KeepOut = None,
+    clearance: Clearance = None,
     random_order: RandomOrder = False,
     gauge: Gauge = 0.01,
     gauge_turn: GaugeTurn = 0.01,
@@ -111,7 +118,7 @@ def plan(
     with user_errors(debug):
         _check_kind(poses, design_only, iso)
         given = inputs.read_model(model, links, load_path)
-        zone = plan_options.parse_zone(floor, keep_out or ())
+        zone = plan_options.parse_zone(given.description, floor, keep_out or (), clearance)
         files: dict[str, Path | str] = {"model": model_hash(given)}
         if iso:
             _refuse({"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--free": free}, True)
@@ -239,7 +246,9 @@ def _held(robot: Robot, text: str | None) -> dict[str, float]:
 def _gauges(length: float, turn: float) -> tuple[float, float]:
     for name, value in (("--gauge-mm", length), ("--gauge-mrad", turn)):
         if not 0.0 < value <= 1e3:
-            raise InputError(name, value=value, allowed="more than 0, at most 1000", remedy="give the gauge's resolution")
+            raise InputError(
+                name, value=value, allowed="more than 0, at most 1000", remedy="give the gauge's resolution"
+            )
     return length * 1e-3, turn * 1e-3
 
 

@@ -4,8 +4,11 @@ Sources. [MH] R. H. MacNeal, R. L. Harder, Finite Elem. Anal. Des. 1 (1985) 3-20
 roof, hemisphere, twisted beam. [B] T. Belytschko et al., CMAME 51 (1985) 221-258, doi:10.1016/0045-7825(85)90035-0:
 the obstacle course of roof, cylinder and hemisphere. [S] J. C. Simo, D. D. Fox, M. S. Rifai, CMAME 73 (1989)
 53-92, doi:10.1016/0045-7825(89)90098-4: the thin twisted beam. [Z] D. Zupan, M. Saje, Finite Elem. Anal. Des.
-40 (2004) 1445-1451: the thick twisted beam as a curved beam, 5.4245e-3 and 1.7532e-3. The values are as other
-codes' tests quote them; that the thin beam's two stand in [S] was not checked in the paper.
+40 (2004) 1445-1451: the thick twisted beam as a curved beam, 5.42453e-3 and 1.75325e-3. [K] Y. Ko, Y. Lee,
+P.-S. Lee, K.-J. Bathe, Comput. Struct. 193 (2017) 187-206, tables 12 and 13: both twisted beams.
+None of the papers was read here. The twisted beam's values are as two codes quote them independently of each
+other: P. Krysl's FinEtoolsFlexStructures.jl (tutorials/twisted_beam_tut.md) from [MH], [S] and [Z], and a test
+suite from [K]; and ``test_twisted_beam_theory.py`` derives them by rod theory.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from meshes.shell_mesh import ShellMesh
 
 Array = NDArray[np.float64]
 Shape = Literal["tri", "quad"]
+Direction = Literal["in-plane", "out-of-plane"]
 U, V, W, RX, RY, RZ = range(6)
 
 
@@ -170,16 +174,14 @@ def pinched_hemisphere(n: int, shape: Shape) -> Problem:
 
 # Tip deflection per unit force by thickness: along the width of the tip's section and across it.
 TWISTED_BEAM = {
-    (0.32, "in-plane"): 5.424e-3,  # [MH], [Z]
-    (0.32, "out-of-plane"): 1.754e-3,  # [MH], [Z]
-    (0.0032, "in-plane"): 5.256e3,  # [S], 5.256e-3 at a force of 1e-6
-    (0.0032, "out-of-plane"): 1.294e3,  # [S], 1.294e-3 at a force of 1e-6
+    (0.32, "in-plane"): 5.424e-3,  # [MH], [Z], [K]
+    (0.32, "out-of-plane"): 1.754e-3,  # [MH], [Z], [K]
+    (0.0032, "in-plane"): 5.256e3,  # [S], [K]: 5.256e-3 at a force of 1e-6
+    (0.0032, "out-of-plane"): 1.294e3,  # [S], [K]: 1.294e-3 at a force of 1e-6
 }
 
 
-def twisted_beam(
-    n: int, shape: Shape, thickness: float = 0.32, direction: Literal["in-plane", "out-of-plane"] = "in-plane"
-) -> Problem:
+def twisted_beam(n: int, shape: Shape, thickness: float = 0.32, direction: Direction = "in-plane") -> Problem:
     """Cantilever strip that turns 90 deg over its length, n elements long and n/6 wide, unit tip force.
 
     Length 12, width 1.1, E = 29e6, nu = 0.22, thickness 0.32 [MH] or 0.0032 [S]. The force lies along the

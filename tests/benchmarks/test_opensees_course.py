@@ -35,7 +35,7 @@ def _table() -> dict[tuple[str, str], dict[int, float]]:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if cells[:2] == ["problem", "element"]:
             sizes = [int(cell) for cell in cells[2:]]
-        elif len(cells) > 2 and cells[1] in SHAPES:
+        elif cells[0] in COURSE:
             rows[cells[0], cells[1]] = dict(zip(sizes, map(float, cells[2:]), strict=True))
     return rows
 

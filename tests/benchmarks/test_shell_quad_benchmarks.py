@@ -75,6 +75,10 @@ def test_the_finest_mesh_is_within_one_percent(name: str) -> None:
         ("Scordelis-Lo roof", [4, 8, 16, 32], 2.7),
         ("pinched cylinder", [4, 8, 16, 32, 64], 1.5),
         ("pinched hemisphere, 18 deg hole", [4, 8, 16, 32, 64], 2.6),
+        ("t = 0.32, in-plane", [12, 24, 48, 96], 1.2),
+        ("t = 0.32, out-of-plane", [12, 24, 48, 96], 2.8),
+        ("t = 0.0032, in-plane", [12, 24, 48, 96], 1.2),
+        ("t = 0.0032, out-of-plane", [12, 24, 48, 96], 3.0),
     ],
 )
 def test_rate_of_convergence(name: str, sizes: list[int], rate: float) -> None:

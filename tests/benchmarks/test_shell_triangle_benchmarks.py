@@ -85,6 +85,14 @@ def test_membrane_locking_goes_with_the_fourth_power(name: str) -> None:
     assert 2.2 < rates(name, sizes(name)[-1])[-1] < 4.5
 
 
+@pytest.mark.parametrize("name", ["twisted beam 0.32 in-plane", "twisted beam 0.32 out-of-plane"])
+def test_thick_twisted_beam_has_its_limit_early(name: str) -> None:
+    # Changes of 1.6e-3 and 2.4e-3 fall to 3e-5 and 5e-5 over two halvings: faster than order two.
+    n = np.array(sizes(name))
+    changes = np.abs(np.diff([ratio(name, k) for k in n]))
+    assert -np.polyfit(np.log2(n[:-1]), np.log2(changes), 1)[0] == pytest.approx(2.8, abs=0.2)
+
+
 def test_point_load_converges_in_the_mean_with_order_one_and_a_half() -> None:
     # The cylinder overshoots at n = 16 (a point load's dent is smaller than the elements), so no clean order:
     # the slope of log error over the published value from 4 to 64 (measured 1.4).

@@ -78,3 +78,26 @@ def test_bad_input() -> None:
     with pytest.raises(InputError, match="poses of a design"):
         pose_design(robot, 0)
     assert set(METHODS) == {"factorial", "fractional", "latin", "sobol"}
+
+
+def test_wrist_and_tool_keep_off_base_and_upper_arm() -> None:
+    robot = load_robot("kr60-3")
+    free = pose_design(robot, 400, rng=np.random.default_rng(1))
+    kept = Zone(own=0.4).free(robot, free)
+    assert 0 < kept.sum() < len(free)
+    frames = forward_kinematics(robot, free)
+    tool = tool_position(robot, frames)
+    # The base stands on the z axis up to its first joint: nothing of the tool within 0.4 m of it.
+    height = frames.p[0, 1, 2]
+    beside = (tool[:, 2] > 0.0) & (tool[:, 2] < height)
+    assert (np.hypot(*tool[kept & beside, :2].T) >= 0.4).all()
+    shoulder, elbow = frames.p[:, 2], frames.p[:, 3]
+    wrist = frames.p[:, 5]
+    share = np.linspace(0.0, 1.0, 200)[:, None, None]
+    apart = np.linalg.norm(wrist - (shoulder + share * (elbow - shoulder)), axis=2).min(axis=0)
+    assert (apart[kept] >= 0.4 - 1e-9).all()
+
+
+def test_no_pose_at_all_is_said_soon() -> None:
+    with pytest.raises(InputError, match=r"0 of 4\d{4} tried"):
+        pose_design(load_robot("xr701"), 50, zone=Zone(floor=9.0))

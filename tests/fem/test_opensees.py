@@ -54,18 +54,21 @@ def largest_difference(size: float, shape: str, element: str) -> float:
     return float(np.abs((theirs - ours) / np.outer(scale, scale)).max())
 
 
-def test_flexibility_of_the_forearm_agrees_with_asdshellq4() -> None:
-    # The brief's 1 %; the same kind of element on the same mesh leaves 0.3 % in the twist of the pin's branch.
-    assert largest_difference(0.06, "quad", "ASDShellQ4") < 0.005
+@pytest.mark.parametrize(("shape", "element"), [("quad", "ASDShellQ4"), ("tri", "ShellDKGT")])
+def test_flexibility_of_the_forearm_is_openseess(shape: str, element: str) -> None:
+    # The brief's 1 %; measured 0.3 and 0.8 % at 2800 freedoms.
+    assert largest_difference(0.08, shape, element) < 0.01
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "element"), [("quad", "ASDShellQ4"), ("quad", "ShellMITC4"), ("tri", "ASDShellT3")])
+@pytest.mark.parametrize(("shape", "element"), [("quad", "ASDShellQ4"), ("quad", "ShellMITC4"), ("tri", "ShellDKGT")])
 def test_all_elements_agree_on_a_fine_mesh(shape: str, element: str) -> None:
-    # 0.1, 0.9 and 0.3 % at 32 000 freedoms; ShellMITC4's is its bilinear membrane, first order at folds and rings.
+    # 0.05, 0.9 and 0.6 % at 33 000 freedoms (docs/shell_convergence_opensees.md); ShellMITC4's comes down with the
+    # element size.
     assert largest_difference(0.02, shape, element) < 0.01
 
 
+@pytest.mark.slow
 def test_a_wall_one_twentieth_thicker_is_noticed() -> None:
     mesh, points = forearm(0.06, "quad")
     ours = shell_superelement(replace(mesh, thickness=1.05 * mesh.thickness), points).flexibility

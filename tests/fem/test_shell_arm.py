@@ -111,15 +111,18 @@ def test_parts_hold_together_where_they_meet(arm: tuple[ArmModel, Shells], reach
     assert below.shell is not None
     assert above.shell is not None
     root, tip = below.shell.interfaces["root"], below.shell.interfaces["tip"]
-    assert np.array_equal(full.links[below.name][0, root], np.zeros((root.size, 6)))
+    assert np.array_equal(full.links[below.name][0, root, :3], np.zeros((root.size, 3)))
     joint = above.shell.interfaces["root"]
     at = frames.p[0, 1] + above.shell.nodes[joint] @ frames.R[0, 1].T
-    start = below.shell.nodes[tip[0]]
-    moved = (rigid_motion(at - start) @ full.links[below.name][0, tip[0]]).reshape(-1, 6)
+    # Displacements alone tell a ring's motion: about the wall's normal its nodes turn freely.
+    body = rigid_motion(below.shell.nodes[tip])[:, :3].reshape(-1, 6)
+    motion, rest, *_ = np.linalg.lstsq(body, full.links[below.name][0, tip, :3].ravel(), rcond=None)
+    moved = rigid_motion(at)[:, :3] @ motion
     size = np.abs(moved).max()
     assert size > 1e-8  # it moves: metres
-    # The same numbers through two products of a dozen terms.
-    assert np.abs(full.links[above.name][0, joint] - moved).max() < 1e-12 * size
+    # The same numbers through products of a dozen terms, and a fit of condition 1e2.
+    assert np.sqrt(rest) < 1e-11 * size
+    assert np.abs(full.links[above.name][0, joint, :3] - moved).max() < 1e-11 * size
 
 
 def test_what_cannot_be_solved_is_refused(looped: tuple[ArmModel, Shells]) -> None:

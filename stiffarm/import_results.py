@@ -1,0 +1,236 @@
+"""What an import leaves: the model with its shells, figures as JSON, and a table for people."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from meshes import link_beam_mesh, link_shell_mesh, save_shell
+from meshes.surface_import import ImportedLink
+from robots import ModelDescription, save_description
+from robots.quantities import PositiveLength
+from robots.robot import robot_from
+from robots.schema import Link, Surface
+from stiffarm.console import say, show_table
+from stiffarm.figures_import import ShownLink, contact_sheet
+from stiffarm.importing import ImportedPart, ImportOptions, OneLink, RobotImport
+from stiffarm.outputs import OutputFolder
+from stiffarm.picture_style import save_png
+
+Array = NDArray[np.float64]
+
+SOURCE = "meshes"
+
+
+def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolder) -> dict[str, Any]:
+    """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
+    description = as_description(result, options, _shells(folder))
+    shown = [_shown(part.name, part.link, part.wall, part.points) for part in result.parts]
+    content = payload(result, options)
+    _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
+    return content
+
+
+def write_link(done: OneLink, given: ModelDescription, source: str, folder: OutputFolder) -> dict[str, Any]:
+    """Write a model with the new shell of one link; returns what import.json holds."""
+    name = done.link.name
+    key = f"surface of {name}"
+    surface = written_surface(done.shell, name, done.wall, _shells(folder), key)
+    data = given.model_dump(by_alias=True, exclude_none=True)
+    data["sources"][key] = f"{source}, prepared by stiffarm import"
+    data["link"] = [link.model_copy(update={"surface": surface}) if link.name == name else link for link in given.link]
+    description = ModelDescription.model_validate(data)
+    check_shells(description)
+    content = {
+        "schema": "stiffarm-import/1",
+        "robot": given.name,
+        "link": name,
+        "file": source,
+        **link_payload(done.shell, done.wall),
+    }
+    sheet = contact_sheet([_shown(name, done.shell, done.wall, done.points)], f"{source} as link {name}")
+    _write(description, content, sheet, folder)
+    return content
+
+
+def _shells(folder: OutputFolder) -> Path:
+    return folder.path("meshes/any").parent
+
+
+def _write(description: ModelDescription, content: dict[str, Any], sheet: Figure, folder: OutputFolder) -> None:
+    save_description(description, folder.path("model.toml"))
+    folder.write_json("import.json", content)
+    save_png(sheet, folder.path("import.png"))
+
+
+def _shown(name: str, link: ImportedLink, wall: float, points: Array) -> ShownLink:
+    figures = link.figures
+    rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
+    how = "wrapped" if figures.wrapped else "as it is"
+    facts = (f"{figures.triangles} triangles, wall {1e3 * wall:g} mm, surface {how}", f"rings: {rings}")
+    return ShownLink(name, link.mesh, points, facts)
+
+
+def as_description(result: RobotImport, options: ImportOptions, folder: Path) -> ModelDescription:
+    """Write the shells into ``folder`` and describe the robot with them; surface files as absolute paths.
+
+    A URDF's masses that are less than the casings weigh are fillings for simulators, and left out.
+    """
+    given = result.urdf.description
+    notes = [*given.notes, *(f"link {name} stays rigid: {why}" for name, why in result.rigid.items())]
+    light = [part.name for part in result.parts if part.declared is not None and part.declared.si < part.casing_kg]
+    if light:
+        notes.append(f"masses of the URDF left out: lighter than the casings alone ({', '.join(light)})")
+    links = [_described(part, options.material, bool(light), folder) for part in result.parts]
+    data = given.model_dump(by_alias=True, exclude_none=True)
+    kinds = f"{options.meshes} meshes of the URDF: {', '.join(s for part in result.parts for s in part.sources)}"
+    data |= {
+        "sources": {**given.sources, SOURCE: kinds},
+        "materials": {options.material: options.figures},
+        "link": links,
+        "notes": notes,
+    }
+    if light:
+        data.pop("mass", None)
+    description = ModelDescription.model_validate(data)
+    check_shells(description)
+    return description
+
+
+def _described(part: ImportedPart, material: str, without_mass: bool, folder: Path) -> Link:
+    up = [float(v) + 0.0 for v in np.round(part.section.up, 9)]
+    return Link(
+        name=part.name,
+        body=part.body,
+        material=material,
+        section=part.section.section,
+        beam_up=(up[0], up[1], up[2]),
+        mass=None if without_mass else part.declared,
+        surface=written_surface(part.link, part.name, part.wall, folder, SOURCE),
+    )
+
+
+def written_surface(link: ImportedLink, name: str, wall: float, folder: Path, source: str) -> Surface:
+    """Save a shell into ``folder`` and say what it is."""
+    path = folder / f"{name}.npz"
+    sha256 = save_shell(link.mesh, path)
+    return Surface(
+        file=str(path.resolve()),
+        sha256=sha256,
+        wall=PositiveLength(value=round(1e3 * wall, 6), unit="mm", source="assumed"),
+        size=PositiveLength(value=round(1e3 * link.figures.size_m, 3), unit="mm", source="derived"),
+        source=source,
+        changes=link.report,
+    )
+
+
+def check_shells(description: ModelDescription) -> None:
+    """Read the shells back as a model does; raises InputError where one does not fit its link."""
+    robot = robot_from(description)
+    for link in description.link:
+        if link.surface is not None:
+            link_shell_mesh(link, link_beam_mesh(description, robot, link))
+
+
+def payload(result: RobotImport, options: ImportOptions) -> dict[str, Any]:
+    """What import.json holds of a robot."""
+    return {
+        "schema": "stiffarm-import/1",
+        "robot": result.urdf.description.name,
+        "material": options.material,
+        "links": [_payload_of(part) for part in result.parts],
+        "rigid": result.rigid,
+        "notes": list(result.notes),
+    }
+
+
+def _payload_of(part: ImportedPart) -> dict[str, Any]:
+    section = part.section.section
+    return {
+        "link": part.name,
+        "body": part.body,
+        "files": list(part.sources),
+        "span_mm": _mm(part.span),
+        "casing_mass_kg": round(part.casing_kg, 3),
+        "urdf_mass_kg": None if part.declared is None else part.declared.si,
+        "beam_section_mm": {key: _mm(quantity.si) for key, quantity in section if isinstance(quantity, PositiveLength)}
+        | {"kind": section.kind},
+        "cover": round(part.section.cover, 3),
+        **link_payload(part.link, part.wall),
+    }
+
+
+def link_payload(link: ImportedLink, wall: float) -> dict[str, Any]:
+    """Figures of one imported shell for JSON."""
+    figures = link.figures
+    return {
+        "wall_mm": _mm(wall),
+        "size_mm": _mm(figures.size_m),
+        "bodies": figures.bodies,
+        "open_edges": figures.open_edges,
+        "wrapped": figures.wrapped,
+        "triangles": figures.triangles,
+        "minimum_angle_deg": round(figures.minimum_angle_deg, 2),
+        "mid_surface_area_m2": round(figures.area_m2, 6),
+        "departure_mm": [None if math.isnan(v) else _mm(v) for v in figures.departure_m],
+        "rings": {
+            name: {"nodes": int(ring.nodes.size), "radius_mm": _mm(ring.radius), "chosen": ring.words}
+            for name, ring in figures.rings.items()
+        },
+        "changes": list(link.report),
+    }
+
+
+def _mm(value: float) -> float:
+    return round(1e3 * value, 3)
+
+
+def show(result: RobotImport) -> None:
+    """Tables of the links for people, then what stays rigid and the remarks."""
+    show_table(
+        f"Imported: {result.urdf.description.title}",
+        ["link", "bodies", "open edges", "surface", "triangles", "size (mm)", "least angle (deg)"],
+        [_mesh_row(part) for part in result.parts],
+    )
+    show_table(
+        "The links",
+        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "span (mm)", "covered"],
+        [_link_row(part) for part in result.parts],
+    )
+    say("off by: 95 % of what is seen of the original is less than this from the shell's outer side")
+    for name, why in result.rigid.items():
+        say(f"rigid: {name} ({why})")
+    for note in result.notes:
+        say(f"note: {note}")
+
+
+def _mesh_row(part: ImportedPart) -> list[str]:
+    figures = part.link.figures
+    return [
+        part.name,
+        f"{figures.bodies}",
+        f"{figures.open_edges}",
+        "wrapped" if figures.wrapped else "as it is",
+        f"{figures.triangles}",
+        f"{1e3 * figures.size_m:.3g}",
+        f"{figures.minimum_angle_deg:.0f}",
+    ]
+
+
+def _link_row(part: ImportedPart) -> list[str]:
+    off = part.link.figures.departure_m[0]
+    return [
+        part.name,
+        f"{1e3 * part.wall:g}",
+        ", ".join(f"{1e3 * ring.radius:.0f}" for ring in part.link.figures.rings.values()),
+        "-" if math.isnan(off) else f"{1e3 * off:.3g}",
+        f"{part.casing_kg:.3g}",
+        "-" if part.declared is None else f"{part.declared.si:.4g}",
+        f"{1e3 * part.span:.4g}",
+        f"{100 * part.section.cover:.0f} %",
+    ]
