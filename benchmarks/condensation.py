@@ -5,9 +5,10 @@
 The link is the xr701's forearm casing of quads: three interfaces with rigid rings, so twelve unit load cases.
 Ours is everything from the mesh to the superelement. OpenSees gets the same mesh, rings and loads, and its fastest
 solver; the clock runs from its first node to its last solution, not over its start or its output. It runs with
-ShellMITC4, its fastest element, which knows no warp, and ASDShellQ4, which agrees with ours. The bare solver factorises the same reduced matrix and solves the same twelve right
-sides, and does nothing else. The rivals take turns, so that a busy machine slows all; medians are compared.
-Memory is the peak of a process of its own over what it held before assembly.
+ShellMITC4, its fastest element, which knows no warp, and ASDShellQ4, which agrees with ours. The bare solver
+factorises the same reduced matrix and solves the same twelve right sides, and does nothing else. The rivals take
+turns, so that a busy machine slows all; medians are compared. Memory is the peak of a process of its own over what
+it held before assembly.
 """
 
 from __future__ import annotations

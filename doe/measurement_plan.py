@@ -107,7 +107,7 @@ class MeasurementPlan:
         A: root mean square, as a share of the vague prior's.
         """
         if self.criterion != "D":
-            return np.sqrt(np.asarray(value))
+            return np.asarray(np.sqrt(value))
         unseen = [f for f in self.foresight if not f.seen]
         constant = sum(2.0 * float(np.log(f.after)) for f in unseen)
         seen = max(len(self.foresight) - len(unseen), 1)

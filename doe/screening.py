@@ -104,7 +104,7 @@ def evaluate_runs(free: FreeModel, u: Array, component: int) -> Array:
         f, A = value[:, component], J[:, component]
         out = np.concatenate([f + (u[i : i + BATCH] - start) @ A.T for i in range(0, len(u), BATCH)])
     else:
-        out = np.stack([free.evaluate(one)[0][:, component] for one in u])
+        out = np.stack([free.displacement(one)[:, component] for one in u])
     if not np.isfinite(out).all():
         bad = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
         values = {p.name: p.outer(float(v)) for p, v in zip(free.parameters, u[bad], strict=True)}
@@ -135,6 +135,16 @@ def derivative_shares(free: FreeModel, component: int) -> Array:
     size = np.abs(J[:, component] * reach)
     total = size.sum(axis=1, keepdims=True)
     return np.asarray(np.divide(size, total, out=np.zeros_like(size), where=total > 0.0))
+
+
+def variance_shares(shares: Array) -> Array:
+    """Shares (..., k) of the variance that derivative shares (..., k) give if they hold over the whole ranges.
+
+    For a sum of effects these are the Sobol indices, first order and total, as far as each effect is straight.
+    """
+    square = shares**2
+    total = square.sum(axis=-1, keepdims=True)
+    return np.asarray(np.divide(square, total, out=np.zeros_like(square), where=total > 0.0))
 
 
 def _reach(p: Parameter, u: float) -> float:

@@ -80,6 +80,10 @@ class FreeModel:
                 J[:, :, k] = (ends[0] - ends[1]) / (2.0 * h)
         return value, J
 
+    def displacement(self, u: Array) -> Array:
+        """Displacements (n, 6) alone, at a fraction of the work where angles or points are free."""
+        return self._at_ports(u, self.moved(u))[0]
+
     def moved(self, u: Array) -> LoadedPoses:
         """The loaded poses with angles, points and loads as the parameters say."""
         shift = {kind: np.zeros(self.at.q.shape[1] if kind == "zero" else 3) for kind in GEOMETRIC}

@@ -38,7 +38,7 @@ def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
             sums += np.asarray(gather @ _blocks(K))
     starts = np.searchsorted(keys, k * np.arange(k + 1))
     blocks = sums.reshape(-1, 6, 6), (keys % k).astype(np.int32), starts.astype(np.int32)
-    # Rows for columns: the matrix is symmetric to the last digit.
+    # Rows for columns: the matrix is symmetric, and this costs nothing.
     return sp.csc_array(sp.bsr_array(blocks, shape=(6 * k, 6 * k)).tocsr().T)
 
 

@@ -61,12 +61,13 @@ def choose_rings(
     """Nodes of each interface on a surface (n, 3), (m, 3) with elements of ``size`` m; notes of what was shrunk.
 
     With an axis: the *seats* around it, flat places at right angles to it, on five eighths of its turn at least;
-    of these the nearest to the neighbour's surface, or without one to the point. Two on both sides of a fork are
-    both taken. A seat reaches at most 45 % of the way to the next interface. An axis along that way has the whole
-    seat: the end of the arm. One across it, on the side of an arm, has a disc with the lower quartile of the seat's
-    reach in eight directions as its radius, which keeps within the arm's width. Where no seat is, and the point is
-    near the surface: a ball around it. Without an axis: all nodes within ``radius``, or else the band of nodes
-    within half an element of the plane through the point at right angles to the way to the other points.
+    of these the nearest to the neighbour's surface, as far as it follows that surface, or without a neighbour the
+    nearest to the point. Two on both sides of a fork are both taken. An axis along the way to the next interface
+    has the whole seat: the end of the arm. One across it, on the side of an arm, has a disc with the lower quartile
+    of the seat's reach in eight directions as its radius, which keeps within the arm's width. Rings that meet are
+    kept within 45 % of the way between them, or less. Where no seat is, and the point is near the surface: a ball
+    around it. Without an axis: all nodes within ``radius``, or else the band of nodes within half an element of the
+    plane through the point at right angles to the way to the other points.
 
     Raises
     ------
@@ -77,15 +78,13 @@ def choose_rings(
     np.add.at(normal, faces, normals(nodes, faces)[:, None] / 6.0)
     skin = _Skin(nodes, faces, normal, size)
     notes: list[str] = []
-    share = SHARE_OF_WAY
-    for _ in range(MOST_SHRINKS):
+    for share in (1.0, *(SHARE_OF_WAY * SHRINK**i for i in range(MOST_SHRINKS))):
         rings = {name: _ring(name, interfaces, skin, share) for name in interfaces}
         common = _sharing(rings)
         free = [name for name in common if interfaces[name].axis is not None and interfaces[name].radius is None]
         if not common or not free:
             break
-        share *= SHRINK
-        notes = [f"rings of {' and '.join(common)} met: kept within {100 * share:.0f} % of the way between them"]
+        notes = [f"rings of {' and '.join(common)} met: their radii were cut, see below"]
     if common:
         raise InputError(
             f"interfaces {' and '.join(common)} share nodes", remedy="give smaller interface_radius for both"
@@ -121,7 +120,9 @@ def _ring(name: str, interfaces: Mapping[str, Interface], skin: _Skin, share: fl
     distance = np.linalg.norm(skin.nodes - here.point, axis=1)
     if here.axis is not None:
         where = f"{1e3 * (here.radius or limit):.4g} mm of the joint's axis"
-        found = _seat_ring(here, ways, skin, limit) or _ball_ring(distance, skin.size, limit)
+        found = _seat_ring(here, ways, skin, limit) or _ball_ring(
+            distance, skin.size, min(share, SHARE_OF_WAY) / share * limit
+        )
     elif here.radius is not None:
         where = f"a radius of {here.radius:.4g} m"
         found = Ring(np.flatnonzero(distance <= here.radius), here.radius, f"within {1e3 * here.radius:.4g} mm")
@@ -202,12 +203,15 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
     for side in (1.0, -1.0):
         facing = np.flatnonzero((off <= most) & (side * (unit(skin.normal) @ axis) >= FACING))
         for ring in _levels(facing, along, skin):
-            if np.unique(sector[ring]).size < SECTORS_HELD:
-                continue
-            middle = float(np.median(along[ring]))
-            gap = abs(middle) if tree is None else float(np.median(tree.query(skin.nodes[ring])[0]))
-            area = float(np.linalg.norm(skin.normal[ring], axis=1).sum())
-            seats.append(_Seat(ring, area, middle, gap))
+            gap = abs(float(np.median(along[ring])))
+            if tree is not None:
+                apart = tree.query(skin.nodes[ring])[0]
+                gap = float(np.quantile(apart, 0.25))
+                follows = ring[apart <= gap + DEPTH * skin.size]
+                ring = follows if np.unique(sector[follows]).size >= SECTORS_HELD else ring
+            if np.unique(sector[ring]).size >= SECTORS_HELD:
+                area = float(np.linalg.norm(skin.normal[ring], axis=1).sum())
+                seats.append(_Seat(ring, area, float(np.median(along[ring])), gap))
     if not seats:
         return None
     best = min(seat.gap for seat in seats)
@@ -215,8 +219,9 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
     held = [seat for seat in near if seat.area >= LEAST_SHARE * max(s.area for s in near)]
     ring = np.unique(np.concatenate([seat.nodes for seat in held]))
     # The rim belongs to it whichever way its nodes face: walls that start beside the ring would hang on its edge.
-    level = np.min([np.abs(along - seat.along) for seat in held], axis=0) <= 0.5 * skin.size
-    ring = np.union1d(ring, np.flatnonzero(level & (off <= min(most, off[ring].max() + skin.size))))
+    beside = np.unique(skin.faces[np.isin(skin.faces, ring).any(axis=1)])
+    level = np.min([np.abs(along[beside] - seat.along) for seat in held], axis=0) <= 0.5 * skin.size
+    ring = np.union1d(ring, beside[level & (off[beside] <= most)])
     across_arm = bool(ways) and abs(float(ways[0] @ axis)) < ALONG * float(np.linalg.norm(ways[0]))
     if across_arm and here.radius is None and not here.whole:
         ring = _disc(ring, off, sector, skin.size)

@@ -31,8 +31,9 @@ USUAL_ELEMENTS = 10_000
 # Length of sharp edges times size over area: visual meshes with more (a plain box has 0.1) are full of details
 # that elements of the size cannot follow; meshing them as they are fails late, or leaves poor elements.
 MOST_DETAIL = 0.25
-# Half the least distance of two sides of a wrapped part, in sizes: more is lost where less does not mesh well.
-MARGINS = (0.25, 0.5)
+# Half the least distance of two sides of a wrapped part, in sizes, and whether to keep edges: one after the other
+# until a mesh is good. More detail is lost, and edges are rounded, only where the surface asks for it.
+ATTEMPTS = ((0.25, True), (0.25, False), (0.5, False))
 WRAPPED_ANGLE_DEG = 8.0
 # Triangles of a wrap over those wanted, to begin remeshing with.
 START = 1.5
@@ -110,7 +111,7 @@ def as_it_is(
 def wrapped(
     name: str, nodes: Array, faces: Indices, interfaces: Mapping[str, Interface], settings: ImportSettings
 ) -> Meshed:
-    """Wrap any surface and mesh the wrap's mid-surface; edges are rounded by up to an element."""
+    """Wrap any surface and mesh the wrap's mid-surface."""
     # Brings VTK with it, which only wrapping needs.
     from meshes.distance_grid import thinned
     from meshes.surface_wrap import departure, middle_surface, wrap_surface
@@ -122,13 +123,14 @@ def wrapped(
         trial = wrap_surface(name, nodes, faces, coarse, settings.opening)
         size = usual_size(float(_triangles.area(trial.nodes[trial.faces]).sum()), settings.wall)
     wrap = wrap_surface(name, nodes, faces, size, settings.opening, settings.wrap)
-    _check_room(name, wrap.nodes, wrap.faces, size, settings.wall)
-    for margin in MARGINS:
-        fine, cells, notes = middle_surface(name, wrap, settings.wall, size, margin * size)
-        middle, cells = remesh(
-            fine, cells, size, False, thinned(fine, cells, int(START * _elements(fine, cells, size)))
-        )
-        if not len(crossings(middle, cells)) and least_angle(middle, cells) > WRAPPED_ANGLE_DEG:
+    _check_room(name, wrap.nodes, wrap.faces, size, settings.wall, wrap.offset)
+    done = 0.0
+    for margin, edges in ATTEMPTS:
+        if margin != done:
+            fine, notes = middle_surface(name, wrap, settings.wall, size, margin * size)
+            start, done = thinned(*fine, int(START * _elements(*fine, size))), margin
+        middle, cells = remesh(*fine, size, edges, start)
+        if least_angle(middle, cells) > WRAPPED_ANGLE_DEG and not len(crossings(middle, cells)):
             break
     _refuse_crossings(name, middle, cells, "crosses itself even wrapped", "choose a smaller target size")
     rings, shrunk = choose_rings(interfaces, middle, cells, size)
@@ -136,7 +138,7 @@ def wrapped(
     report = [
         *wrap.notes,
         f"mid-surface {500 * settings.wall:.4g} mm inside the original, remeshed to {len(cells)} triangles of "
-        f"{1e3 * size:.4g} mm, edges rounded",
+        f"{1e3 * size:.4g} mm, edges {'kept' if edges else 'rounded'}",
         *notes,
         f"details lost and openings bridged: 95 % of what is seen is off by less than {1e3 * off[0]:.3g} mm, all of "
         f"it by less than {1e3 * off[1]:.3g} mm",
@@ -149,23 +151,26 @@ def _elements(nodes: Array, faces: Indices, size: float) -> float:
     return float(_triangles.area(nodes[faces]).sum() / (np.sqrt(0.1875) * size**2))
 
 
-def _check_room(name: str, nodes: Array, faces: Indices, size: float, wall: float) -> None:
-    """Refuse target sizes out of all proportion, and skins that enclose the wall instead of the casing."""
+def _check_room(name: str, nodes: Array, faces: Indices, size: float, wall: float, offset: float = 0.0) -> None:
+    """Refuse target sizes out of all proportion, and skins that enclose the wall instead of the casing.
+
+    ``offset`` m: how far the skin lies outside the casing's own.
+    """
     mesh = trimesh.Trimesh(nodes, faces, process=False)
     elements = _elements(nodes, faces, size)
     if not 50.0 <= elements <= MOST_ELEMENTS:
         raise InputError(
             f"target size for {name} (m)", value=size, allowed=f"50 to {MOST_ELEMENTS} elements, not {elements:.3g}"
         )
-    room = 2.0 * mesh.volume / mesh.area
+    room = 2.0 * (mesh.volume / mesh.area - offset)
     # A plain tube has a quarter of its width more than this; two sides of a wall have exactly the wall.
     if room < 2.0 * wall:
         raise InputError(
             f"surface {name} encloses {room:.3g} m on average between its sides (2 volume / area)",
             value=f"wall {wall:.3g} m",
             allowed="a wall below half of it",
-            remedy="if the file holds both sides of the casing's wall, export the outer skin alone, closed, or wrap "
-            "it with an opening wider than its holes",
+            remedy="if the file holds both sides of the casing's wall, export the outer skin alone, closed, or let "
+            "the import close wider openings",
         )
 
 

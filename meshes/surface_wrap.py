@@ -35,6 +35,8 @@ STEPS = 2.0
 # CGAL's manual advises an offset of a tenth to a thirtieth of alpha.
 ALPHA_OFFSET = 0.1
 TIMEOUT_S = 300.0
+# Distance of a right-angled corner from the one that is eroded by 1: the square root of 3, and some more.
+CORNER = 1.75
 # Share of the volume in parts that are too thin: refused, and worth saying.
 MOST_LOST, LOST_SAID = 0.3, 0.002
 
@@ -157,11 +159,11 @@ def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset
 
 def middle_surface(
     name: str, wrap: Wrap, wall: float, size: float, margin: float
-) -> tuple[Array, Indices, tuple[str, ...]]:
+) -> tuple[tuple[Array, Indices], tuple[str, ...]]:
     """Mid-surface of a wall ``wall`` m thick under the wrapped surface, finer than ``size``; and notes.
 
-    The inside of the mid-surface is eroded by ``margin`` m and dilated again: parts thinner than wall and two
-    margins go, and no two sides of the rest come nearer to each other than two margins.
+    The inside of the mid-surface is eroded by ``margin`` m, and what is far from the rest goes: parts thinner than
+    wall and two margins, whose sides would come too near to each other. Corners are near enough to stay sharp.
 
     Raises
     ------
@@ -170,8 +172,8 @@ def middle_surface(
     """
     step, depth = size / STEPS, wrap.offset + 0.5 * wall
     grid = grid_around(name, wrap.nodes, step, 4.0 * step)
-    field = _signed_distance(grid, wrap.nodes, wrap.faces, depth + margin)
-    remedy = "give the wall's true thickness or a smaller target size"
+    field = _signed_distance(grid, wrap.nodes, wrap.faces, depth, depth + margin)
+    remedy = "give the wall's true thickness or a smaller target size, or close wider openings to the inside"
     core = bodies(*contour(grid, field + depth + margin))
     if not core:
         raise InputError(
@@ -180,8 +182,10 @@ def middle_surface(
             remedy=remedy,
         )
     _refuse_second_body(name, core, "joined only by parts thinner than the wall", remedy)
-    nodes, faces = bodies(*contour(grid, _signed_distance(grid, *core[0], margin) - margin))[0]
-    lost = 1.0 - signed_volume(nodes, faces) / (float(np.count_nonzero(field < -depth)) * step**3)
+    reach = CORNER * margin
+    near = _signed_distance(grid, *core[0], reach, reach) - reach
+    middle = bodies(*contour(grid, np.maximum(field + depth, near)))[0]
+    lost = 1.0 - signed_volume(*middle) / (float(np.count_nonzero(field < -depth)) * step**3)
     if lost > MOST_LOST:
         raise InputError(
             f"surface {name}: {100 * lost:.0f} % of its volume is in parts too thin for the wall and the elements",
@@ -190,13 +194,13 @@ def middle_surface(
             remedy=remedy,
         )
     notes = () if lost < LOST_SAID else (f"parts too thin for a casing left out: {100 * lost:.1f} % of the volume",)
-    return nodes, faces, notes
+    return middle, notes
 
 
-def _signed_distance(grid: Grid, nodes: Array, faces: Indices, depth: float) -> Array:
-    """Distance to a closed surface on the grid, negative inside; exact around ``depth`` on both sides."""
+def _signed_distance(grid: Grid, nodes: Array, faces: Indices, least: float, most: float) -> Array:
+    """Distance to a closed surface on the grid, negative inside; exact from ``least`` to ``most`` and a step beyond."""
     reach = 1.5 * grid.step
-    far = distance(grid, sample(nodes[faces], 0.5 * grid.step), max(depth - reach, 0.0), depth + reach)
+    far = distance(grid, sample(nodes[faces], 0.5 * grid.step), max(least - reach, 0.0), most + reach)
     return np.where(enclosed(grid, nodes, faces), -far, far)
 
 

@@ -15,13 +15,11 @@ from doe.calibration import (
     leave_one_pose_out,
     readings_of,
     run_campaign,
-    undetermined,
     without_outliers,
 )
 from doe.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimate import estimate
 from doe.lack_of_fit import downweighted
-from doe.problem import Problem, problem
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
 from fem import ArmModel, build_model
@@ -31,10 +29,10 @@ from robots import InputError, ModelDescription
 from robots.schema import Calibration as Origin
 from stiffarm import calibration_words as words
 from stiffarm.inputs import ModelInput
+from stiffarm.predicting import Count, Holdout, held_out, left_out, refuse_seen
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
-Count = Callable[[int, int], None]
 
 SOURCE_KEY = "calibrated"
 
@@ -73,27 +71,6 @@ class StageFindings:
     independent: Certainty | None
     full_weight: StageResult | None
     drawn: Array | None
-
-
-@dataclass(frozen=True)
-class Holdout:
-    """Readings kept out of the calibration: ``error`` (m,) read minus predicted, NaN at poses in ``blind``.
-
-    ``expected`` (m,): standard deviation by the noise found; ``blind``: why the calibrated model cannot predict a
-    pose.
-    """
-
-    data: Measurements
-    system: Problem
-    error: Array
-    expected: Array
-    blind: dict[str, str]
-
-    @property
-    def rms_mm(self) -> float:
-        """RMS error of the translations predicted."""
-        known = ~np.isnan(self.error)
-        return rms_mm(self.error[known], self.system.component[known])
 
 
 @dataclass(frozen=True)
@@ -161,20 +138,20 @@ def calibrate(
             remedy="choose the file of this robot, or name this robot in its 'robot' key",
         )
     if holdout is not None:
-        _refuse_seen(table, holdout)
+        refuse_seen(table, holdout)
     used = select_loads(table, request.loads)
     build = _builder(given)
     found = run_campaign(given.description, build, used, request.campaign, store=store, progress=say)
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
-    simple = _all_at_once(found)
-    left_out, skipped = (
-        (stages[0].left_out, stages[0].skipped) if simple else _left_out(given, build, used, request, found, count)
-    )
+    if _all_at_once(found):
+        error, skipped = stages[0].left_out, stages[0].skipped
+    else:
+        error, skipped = left_out(given.description, build, used, request.campaign, found, count)
     remarks = words.remarks(found.stages, request.expected)
     return Calibrated(
-        request, used, found, _described(given, found, used, request, remarks), stages, left_out, skipped,
-        None if holdout is None else _held_out(found, holdout), remarks,
+        request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,
+        None if holdout is None else held_out(found, holdout), remarks,
     )  # fmt: skip
 
 
@@ -214,87 +191,6 @@ def _independent(stage: StageResult, noise: NoiseChoice) -> Certainty:
     p = stage.estimate.problem
     apart = replace(p, pose=np.arange(len(p)), poses=tuple(map(str, range(len(p)))))
     return certainty(estimate(apart, (noise.gauge_mm * 1e-3, noise.gauge_mrad * 1e-3), robust=noise.robust))
-
-
-def _left_out(
-    given: ModelInput,
-    build: Callable[[ModelDescription], ArmModel],
-    used: Measurements,
-    request: Request,
-    found: Calibration,
-    count: Count | None,
-) -> tuple[Array, dict[str, str]]:
-    """Errors (m,) of each pose predicted by all stages run again without it."""
-    whole, labels = found.overall, np.array(used.pose, dtype=str)
-    error, reasons = np.full(len(whole), np.nan), {}
-    for k, label in enumerate(whole.poses):
-        if count is not None:
-            count(k, len(whole.poses))
-        fewer = [
-            s.model_copy(update={"poses": tuple(q for q in s.poses if q != label)}) for s in request.campaign.stage
-        ]
-        lost = [a.name for a, b in zip(request.campaign.stage, fewer, strict=True) if a.poses and not b.poses]
-        if lost:
-            reasons[label] = f"stage {lost[0]} has no other pose"
-            continue
-        campaign = request.campaign.model_copy(update={"stage": tuple(fewer)})
-        try:
-            rest = run_campaign(given.description, build, used.select(labels != label), campaign)
-        except InputError as reason:
-            reasons[label] = str(reason)
-            continue
-        mine = used.select(labels == label)
-        blind = _blind(rest, mine)
-        if blind:
-            reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
-            continue
-        error[whole.pose == k] = _error(rest.model, mine)[0]
-    return error, reasons
-
-
-def _error(model: ArmModel, data: Measurements) -> tuple[Array, Problem]:
-    """Read minus predicted (m,)."""
-    system = problem(model, data, ())
-    return system.value - system.evaluate(np.zeros(0))[0], system
-
-
-def _blind(found: Calibration, data: Measurements) -> list[str]:
-    """Numbers that no stage determined and that readings of ``data`` move with."""
-    out: list[str] = []
-    for stage in found.stages:
-        free = stage.estimate.problem.free
-        there = problem(free.model, data, free.parameters, free.laws, free.walls)
-        out += undetermined(stage.estimate, there.evaluate(stage.estimate.u)[1])
-    return out
-
-
-def _held_out(found: Calibration, data: Measurements) -> Holdout:
-    error, system = _error(found.model, data)
-    blind = {}
-    for k, label in enumerate(system.poses):
-        names = _blind(found, data.select(np.array(data.pose, dtype=str) == label))
-        if names:
-            blind[label] = f"the calibration does not determine {', '.join(names)}"
-            error[system.pose == k] = np.nan
-    noise = found.stages[-1].estimate.noise
-    f = system.evaluate(np.zeros(0))[0]
-    expected = np.sqrt(noise.variance(system, f) + np.sum(noise.common(system, f) ** 2, axis=1))
-    return Holdout(data, system, error, expected, blind)
-
-
-def _refuse_seen(table: Measurements, holdout: Measurements) -> None:
-    """Refuse poses by their angles: labels may differ."""
-    seen = {tuple(row) for row in np.round(table.q, 9).tolist()}
-    both = [
-        label for label, row in zip(holdout.pose, np.round(holdout.q, 9).tolist(), strict=True) if tuple(row) in seen
-    ]
-    if both:
-        raise InputError(
-            f"--holdout {holdout.source}: poses that are in {table.source} too",
-            value=", ".join(dict.fromkeys(both)),
-            allowed="poses that the calibration has not seen",
-            remedy="remove them from one of the two tables",
-        )
 
 
 def _described(

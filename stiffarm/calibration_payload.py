@@ -15,8 +15,9 @@ from doe.readings import rms_mm
 from doe.uncertainty import ParameterEstimate
 from stiffarm import calibration_words as words
 from stiffarm import payloads
-from stiffarm.calibrating import Calibrated, Holdout, StageFindings
+from stiffarm.calibrating import Calibrated, StageFindings
 from stiffarm.payloads import number
+from stiffarm.predicting import Holdout
 
 COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 QUANTILES = (0.025, 0.5, 0.975)

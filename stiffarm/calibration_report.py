@@ -29,10 +29,10 @@ def write_report(c: Calibrated, folder: OutputFolder) -> None:
         sections += stage_section(c, s, pictures, "" if len(c.stages) == 1 else f"_{number + 1}")
     sections += [_predictions(c, pictures), _origin(c)]
     title = c.description.title.split(" (")[0]
+    named = f"{c.request.campaign.title}: " if c.request.campaign.stage or len(c.request.campaign.law) else ""
     numbers = sum(len(s.certainty.estimates) for s in c.found.stages)
     lede = (
-        f"{c.request.campaign.title}: {c.identified} of {numbers} numbers "
-        f"identified from {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses, "
+        f"{named}{numbers} numbers set free, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
         f"{c.found.model.link_kind} links, {c.found.model.load_path} load path."
     )
     footer = (

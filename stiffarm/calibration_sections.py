@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from doe import equations
 from doe.estimate import prior_residual, step_sizes
 from doe.identifiability import correlations
 from doe.lack_of_fit import outliers
@@ -20,6 +21,7 @@ from stiffarm.story_blocks import Pictures
 
 Array = NDArray[np.float64]
 
+_BLIND = 1e-9
 _AXES = ("X", "Y", "Z", "about X", "about Y", "about Z")
 
 
@@ -28,7 +30,7 @@ def stage_section(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: s
     of = "" if not suffix else f", stage {s.result.stage.name}"
     return [
         _numbers(s, pictures, suffix, of),
-        _told(s, pictures, suffix, of),
+        _told(c, s, pictures, suffix, of),
         _noise(c, s, of),
         _residuals(c, s, pictures, suffix, of),
     ]
@@ -70,17 +72,35 @@ def _bootstrap(s: StageFindings) -> Table:
     )  # fmt: skip
 
 
-def _told(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
+def _told(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
     r = s.result
-    blocks: list[Block] = [Bullets(tuple(words.told_and_untold(r.certainty.estimates)))]
+    blocks: list[Block] = [Bullets((*words.told_and_untold(r.certainty.estimates), *_held(c)))]
     if r.trade_offs:
         blocks += [Note("Some numbers are seen only together:"), Bullets(tuple(t.words for t in r.trade_offs))]
     if r.unseen:
         blocks.append(Text(f"No reading moves with {', '.join(r.unseen)}: other loads, directions or poses would."))
+    if any(e.status != "determined" for e in r.certainty.estimates):
+        blocks.append(Text("`stiffarm plan` names the poses, loads and directions that would tell the rest best."))
     picture = _determination(s, pictures, suffix)
     if picture is not None:
         blocks.append(picture)
     return Section(f"What these readings can and cannot tell{of}", tuple(blocks))
+
+
+def _held(c: Calibrated) -> list[str]:
+    """Joint springs that were not set free in any stage, and whether readings would have moved with them."""
+    free = {e.parameter.place for s in c.found.stages for e in s.certainty.estimates
+            if e.parameter.kind == "law" or words.spring_of(e) is not None}  # fmt: skip
+    influence = np.abs(equations(c.found.model, c.data, 1e-5).influence).max(axis=0)
+    out = []
+    for what, mine in (
+        ("no reading moves with them", influence <= _BLIND * influence.max()),
+        ("the readings move with them, so they were taken as known", influence > _BLIND * influence.max()),
+    ):
+        names = [n for n, m in zip(c.found.model.robot.joint_names, mine, strict=True) if m and n not in free]
+        if names:
+            out.append(f"Springs not set free, held as the model has them: {', '.join(names)} ({what}).")
+    return out
 
 
 def _determination(s: StageFindings, pictures: Pictures, suffix: str) -> Picture | None:

@@ -7,8 +7,9 @@ import numpy as np
 from doe.lack_of_fit import outliers
 from doe.readings import COMPONENTS, rms_mm
 from stiffarm import calibration_words as words
-from stiffarm.calibrating import Calibrated, Holdout, StageFindings
+from stiffarm.calibrating import Calibrated, StageFindings
 from stiffarm.console import say, show_table
+from stiffarm.predicting import Holdout
 
 
 def show(c: Calibrated) -> None:

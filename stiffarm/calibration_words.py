@@ -21,6 +21,8 @@ from fem.parameters import TURN, Parameter
 REFUTED = 0.01
 # Residual scatter beyond this many digits of the gauge is not the gauge's.
 BEYOND_GAUGE = 2.0
+# Set-ups that scatter by more than this share of the deflection are suspect (assumed).
+LARGE_SHARE = 0.05
 
 _SHOWN = {
     "N m/rad": (1e-6, "1e6 N m/rad"),
@@ -197,6 +199,11 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
     ]
     sizes = [f"{size} of {name.split(', ')[1]}" for name, size in noise_parts(e.noise, p) if "set-up" in name]
     text = f"Readings of one set-up have a scatter in common ({' and '.join(sizes)}), so they are not independent. "
+    if e.noise.pose_share > LARGE_SHARE:
+        text += (
+            f"More than {LARGE_SHARE * 100:g} % of the deflection is more than careful set-ups give: something that "
+            "the model lacks, or a spring held stiffer than it is, may stand behind it. "
+        )
     if not ratios:
         return text + "Left out of the noise it would have to be called lack of fit."
     low, middle, high = min(ratios), float(np.median(ratios)), max(ratios)

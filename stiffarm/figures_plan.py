@@ -146,8 +146,9 @@ def _against_chance(ax: Axes, made: MeasurementPlan) -> None:
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     ax.set_xlabel("set-ups")
+    unit = "over this plan's" if mixed else "% of its value"
     ax.set_ylabel({
-        "D": "standard deviation of a parameter\n(geometric mean, " + ("over this plan's)" if mixed else "% of its value)"),
+        "D": f"standard deviation of a parameter\n(geometric mean, {unit})",
         "A": "standard deviation of a parameter\n(root mean square, % of the vague prior's)",
         "I": "standard deviation of a predicted deflection (mm)",
     }[made.criterion])  # fmt: skip

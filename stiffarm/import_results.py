@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolde
     """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
     description = as_description(result, options, _shells(folder))
     shown = [_shown(part.name, part.link, part.wall, part.points) for part in result.parts]
-    content = payload(result, options)
+    content = payload(result, options, description)
     _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
     return content
 
@@ -137,7 +138,7 @@ def check_shells(description: ModelDescription) -> None:
             link_shell_mesh(link, link_beam_mesh(description, robot, link))
 
 
-def payload(result: RobotImport, options: ImportOptions) -> dict[str, Any]:
+def payload(result: RobotImport, options: ImportOptions, description: ModelDescription) -> dict[str, Any]:
     """What import.json holds of a robot."""
     return {
         "schema": "stiffarm-import/1",
@@ -145,7 +146,7 @@ def payload(result: RobotImport, options: ImportOptions) -> dict[str, Any]:
         "material": options.material,
         "links": [_payload_of(part) for part in result.parts],
         "rigid": result.rigid,
-        "notes": list(result.notes),
+        "notes": list(description.notes),
     }
 
 
@@ -190,7 +191,7 @@ def _mm(value: float) -> float:
     return round(1e3 * value, 3)
 
 
-def show(result: RobotImport) -> None:
+def show(result: RobotImport, notes: Sequence[str]) -> None:
     """Tables of the links for people, then what stays rigid and the remarks."""
     show_table(
         f"Imported: {result.urdf.description.title}",
@@ -203,9 +204,7 @@ def show(result: RobotImport) -> None:
         [_link_row(part) for part in result.parts],
     )
     say("off by: 95 % of what is seen of the original is less than this from the shell's outer side")
-    for name, why in result.rigid.items():
-        say(f"rigid: {name} ({why})")
-    for note in result.notes:
+    for note in notes:
         say(f"note: {note}")
 
 

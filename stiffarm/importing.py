@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes import section_dimensions, shell_mass
-from meshes.beams import body_index
+from meshes.beams import body_index, body_tip
 from meshes.body_surfaces import BodySurface, body_surface, link_interfaces, surface_samples
 from meshes.link_sections import EquivalentSection, equivalent_section
 from meshes.surface_import import ImportedLink, prepare_link
-from meshes.surface_reading import read_surface
+from meshes.surface_reading import check_scale, read_surface
 from meshes.surface_routes import ImportSettings
 from robots import InputError, InputErrors, ModelDescription, Robot
 from robots.quantities import Density, Mass, Modulus, PoissonsRatio
@@ -138,6 +138,12 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
         except InputError as error:
             if not {names[body], body} & set(options.rigid):
                 faults.append(error)
+    for body in list(surfaces):
+        try:
+            _check_scale(robot, body, names[body], surfaces[body], options)
+        except InputError as error:
+            faults.append(error)
+            del surfaces[body]
     jobs, rigid = _sorted_out(robot, names, surfaces, options)
     parts: list[ImportedPart] = []
     for i, body in enumerate(jobs):
@@ -198,6 +204,23 @@ def _missing_files(urdf: UrdfRobot, options: ImportOptions) -> list[InputError]:
     ]
 
 
+def _expected_span(robot: Robot, body: str) -> float:
+    """How large a body should be (m): as its joints are apart, where that is not much less than for others."""
+    longest = max(float(np.linalg.norm(T[:3, 3])) for T in robot.T_pre)
+    return max(float(np.linalg.norm(body_tip(robot, body_index(robot, body)))), 0.25 * longest)
+
+
+def _check_scale(robot: Robot, body: str, name: str, surface: BodySurface, options: ImportOptions) -> None:
+    """Refuse shapes in a wrong unit: small ones would else pass as too short to matter."""
+    if {name, body} & set(options.rigid):
+        return
+    try:
+        check_scale(name, surface.nodes, np.zeros((1, 3)), _expected_span(robot, body), SPAN_RATIO)
+    except InputError as error:
+        remedy = f"{error.remedy}; in a URDF that is <mesh ... scale=...>"
+        raise InputError(error.what, value=error.value, allowed=error.allowed, remedy=remedy) from error
+
+
 def _sorted_out(
     robot: Robot, names: Mapping[str, str], surfaces: Mapping[str, BodySurface], options: ImportOptions
 ) -> tuple[list[str], dict[str, str]]:
@@ -242,9 +265,6 @@ def _part(
     before, after = (surface_samples(surfaces[other]) if other in surfaces else None for other in around)
     radius = options.radius.get(name, options.radius.get(body))
     interfaces = {key: replace(one, radius=radius) for key, one in link_interfaces(robot, index, before, after).items()}
-    longest = max(float(np.linalg.norm(T[:3, 3])) for T in robot.T_pre)
-    tip = interfaces["tip"].point
-    span = float(np.linalg.norm(tip))
     wall = options.walls.get(name, options.walls.get(body, options.wall))
     settings = ImportSettings(
         wall,
@@ -254,12 +274,12 @@ def _part(
         options.repair,
         options.opening,
         options.wrap,
-        expected_span=max(span, 0.25 * longest),
+        expected_span=_expected_span(robot, body),
         span_ratio=SPAN_RATIO,
     )
     own = surfaces[body]
     link = prepare_link(name, own.nodes, own.faces, interfaces, settings, own.notes)
-    section = equivalent_section(name, link.mesh.nodes, link.mesh.triangles, wall, np.zeros(3), tip)
+    section = equivalent_section(name, link.mesh.nodes, link.mesh.triangles, wall, np.zeros(3), interfaces["tip"].point)
     casing = shell_mass(link.mesh, options.figures.density.si).kg
     points = np.stack([one.point for one in interfaces.values()])
     return ImportedPart(name, body, link, section, wall, casing, declared, own.sources, points)

@@ -52,11 +52,12 @@ def setups(poses: Array, rated_N: float) -> tuple[SetUp, ...]:
 
 def sheet(robot: Robot, title: str, poses: Array, rated_N: float, *, usual: bool) -> Sheet:
     """The sheet for poses (n, dof) rad; ``usual``: they are the default, not asked for."""
+    middle = "tool in the middle of what it reaches ahead of the base in the plane of q1 = 0"
     facts = (
         ("robot", title),
         ("test", "static compliance, after ISO 9283:1998"),
         ("rated load", f"{rated_N:.5g} N, in {STEPS} steps, {REPEATS} times along each direction"),
-        ("pose", "tool in the middle of what it reaches ahead of the base in the plane of q1 = 0" if usual else "as given"),
+        ("pose", middle if usual else "as given"),
     )
     return Sheet(
         robot, f"Static compliance of {robot.name}", setups(poses, rated_N), COMPONENTS, REPEATS, False, facts, RULES
@@ -82,8 +83,8 @@ def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:
 def middle_pose(robot: Robot, zone: Zone) -> Array:
     """A pose (dof,) rad with the tool in the middle of what it reaches in the plane of q1 = 0, in whole degrees.
 
-    The middle is the centre of the cells ahead of the base that the tool point meets; of the poses nearest to it the one whose joints
-    are farthest from their limits.
+    The middle is the centre of the cells ahead of the base that the tool point meets; of the poses nearest to it
+    the one whose joints are farthest from their limits.
 
     Raises
     ------

@@ -21,8 +21,9 @@ def number(value: float, digits: int = 6) -> float | None:
 
 
 def spring_key(joint: str) -> str:
-    """``k2_Nm_per_rad`` for joint ``j2``."""
-    return f"k{joint.removeprefix('j')}_Nm_per_rad"
+    """``k2_Nm_per_rad`` for joint ``j2``, ``k_waist_Nm_per_rad`` for other names."""
+    short = joint.removeprefix("j")
+    return f"k{short if short.isdigit() else '_' + joint}_Nm_per_rad"
 
 
 def estimate(spring: SpringEstimate) -> dict[str, Any]:

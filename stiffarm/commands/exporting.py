@@ -27,16 +27,19 @@ def export(
     load: Annotated[str, typer.Option("--load", help="wrench at the tool point, as in fz_N=-650,mx_Nm=10")] = (
         DEFAULT_LOAD
     ),
-    links: Annotated[str, typer.Option("--links", help="shell: only shell links can be exported")] = "shell",
+    links: Annotated[str, typer.Option("--links", help="shell, shell:rigid or shell:distributing")] = "shell",
     load_path: LoadPathOpt = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
     """The whole shell arm in one pose as a CalculiX input that runs as it is, with our own solution beside it."""
     with user_errors(debug):
-        if links != "shell":
+        if links.partition(":")[0] != "shell":
             raise InputError(
-                "--links", value=links, allowed="shell", remedy="leave it out: beams and rigid links have no shell"
+                "--links",
+                value=links,
+                allowed="shell, shell:rigid, shell:distributing",
+                remedy="leave it out: beams and rigid links have no shell to write",
             )
         if pose is None or len(pose) != 1:
             raise InputError(
@@ -46,10 +49,11 @@ def export(
                 remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",
             )
         wrench = inputs.parse_load(load)
-        given = inputs.read_model(model, "shell", load_path)
+        given = inputs.read_model(model, links, load_path)
         q = inputs.parse_pose(given.robot, pose[0])
         with output_folder(out, {"model": model_hash(given)}) as folder:
             from fem.calculix import arm_deck
+            from fem.shell_arm import all_links
 
             say(f"writing {len(given.model.links)} links as CalculiX shells")
             with folder.timed("deck"):
@@ -64,6 +68,7 @@ def export(
                 "robot": given.robot.name,
                 "model_sha256": model_hash(given),
                 "links": given.model.link_kind,
+                "flanges": {link.name: dict(link.flanges) for link in all_links(given.model)},
                 "load_path": given.model.load_path,
                 "joints_without_spring": _stiff_joints(given, q),
                 "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},

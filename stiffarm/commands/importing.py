@@ -29,7 +29,9 @@ def import_command(
     close_mm: Annotated[
         float | None, typer.Option("--close-mm", help="width of openings to close by wrapping; default: two elements")
     ] = None,
-    material: Annotated[str, typer.Option("--material", help="steel, aluminium or cast-iron")] = "steel",
+    material: Annotated[
+        str | None, typer.Option("--material", help="steel (default), aluminium or cast-iron; one link has its model's")
+    ] = None,
     youngs_modulus: Annotated[
         float | None, typer.Option("--youngs-modulus-GPa", help="instead of the usual one")
     ] = None,
@@ -67,8 +69,8 @@ def import_command(
             if value is not None and not 0.0 < value < np.inf:
                 raise InputError(option, value=value, allowed="greater than 0")
         options = importing.ImportOptions(
-            material=material,
-            figures=importing.material_of(material, youngs_modulus, poissons_ratio, density),
+            material=material or "steel",
+            figures=importing.material_of(material or "steel", youngs_modulus, poissons_ratio, density),
             wall=1e-3 * (6.0 if wall_mm is None else wall_mm),
             walls=_by_link(wall, "--wall"),
             rigid=tuple(part.strip() for part in rigid.split(",")) if rigid else (),
@@ -86,10 +88,12 @@ def import_command(
                 with progress("links") as bar, folder.timed("links"):
                     result = importing.import_robot(urdf, options, bar)
                 content = import_results.write_robot(result, options, folder)
-            import_results.show(result)
+            import_results.show(result, content["notes"])
         else:
-            robot_only = {"--tip": tip, "--base": base, "--rigid": rigid, "--wall": wall, "--radius": radius}
-            _refuse(robot_only, "the file is one link")
+            robot_only: dict[str, Any] = {"--tip": tip, "--base": base, "--rigid": rigid, "--wall": wall}
+            robot_only |= {"--radius": radius, "--material": material, "--youngs-modulus-GPa": youngs_modulus}
+            robot_only |= {"--poissons-ratio": poissons_ratio, "--density": density}
+            _refuse(robot_only, "the file is one link of a model, which has the link's material")
             if model is None or link is None:
                 raise InputError(
                     f"{source.name} is one link",

@@ -54,18 +54,20 @@ def largest_difference(size: float, shape: str, element: str) -> float:
     return float(np.abs((theirs - ours) / np.outer(scale, scale)).max())
 
 
-@pytest.mark.parametrize(("shape", "element"), [("quad", "ASDShellQ4"), ("tri", "ShellDKGT")])
-def test_flexibility_of_the_forearm_is_openseess(shape: str, element: str) -> None:
-    # The brief's 1 %; measured 0.3 and 0.8 % at 2800 freedoms.
-    assert largest_difference(0.08, shape, element) < 0.01
+@pytest.mark.parametrize(("size", "shape", "element"), [(0.08, "quad", "ASDShellQ4"), (0.06, "tri", "ShellDKGT")])
+def test_flexibility_of_the_forearm_is_openseess(size: float, shape: str, element: str) -> None:
+    # The brief's 1 %; measured 0.3 % at 2200 freedoms and 0.5 % at 4300.
+    assert largest_difference(size, shape, element) < 0.01
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "element"), [("quad", "ASDShellQ4"), ("quad", "ShellMITC4"), ("tri", "ShellDKGT")])
-def test_all_elements_agree_on_a_fine_mesh(shape: str, element: str) -> None:
-    # 0.05, 0.9 and 0.6 % at 33 000 freedoms (docs/shell_convergence_opensees.md); ShellMITC4's comes down with the
-    # element size.
-    assert largest_difference(0.02, shape, element) < 0.01
+@pytest.mark.parametrize(
+    ("size", "shape", "element"),
+    [(0.03, "quad", "ASDShellQ4"), (0.02, "quad", "ShellMITC4"), (0.03, "tri", "ShellDKGT")],
+)
+def test_all_elements_agree_on_fine_meshes(size: float, shape: str, element: str) -> None:
+    # 0.05, 0.9 and 0.4 % (docs/shell_convergence_opensees.md); ShellMITC4's comes down with the element size.
+    assert largest_difference(size, shape, element) < 0.01
 
 
 @pytest.mark.slow

@@ -102,7 +102,7 @@ TABLES = {
     "none bundled": Case("calibrate kr60-3 --scheme global --out out", ("no measurements are bundled", "DATA")),
     "too few readings": Case(
         "calibrate xr701 FILE --scheme global --out out",
-        ("1 reading(s) cannot determine 4 springs", "--joints"),
+        ("1 reading(s) cannot determine 4 parameters", "set fewer free"),
         "\n".join(DATA.splitlines()[:2]),
     ),
 }
@@ -149,7 +149,7 @@ SCHEMES = {
         "calibrate xr701 --scheme-file FILE --out out", ("900", "150, 375, 650"), scheme("[650]", "[900]"), ".toml"
     ),
     "none bundled": Case(
-        "calibrate kr60-3 FILE --out out",
+        "calibrate kr60-3 FILE --scheme staged --out out",
         ("no calibration scheme is bundled", "--scheme-file"),
         "q2_deg,q3_deg,q5_deg,fz_N,dz_mm\n-90,0,45,-500,-0.5\n",
     ),

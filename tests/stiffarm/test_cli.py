@@ -17,7 +17,7 @@ import stiffarm
 from robots import ModelDescription, bundled_names, load_description
 from stiffarm.cli import app
 
-COMMANDS = ("robots", "simulate", "sensitivity", "calibrate", "fit", "query", "map", "run")
+COMMANDS = ("robots", "simulate", "sensitivity", "calibrate", "plan", "fit", "query", "map", "export", "run")
 LOADS_USED_N = 650.0
 
 
@@ -129,7 +129,8 @@ def test_staged_calibration_in_a_process_of_its_own(data_file: Path) -> None:
 
 
 def test_calibrate_writes_model_results_and_provenance(calibrated: Path, data_file: Path) -> None:
-    assert set(tree(calibrated)) == {"model.toml", "calibration.json", "run.json"}
+    results = {"model.toml", "calibration.json", "parameters.csv", "report.html", "run.json"}
+    assert {name for name in tree(calibrated) if not name.startswith("figures")} == results
     run = json.loads((calibrated / "run.json").read_text(encoding="utf-8"))
     assert run["schema"] == "stiffarm-run/1"
     assert run["inputs_sha256"]["data"] == hashlib.sha256(data_file.read_bytes()).hexdigest()
@@ -178,7 +179,7 @@ def test_a_second_calibration_into_the_folder_keeps_the_first(cli: Command, tmp_
     cli("calibrate", "out/model.toml", "--scheme", "global", "--load-path", "serial", "--out", "out")
     second = tree(tmp_path / "out")
     (kept,) = (tmp_path / "out" / "previous").iterdir()
-    assert tree(kept) == {name: first[name] for name in ("model.toml", "calibration.json", "run.json")}
+    assert tree(kept) == {name: digest for name, digest in first.items() if name != "mine.txt"}
     assert second["mine.txt"] == first["mine.txt"]
     assert second["model.toml"] != first["model.toml"]
 

@@ -54,8 +54,16 @@ def test_our_own_solution_stands_beside_it(exported: tuple[Outcome, Path]) -> No
     # Six digits are written.
     assert list(outcome.json["stiffarm"].values()) == pytest.approx(d.tolist(), rel=1e-5)
     header = (folder / "arm.inp").read_text(encoding="ascii").split("*NODE")[0]
+    assert all(set(kinds.values()) == {"rigid"} for kinds in outcome.json["flanges"].values())
     (line,) = [line for line in header.splitlines() if line.startswith("** displacement (mm):")]
     assert [float(v) for v in line.split(":")[1].split()] == pytest.approx(d[:3].tolist(), rel=1e-5)
+
+
+def test_flanges_by_choice(cli: Command) -> None:
+    outcome = cli("export", "tx200", "--pose", POSE, "--links", "shell:distributing", "--out", "out", "--json")
+    assert outcome.code == 0, outcome.err
+    assert all(set(kinds.values()) == {"distributing"} for kinds in outcome.json["flanges"].values())
+    assert "RIGID BODY" not in Path("out/arm.inp").read_text(encoding="ascii")
 
 
 def test_the_header_tells_model_pose_units_and_load(exported: tuple[Outcome, Path]) -> None:
@@ -96,6 +104,7 @@ def test_people_are_told_how_to_go_on(exported: tuple[Outcome, Path]) -> None:
     [
         (["--pose", POSE, "--links", "beam"], "shell"),
         (["--pose", POSE, "--links", "rigid"], "shell"),
+        (["--pose", POSE, "--links", "shell:soft"], "shell:distributing"),
         ([], "exactly one"),
         (["--pose", POSE, "--pose", "q2_deg=1"], "exactly one"),
         (["--pose", "q2_deg=500"], "-120 to 120"),

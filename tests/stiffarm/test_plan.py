@@ -255,7 +255,11 @@ def test_figure(criterion: str) -> None:
                       free=("j3.stiffness", "j4.stiffness", "j2.zero", "forearm.modulus"))  # fmt: skip
     planned = make_plan(XR701, None, request)
     figure = plan_figure(planned.made, planned.found, "$x_{")
-    shown = [seen.text for seen in texts(figure)]
+    seen = texts(figure)
+    for one in seen:  # nothing is cut off, but for a pixel
+        assert min(one.box.x0, one.box.y0) >= -1
+        assert max(one.box.x1 - figure.bbox.x1, one.box.y1 - figure.bbox.y1) <= 1
+    shown = [one.text for one in seen]
     assert any("3 set-ups for $x_{" in text for text in shown)
     assert any(text.startswith("j4.stiffness") for text in shown)
     assert "this plan" in shown
