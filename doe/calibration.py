@@ -25,6 +25,7 @@ from fem import ArmModel
 from fem.laws import FreeLaw
 from fem.walls import wall_flexibilities
 from meshes.array_cache import ArrayCache
+from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
 
 Array = NDArray[np.float64]
@@ -100,7 +101,8 @@ def run_campaign(
         A stage names a pose, load or number that is not there, or has too few readings.
     """
     stages = campaign.stage or (Stage(name="all at once", parameters=_all_names(campaign)),)
-    key = _key(description, data, campaign)
+    key = _key(description, data, campaign) if store is not None else None
+    store = None if key is None else store
     model = build(description)
     done: list[StageResult] = []
     for number, stage in enumerate(stages):
@@ -123,10 +125,18 @@ def _all_names(campaign: Campaign) -> tuple[str, ...]:
     return tuple(p.name for p in campaign.parameter) + tuple(f"{law.joint}.law" for law in campaign.law)
 
 
-def _key(description: ModelDescription, data: Measurements, campaign: Campaign) -> str:
-    """Everything that the stages' numbers depend on, but the program itself."""
-    parts = [FORMAT, content_hash(description), data.sha256, str(data.n), campaign.model_dump_json(by_alias=True)]
-    return json.dumps(parts)
+def _key(description: ModelDescription, data: Measurements, campaign: Campaign) -> str | None:
+    """Hash of everything that the stages' numbers depend on, the program too; None where its source is not there."""
+    program = formulation_hash("doe.estimate", "fem.free_model")
+    if program is None:
+        return None
+    digest = hashlib.sha256()
+    for text in (FORMAT, program, content_hash(description), campaign.model_dump_json(by_alias=True), *data.pose):
+        add_to(digest, text)
+    for array in (data.q, data.wrench, data.displacement, data.point, data.sigma):
+        add_to(digest, array)
+    add_to(digest, json.dumps(data.phase))
+    return digest.hexdigest()
 
 
 def _run_stage(

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from fem import build_model, link_cache
 from fem.condensation import Superelement
 from fem.couplings import Coupling
-from fem.link_cache import cached_superelement, formulation_hash, superelement_key
+from fem.link_cache import cached_superelement, superelement_key
 from fem.shell import shell_superelement
-from meshes import ShellMesh
+from meshes import ShellMesh, formulation
 from meshes.array_cache import ArrayCache
+from meshes.formulation import formulation_hash
 from robots import InputError, ModelDescription
 
 Array = NDArray[np.float64]
@@ -148,25 +149,28 @@ DECISIVE = {
 
 @pytest.mark.usefixtures("_fresh_hash")
 def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    original, read = link_cache._source, set()
+    original, read = formulation._source, set()
 
     def source(name: str) -> str:
         read.add(name)
         return original(name)
 
-    monkeypatch.setattr(link_cache, "_source", source)
+    monkeypatch.setattr(formulation, "_source", source)
     keys = {_key()}
     # At least these; and not the modules that only use superelements.
     assert read >= DECISIVE
     assert not read & {"fem.statics", "fem.fields", "fem.model", "fem.link_cache", "fem"}
     for changed in sorted(read):
-        monkeypatch.setattr(link_cache, "_source", lambda name: original(name) + "\n" * (name == changed))  # noqa: B023
+        monkeypatch.setattr(formulation, "_source", lambda name: original(name) + "\n" * (name == changed))  # noqa: B023
         formulation_hash.cache_clear()
         keys.add(_key())
-    monkeypatch.setattr(link_cache, "_source", original)
+    monkeypatch.setattr(formulation, "_source", original)
     for name in ("FORMAT", "version"):
         with monkeypatch.context() as patch:
-            patch.setattr(link_cache, name, "stiffarm-superelement/0" if name == "FORMAT" else lambda _: "0.1")
+            if name == "FORMAT":
+                patch.setattr(link_cache, name, "stiffarm-superelement/0")
+            else:
+                patch.setattr(formulation, name, lambda _: "0.1")
             formulation_hash.cache_clear()
             keys.add(_key())
     assert len(keys) == 1 + len(read) + 2
@@ -184,7 +188,7 @@ def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> 
     ],
 )
 def test_imports_are_found_however_they_are_written(text: str, found: set[str]) -> None:
-    assert set(link_cache._imported(text, "fem")) == found
+    assert set(formulation._imported(text, "fem")) == found
 
 
 @pytest.mark.usefixtures("_fresh_hash")
@@ -192,7 +196,7 @@ def test_without_source_nothing_is_kept(store: ArrayCache, monkeypatch: pytest.M
     def refuse(name: str) -> str:
         raise OSError(name)
 
-    monkeypatch.setattr(link_cache, "_source", refuse)
+    monkeypatch.setattr(formulation, "_source", refuse)
     element = cached_superelement(tube(), POINTS, RIGID, store)
     assert agree(element, shell_superelement(tube(), POINTS, RIGID))
     assert store.folder is not None
