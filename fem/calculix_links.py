@@ -26,6 +26,8 @@ Indices = NDArray[np.int64]
 BEAM_SIDE, BEAM_SOFTNESS = 0.1, 1e-3
 # Weights of a quadratic edge's ends and of its middle (Simpson's rule), times its length.
 END_WEIGHT, MIDDLE_WEIGHT = 1.0 / 6.0, 4.0 / 6.0
+# Freedoms of mid-side nodes that are sure to hold six good ones: those of four edges.
+ENOUGH = 12
 
 
 @dataclass(frozen=True)
@@ -219,6 +221,9 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: li
         mean = mean.reshape(6, -1, 6)[:, :, :3].reshape(6, -1)  # rotations of the nodes have no part
         ring = [(node, i) for node in placed.numbers(nodes).tolist() for i in (1, 2, 3)]
         free = np.array([i for i, freedom in enumerate(ring) if not deck.depends(freedom)], dtype=np.int64)
+        # Mid-side nodes belong to fewer elements than corners, so that fewer of them see the ring's whole rows.
+        middle = free[nodes[free // 3] >= placed.mesh.corners]
+        free = middle if middle.size >= ENOUGH else free
         pivots = free[np.sort(giving_way(sp.csc_array(mean[:, free]))[0])]
         others = np.setdiff1d(np.arange(len(ring)), pivots)
         by_motion = np.linalg.inv(mean[:, pivots])

@@ -6,14 +6,15 @@ works on an independent set of edges at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import trimesh
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
+
+from meshes.surface_nearest import NearestOn
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -39,11 +40,15 @@ LEFT_OVER = 0.002
 
 @dataclass(frozen=True)
 class _Limits:
-    """Element size (m), and cosines: of the angle that makes an edge sharp, and of the most that a face turns."""
+    """Element size (m), and cosines: of the angle that makes an edge sharp, and of the most that a face turns.
+
+    ``lenient``: no edge is sharp near a sliver.
+    """
 
     size: float
     sharp: float
     fold: float
+    lenient: bool = False
 
 
 def remesh(
@@ -57,16 +62,30 @@ def remesh(
     """
     sharp, fold = float(np.cos(np.deg2rad(SHARP_DEG))), float(np.cos(np.deg2rad(FOLD_DEG)))
     limits = _Limits(size, sharp, sharp) if keep_edges else _Limits(size, NEVER, fold)
-    target = _Surface(nodes, faces, limits)
+    edges = _edges(faces)
+    fine, cells = _split(nodes, faces, size)
+    target = NearestOn(fine[cells], nodes[edges.ends[_sharpness(nodes, faces, edges, limits)[0]]], size)
     nodes, faces = (nodes, faces) if start is None else start
     for _ in range(ROUNDS):
         nodes, faces = _split(nodes, faces, LONG * size)
         nodes, faces = _collapse(nodes, faces, limits)
         faces = _flip(nodes, faces, limits)
         nodes = _smooth(nodes, faces, target, limits)
-    # The way back to sharp edges may have brought nodes together.
-    nodes, faces = _collapse(nodes, faces, limits, TINY)
-    return nodes, _flip(nodes, faces, limits)
+    return _without_slivers(nodes, faces, target, limits)
+
+
+def _without_slivers(nodes: Array, faces: Indices, target: NearestOn, limits: _Limits) -> tuple[Array, Indices]:
+    """Give up sharp edges where they force slivers; and nodes that the way back to such edges brought together."""
+    limits = replace(limits, fold=min(limits.fold, float(np.cos(np.deg2rad(FOLD_DEG)))), lenient=True)
+    for _ in range(ROUNDS):
+        nodes, faces = _collapse(nodes, faces, limits, TINY)
+        faces = _flip(nodes, faces, limits)
+        if not _slivers(nodes, faces, normals(nodes, faces)).any():
+            break
+        nodes, faces = _collapse(nodes, faces, limits)
+        faces = _flip(nodes, faces, limits)
+        nodes = _smooth(nodes, faces, target, limits)
+    return nodes, faces
 
 
 def sharp_density(nodes: Array, faces: Indices) -> float:
@@ -117,6 +136,12 @@ def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limits: _Limits) -> 
     """Which edges (e,) are sharp, and the nodes' kind (n,): 0 on a face, 1 along a sharp edge, 2 a corner."""
     normal = unit(normals(nodes, faces))
     sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < limits.sharp
+    if limits.lenient:
+        near = np.zeros(len(nodes), dtype=bool)
+        near[faces[_slivers(nodes, faces, normals(nodes, faces))]] = True
+        for _ in range(2):
+            near[faces[near[faces].any(axis=1)]] = True
+        sharp &= ~near[edges.ends].any(axis=1)
     ends = edges.ends[sharp]
     way = unit(nodes[ends[:, 1]] - nodes[ends[:, 0]])
     turn = np.zeros((len(nodes), 3))
@@ -255,7 +280,7 @@ def _flip(nodes: Array, faces: Indices, limits: _Limits) -> Indices:
     return faces
 
 
-def _smooth(nodes: Array, faces: Indices, target: _Surface, limits: _Limits) -> Array:
+def _smooth(nodes: Array, faces: Indices, target: NearestOn, limits: _Limits) -> Array:
     """Move nodes towards their neighbours' middle and back on the surface; corners stay."""
     edges = _edges(faces)
     sharp, kind = _sharpness(nodes, faces, edges, limits)
@@ -275,43 +300,3 @@ def _smooth(nodes: Array, faces: Indices, target: _Surface, limits: _Limits) -> 
         turned = np.einsum("ij,ij->i", unit(normals(moved, faces)), before) < limits.fold
         moved[np.unique(faces[turned])] = nodes[np.unique(faces[turned])]
     return moved
-
-
-class _Surface:
-    """The surface to stay on, cut into small triangles so that the nearest centres tell the nearest triangle."""
-
-    def __init__(self, nodes: Array, faces: Indices, limits: _Limits) -> None:
-        edges = _edges(faces)
-        sharp, _ = _sharpness(nodes, faces, edges, limits)
-        self._segments = nodes[edges.ends[sharp]]
-        fine, cells = _split(nodes, faces, limits.size)
-        self._triangles = fine[cells]
-        self._tree = KDTree(self._triangles.mean(axis=1))
-        self._size = limits.size
-
-    def nearest(self, points: Array) -> Array:
-        """Nearest point on the surface (p, 3)."""
-        count = min(12, len(self._triangles))
-        near = self._tree.query(points, k=count)[1]
-        on = _triangles.closest_point(self._triangles[near].reshape(-1, 3, 3), np.repeat(points, count, axis=0))
-        return _nearest_of(points, np.asarray(on).reshape(-1, count, 3))
-
-    def nearest_sharp(self, points: Array) -> Array:
-        """Nearest point on the sharp edges, on the surface where none is near."""
-        if not len(self._segments) or not len(points):
-            return self.nearest(points) if len(points) else points
-        start, way = self._segments[:, 0], self._segments[:, 1] - self._segments[:, 0]
-        found = np.empty_like(points)
-        for i in range(0, len(points), 256):  # keeps the table of points and segments small
-            p = points[i : i + 256, None]
-            share = np.clip(((p - start) * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
-            found[i : i + 256] = _nearest_of(p[:, 0], start + share[..., None] * way)
-        far = np.linalg.norm(found - points, axis=1) > 0.5 * self._size
-        found[far] = self.nearest(points[far])
-        return found
-
-
-def _nearest_of(points: Array, candidates: Array) -> Array:
-    """The candidate (p, k, 3) nearest to each point (p, 3)."""
-    best = np.argmin(((candidates - points[:, None]) ** 2).sum(axis=2), axis=1)
-    return np.asarray(candidates[np.arange(len(points)), best])

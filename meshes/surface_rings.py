@@ -24,6 +24,8 @@ SHARE_OF_WAY = 0.45
 SHRINK, MOST_SHRINKS = 0.75, 8
 # A seat faces along the axis within 60 deg, is this many elements deep, and stands in 5 of 8 sectors around it.
 FACING, DEPTH, SECTORS, SECTORS_HELD = 0.5, 1.5, 8, 5
+# Its reach is measured in so many sectors for each of these.
+FINE = 3
 # Of the angle between an axis and the way to the next interface: above, the axis is along the arm.
 ALONG = 0.7
 # Seats as near to the neighbour as the best one, to an element, and not much smaller, are held with it.
@@ -64,7 +66,7 @@ def choose_rings(
     of these the nearest to the neighbour's surface, as far as it follows that surface, or without a neighbour the
     nearest to the point. Two on both sides of a fork are both taken. An axis along the way to the next interface
     has the whole seat: the end of the arm. One across it, on the side of an arm, has a disc with the lower quartile
-    of the seat's reach in eight directions as its radius, which keeps within the arm's width. Rings that meet are
+    of the seat's reach all round as its radius, which keeps within the arm's width. Rings that meet are
     kept within 45 % of the way between them, or less. Where no seat is, and the point is near the surface: a ball
     around it. Without an axis: all nodes within ``radius``, or else the band of nodes within half an element of the
     plane through the point at right angles to the way to the other points.
@@ -196,7 +198,8 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
     along = arm @ axis
     across = arm - along[:, None] * axis
     off = np.linalg.norm(across, axis=1)
-    sector = _sectors(across, axis)
+    fine = _sectors(across, axis)
+    sector = fine // FINE
     most = here.radius if here.radius is not None else np.inf if here.whole else limit
     tree = None if here.facing is None or not len(here.facing) else KDTree(here.facing)
     seats = []
@@ -224,7 +227,7 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
     ring = np.union1d(ring, beside[level & (off[beside] <= most)])
     across_arm = bool(ways) and abs(float(ways[0] @ axis)) < ALONG * float(np.linalg.norm(ways[0]))
     if across_arm and here.radius is None and not here.whole:
-        ring = _disc(ring, off, sector, skin.size)
+        ring = _disc(ring, off, fine, skin.size)
     radius = float(off[ring].max())
     places = " and ".join(f"{1e3 * seat.along:+.4g}" for seat in held)
     near_words = "" if tree is None else f", {1e3 * best:.3g} mm from its neighbour"
@@ -232,11 +235,12 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
 
 
 def _sectors(across: Array, axis: Array) -> Indices:
-    """Sector (n,) of the full turn that each arm (n, 3) at right angles to the axis points into."""
+    """Fine sector (n,) of the full turn that each arm (n, 3) at right angles to the axis points into."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     angle = np.arctan2(across @ np.cross(axis, first), across @ first)
-    return np.asarray(np.floor(angle / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS)
+    count = SECTORS * FINE
+    return np.asarray(np.floor(angle / (2.0 * np.pi) * count).astype(np.int64) % count)
 
 
 def _levels(facing: Indices, along: Array, skin: _Skin) -> list[Indices]:
@@ -263,7 +267,7 @@ def _levels(facing: Indices, along: Array, skin: _Skin) -> list[Indices]:
 
 def _disc(ring: Indices, off: Array, sector: Indices, size: float) -> Indices:
     """Cut a seat to the lower quartile of its reach around the axis."""
-    reach = [off[ring[sector[ring] == k]].max(initial=0.0) for k in range(SECTORS)]
+    reach = [off[ring[sector[ring] == k]].max(initial=0.0) for k in range(SECTORS * FINE)]
     radius = float(np.quantile([r for r in reach if r > 0.0], 0.25))
     # Half an element more, so that the rim of a round boss is all in.
     return np.asarray(ring[off[ring] <= radius + 0.5 * size])

@@ -33,7 +33,7 @@ USUAL_ELEMENTS = 10_000
 MOST_DETAIL = 0.25
 # Half the least distance of two sides of a wrapped part, in sizes, and whether to keep edges: one after the other
 # until a mesh is good. More detail is lost, and edges are rounded, only where the surface asks for it.
-ATTEMPTS = ((0.25, True), (0.25, False), (0.5, False))
+ATTEMPTS = ((0.25, True), (0.5, True), (0.5, False))
 WRAPPED_ANGLE_DEG = 8.0
 # Triangles of a wrap over those wanted, to begin remeshing with.
 START = 1.5

@@ -19,6 +19,11 @@ FOLDER = "meshes"
 _SUFFIX = ".npz"
 
 
+def surface_file_name(link: str, sha256: str) -> str:
+    """Name of a link's surface file in ``meshes/``; no name of a link leads out of that folder."""
+    return f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', link).strip('.')}-{sha256[:8]}{_SUFFIX}"
+
+
 def with_absolute_surfaces(description: ModelDescription, folder: Path) -> ModelDescription:
     """The description with surface files as absolute paths, read as relative to ``folder``."""
     return _with_files(description, lambda _, surface: str(folder / surface.file))
@@ -64,10 +69,9 @@ class SurfaceCopies:
                 remedy="import the link again",
             )
         meshes = self._folder / FOLDER
-        short = found[:8]
-        same = next((p for p in sorted(meshes.glob(f"*-{short}{_SUFFIX}")) if _digest(link, p) == found), None)
+        same = next((p for p in sorted(meshes.glob(f"*-{found[:8]}{_SUFFIX}")) if _digest(link, p) == found), None)
         if same is None:
-            same = meshes / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', link).strip('.')}-{short}{_SUFFIX}"
+            same = meshes / surface_file_name(link, found)
             self._write(link, source, same)
         return same.relative_to(self._folder).as_posix()
 

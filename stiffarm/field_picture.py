@@ -18,6 +18,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from fem import ArmFields
+from fem.couplings import distributing_coupling
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from stiffarm import picture_style as style
 from stiffarm.budgets import PoseBudget
@@ -147,13 +148,16 @@ def _density_scale(density: Array) -> LogNorm:
 
 def _moved_bodies(arm: DeformedArm, scale: float) -> list[DrawnBody]:
     """Hubs, flange, tool and bar of the robot's drawing, each moved with the nearest ring of a shell."""
-    rings = [
-        (link.positions[ring].mean(axis=0) * M_TO_MM, link.displacement[ring].mean(axis=0))
-        for link in arm.fields.links
-        for ring in link.mesh.interfaces.values()
-    ]
-    centres = np.array([centre for centre, _ in rings])
-    motion = np.array([moved for _, moved in rings]) * ([M_TO_MM] * 3 + [1.0] * 3)
+    rings = [(link, ring) for link in arm.fields.links for ring in link.mesh.interfaces.values()]
+    centres = np.array([link.positions[ring].mean(axis=0) for link, ring in rings])
+    # From displacements: about the wall's normal the nodes of a ring turn by themselves.
+    motion = np.array(
+        [
+            distributing_coupling(link.positions, ring, centre) @ link.displacement[ring].ravel()
+            for (link, ring), centre in zip(rings, centres, strict=True)
+        ]
+    )
+    centres, motion = centres * M_TO_MM, motion * ([M_TO_MM] * 3 + [1.0] * 3)
     out = []
     # The serial load path has no parallelogram.
     pinned = ("bar", "crank pin", "lever pin")

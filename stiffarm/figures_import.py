@@ -82,7 +82,9 @@ def _draw(axes: Axes, link: ShownLink, side: float) -> None:
         base[held[mesh.triangles].all(axis=1)] = to_rgb(_ring_colour(i))
     light = 0.45 + 0.6 * np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.0, 1.0)
     colours = np.clip(base * light[:, None], 0.0, 1.0)[seen]
-    faces = PolyCollection(list(corners[seen][:, :, :2]), facecolors=colours, edgecolors=0.86 * colours, linewidths=0.15)
+    faces = PolyCollection(
+        list(corners[seen][:, :, :2]), facecolors=colours, edgecolors=0.86 * colours, linewidths=0.15
+    )
     axes.add_collection(faces)
     points = 1e3 * camera(link.points)[:, :2]
     axes.plot(*points.T, linestyle=":", color=style.INK, linewidth=0.9, zorder=3)

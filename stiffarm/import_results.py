@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from robots import ModelDescription, save_description
 from robots.quantities import PositiveLength
 from robots.robot import robot_from
 from robots.schema import Link, Surface
+from robots.surface_files import surface_file_name
 from stiffarm.console import say, show_table
 from stiffarm.figures_import import ShownLink, contact_sheet
 from stiffarm.importing import ImportedPart, ImportOptions, OneLink, RobotImport
@@ -30,10 +32,12 @@ SOURCE = "meshes"
 
 def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolder) -> dict[str, Any]:
     """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
-    description = as_description(result, options, _shells(folder))
     shown = [_shown(part.name, part.link, part.wall, part.points) for part in result.parts]
-    content = payload(result, options, description)
-    _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
+    # The model takes copies of the shells with it, under names that tell versions apart.
+    with tempfile.TemporaryDirectory() as shells:
+        description = as_description(result, options, Path(shells))
+        content = payload(result, options, description)
+        _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
     return content
 
 
@@ -41,12 +45,6 @@ def write_link(done: OneLink, given: ModelDescription, source: str, folder: Outp
     """Write a model with the new shell of one link; returns what import.json holds."""
     name = done.link.name
     key = f"surface of {name}"
-    surface = written_surface(done.shell, name, done.wall, _shells(folder), key)
-    data = given.model_dump(by_alias=True, exclude_none=True)
-    data["sources"][key] = f"{source}, prepared by stiffarm import"
-    data["link"] = [link.model_copy(update={"surface": surface}) if link.name == name else link for link in given.link]
-    description = ModelDescription.model_validate(data)
-    check_shells(description)
     content = {
         "schema": "stiffarm-import/1",
         "robot": given.name,
@@ -55,12 +53,17 @@ def write_link(done: OneLink, given: ModelDescription, source: str, folder: Outp
         **link_payload(done.shell, done.wall),
     }
     sheet = contact_sheet([_shown(name, done.shell, done.wall, done.points)], f"{source} as link {name}")
-    _write(description, content, sheet, folder)
+    with tempfile.TemporaryDirectory() as shells:
+        surface = written_surface(done.shell, name, done.wall, Path(shells), key)
+        data = given.model_dump(by_alias=True, exclude_none=True)
+        data["sources"][key] = f"{source}, prepared by stiffarm import"
+        data["link"] = [
+            link.model_copy(update={"surface": surface}) if link.name == name else link for link in given.link
+        ]
+        description = ModelDescription.model_validate(data)
+        check_shells(description)
+        _write(description, content, sheet, folder)
     return content
-
-
-def _shells(folder: OutputFolder) -> Path:
-    return folder.path("meshes/any").parent
 
 
 def _write(description: ModelDescription, content: dict[str, Any], sheet: Figure, folder: OutputFolder) -> None:
@@ -83,7 +86,7 @@ def as_description(result: RobotImport, options: ImportOptions, folder: Path) ->
     A URDF's masses that are less than the casings weigh are fillings for simulators, and left out.
     """
     given = result.urdf.description
-    notes = [*given.notes, *(f"link {name} stays rigid: {why}" for name, why in result.rigid.items())]
+    notes = [*result.notes, *(f"link {name} stays rigid: {why}" for name, why in result.rigid.items())]
     light = [part.name for part in result.parts if part.declared is not None and part.declared.si < part.casing_kg]
     if light:
         notes.append(f"masses of the URDF left out: lighter than the casings alone ({', '.join(light)})")
@@ -118,8 +121,9 @@ def _described(part: ImportedPart, material: str, without_mass: bool, folder: Pa
 
 def written_surface(link: ImportedLink, name: str, wall: float, folder: Path, source: str) -> Surface:
     """Save a shell into ``folder`` and say what it is."""
-    path = folder / f"{name}.npz"
-    sha256 = save_shell(link.mesh, path)
+    unnamed = folder / "surface.npz"
+    sha256 = save_shell(link.mesh, unnamed)
+    path = unnamed.replace(folder / surface_file_name(name, sha256))
     return Surface(
         file=str(path.resolve()),
         sha256=sha256,
@@ -200,10 +204,11 @@ def show(result: RobotImport, notes: Sequence[str]) -> None:
     )
     show_table(
         "The links",
-        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "span (mm)", "covered"],
+        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "cover (%)"],
         [_link_row(part) for part in result.parts],
     )
-    say("off by: 95 % of what is seen of the original is less than this from the shell's outer side")
+    say("off by: 95 % of what is seen of the original is nearer than this to the shell's outer side")
+    say("cover: share of the way from root to tip where the casing is")
     for note in notes:
         say(f"note: {note}")
 
@@ -230,6 +235,5 @@ def _link_row(part: ImportedPart) -> list[str]:
         "-" if math.isnan(off) else f"{1e3 * off:.3g}",
         f"{part.casing_kg:.3g}",
         "-" if part.declared is None else f"{part.declared.si:.4g}",
-        f"{1e3 * part.span:.4g}",
-        f"{100 * part.section.cover:.0f} %",
+        f"{100 * part.section.cover:.0f}",
     ]

@@ -35,6 +35,8 @@ SHORT = 0.08
 LEAST_COVER = 0.3
 # Bodies are as large as their joints are apart, give or take; beyond, the unit of length is in doubt.
 SPAN_RATIO = (0.1, 12.0)
+# How the reading of a URDF says so (robots.urdf_shapes).
+_NOT_FOUND = ": mesh not found: "
 NAMES_OF_PARTS = ("base", "tool", "bar", "crank")
 
 
@@ -160,10 +162,12 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     if not parts:
         raise InputError(
             f"import of {urdf.description.name}: no link became a shell",
-            value="; ".join(f"{names.get(body, body)}: {why}" for body, why in rigid.items()),
+            value="; ".join(f"{names[body]}: {why}" for body, why in rigid.items()),
             remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
         )
-    return RobotImport(urdf, tuple(parts), {names.get(body, body): why for body, why in rigid.items()}, urdf.notes)
+    other = ", a collision" if options.meshes == "visual" else ", a visual"
+    notes = tuple(note for note in urdf.notes if not (_NOT_FOUND in note and other in note))
+    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, notes)
 
 
 def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str, str]:
@@ -191,9 +195,8 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
 
 def _missing(urdf: UrdfRobot, options: ImportOptions) -> list[tuple[str, str]]:
     """Links with a mesh file that is not there, and the note that says so."""
-    mark = ": mesh not found: "
-    found = [note for note in urdf.notes if mark in note and f", a {options.meshes}" in note]
-    return [(note.partition(mark)[0].removeprefix("link "), note) for note in found]
+    found = [note for note in urdf.notes if _NOT_FOUND in note and f", a {options.meshes}" in note]
+    return [(note.partition(_NOT_FOUND)[0].removeprefix("link "), note) for note in found]
 
 
 def _missing_files(urdf: UrdfRobot, options: ImportOptions) -> list[InputError]:

@@ -41,7 +41,7 @@ def read_model(name: str, links: str | None, load_path: str | None) -> ModelInpu
     """
     description = load_description(name)
     asked, _, flanges = (links or "").partition(":")
-    if not asked:
+    if links is None:
         asked = description.calibration.links if description.calibration else "beam"
     if asked not in LINK_KINDS or (flanges and (asked != "shell" or flanges not in FLANGES)):
         allowed = [*LINK_KINDS, *(f"shell:{choice}" for choice in FLANGES)]

@@ -9,9 +9,10 @@ import pytest
 import trimesh
 
 from fem.shell import shell_superelement
-from meshes import BeamMesh, casing_mesh, surface_checks
+from meshes import BeamMesh, casing_mesh, surface_reading
 from meshes.surface_checks import crossings
-from meshes.surface_import import ImportedLink, import_surface, offset_inward
+from meshes.surface_import import ImportedLink, import_surface
+from meshes.surface_offset import offset_inward
 from robots import InputError
 
 # The committed file holds tapered_tube() in metres.
@@ -63,6 +64,7 @@ def load(mesh: trimesh.Trimesh | Path, folder: Path, suffix: str = "ply", **chan
         "youngs_modulus": 7e10,
         "poissons_ratio": 0.3,
         "interface_points": POINTS,
+        "repair": "none",
     }
     return import_surface(path, **(settings | changes))
 
@@ -115,7 +117,8 @@ def test_the_mesh_is_even_and_on_the_mid_surface(tube: ImportedLink) -> None:
 def test_the_report_names_every_change_and_the_quality(tube: ImportedLink) -> None:
     text = "\n".join(tube.report)
     for words in ("read 192 triangles", "taken as the metre", "corners merged", "remeshed from 192 to",
-                  "inward by half the wall, 3 mm", "interface root: ring of", "interface tip: ring of",
+                  "inward by half the wall, 3 mm", "interface root: band",
+                  "interface tip: band", "as read: 1 body, 0 open edges",
                   "minimum angle", "watertight yes", "bodies 1", "folds 0"):  # fmt: skip
         assert words in text
     assert not set(tube.mesh.interfaces["root"]) & set(tube.mesh.interfaces["tip"])
@@ -169,7 +172,7 @@ def test_a_surface_that_crosses_itself_is_refused(tmp_path: Path) -> None:
     ("size", "scale", "remedy"), [(1000.0, None, "by 0.001 "), (1.0, 0.001, "by 1000 "), (1 / 0.0254, None, "0.0254 ")]
 )
 def test_the_wrong_unit_is_noticed(size: float, scale: float | None, remedy: str, tmp_path: Path) -> None:
-    message = refused(tapered_tube(24).apply_scale(size), tmp_path, "scale of link.ply", scale=scale)
+    message = refused(tapered_tube(24).apply_scale(size), tmp_path, "scale of link", scale=scale)
     assert remedy in message
 
 
@@ -231,6 +234,9 @@ def test_bad_numbers_name_themselves(tmp_path: Path) -> None:
     refused(mesh, tmp_path, "no interface points", interface_points={})
     refused(mesh, tmp_path, "no direction", interface_points={"root": [0, 0, 0]})
     refused(mesh, tmp_path, "scale", scale=0.0)
+    refused(mesh, tmp_path, "repair", repair="perhaps")
+    refused(mesh, tmp_path, "interface axis tip", interface_axes={"tip": [0.0, 0.0, 0.0]})
+    refused(mesh, tmp_path, "opening", repair="wrap", opening=-1.0)
 
 
 def test_bad_files_name_themselves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,7 +248,7 @@ def test_bad_files_name_themselves(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     points = tmp_path / "points.obj"
     points.write_text("v 0 0 0\nv 1 0 0\n")
     refused(points, tmp_path, "points.obj")
-    monkeypatch.setattr(surface_checks.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(surface_reading.importlib.util, "find_spec", lambda name: None)
     (tmp_path / "link.dae").write_text("<COLLADA/>")
     refused(tmp_path / "link.dae", tmp_path, "pycollada")
 
