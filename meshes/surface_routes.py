@@ -30,7 +30,7 @@ MOST_ELEMENTS = 400_000
 USUAL_ELEMENTS = 10_000
 # Length of sharp edges times size over area: visual meshes with more (a plain box has 0.1) are full of details
 # that elements of the size cannot follow; meshing them as they are fails late, or leaves poor elements.
-MOST_DETAIL = 0.25
+MOST_DETAIL, FEW_FACES = 0.25, 500
 # Half the least distance of two sides of a wrapped part, in sizes, and whether to keep edges: one after the other
 # until a mesh is good. More detail is lost, and edges are rounded, only where the surface asks for it.
 ATTEMPTS = ((0.25, True), (0.5, True), (0.5, False))
@@ -90,7 +90,7 @@ def as_it_is(
     nodes, faces, report = repair_surface(name, nodes, faces, 2.0 * np.pi * size)
     _check_room(name, nodes, faces, size, settings.wall)
     detail = sharp_density(nodes, faces) * size
-    if settings.repair == "auto" and detail > MOST_DETAIL:
+    if settings.repair == "auto" and detail > MOST_DETAIL and len(faces) > FEW_FACES:
         raise SurfaceFault(
             f"surface {name} has {detail:.2g} m of sharp edges for each strip of elements a metre long",
             allowed=f"up to {MOST_DETAIL:g}",
@@ -165,7 +165,7 @@ def _check_room(name: str, nodes: Array, faces: Indices, size: float, wall: floa
     room = 2.0 * (mesh.volume / mesh.area - offset)
     # A plain tube has a quarter of its width more than this; two sides of a wall have exactly the wall.
     if room < 2.0 * wall:
-        raise InputError(
+        raise SurfaceFault(
             f"surface {name} encloses {room:.3g} m on average between its sides (2 volume / area)",
             value=f"wall {wall:.3g} m",
             allowed="a wall below half of it",

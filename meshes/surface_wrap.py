@@ -38,7 +38,7 @@ TIMEOUT_S = 300.0
 # Distance of a right-angled corner from the one that is eroded by 1: the square root of 3, and some more.
 CORNER = 1.75
 # Share of the volume in parts that are too thin: refused, and worth saying.
-MOST_LOST, LOST_SAID = 0.3, 0.002
+MOST_LOST, LOST_SAID = 0.3, 0.005
 
 # It runs in a process of its own: pymeshlab and CGAL end their process on some surfaces.
 _ALPHA_WRAP = """

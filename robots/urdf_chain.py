@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _PLATES = (re.compile(r"(^|[^a-z0-9])tool0$", re.I), re.compile(r"(^|[^a-z0-9])flange$", re.I))
 # Names that a message lists.
 _SHOWN = 12
-_TIP_REMEDY = "name the arm's last link with the option tip"
+_TIP_REMEDY = "name the arm's last link with tip (`stiffarm import` has --tip)"
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def find_chain(tree: Tree, base: str | None, tip: str | None) -> Chain:
     if not moving:
         raise InputError(
             f"{tree.name}: no revolute joint between {start} and {end}",
-            remedy="give the URDF of an arm, or name its links with the options base and tip",
+            remedy="give the URDF of an arm, or name its links with base and tip (options of `stiffarm import`)",
         )
     last = joints.index(moving[-1])
     frames = [joint.child for joint in joints[last:]]
@@ -202,8 +202,8 @@ def _no_revolute(tree: Tree, joint: Any) -> InputError:
         f"{tree.name}: joint {joint.name} on the way to the tip",
         value=kind,
         allowed="revolute, continuous or fixed",
-        remedy=f"end the arm before it with the option tip (as in tip = {joint.parent}), begin behind it with the "
-        f"option base (as in base = {joint.child}), or make it fixed in the file where it stands still",
+        remedy=f"end the arm before it with tip={joint.parent}, begin behind it with "
+        f"base={joint.child} (options of `stiffarm import`), or make it fixed in the file where it stands still",
     )
 
 

@@ -294,15 +294,15 @@ def test_a_nameless_robot_is_called_after_its_file(tmp_path: Path) -> None:
 def test_two_arms_ask_for_a_choice() -> None:
     error = refused(TWO_ARMS)
     assert "the arm goes on from trunk through l1, rail" in str(error)
-    assert "option tip" in str(error)
+    assert "--tip" in str(error)
     assert "left_hand, right_hand" in str(error)
 
 
 def test_a_slide_on_the_way_is_refused_and_the_way_past_it_said() -> None:
     error = refused(TWO_ARMS, tip="right_hand")
     assert "joint rail on the way to the tip: got 'prismatic'" in str(error)
-    assert "tip = trunk" in str(error)
-    assert "base = slide" in str(error)
+    assert "tip=trunk" in str(error)
+    assert "base=slide" in str(error)
     read = read_urdf(TWO_ARMS, base="slide")
     assert [joint.name for joint in read.description.joint] == ["r1", "r2"]
     assert "left out: all that does not hang on link slide" in read.notes
@@ -376,11 +376,11 @@ def test_the_arm_is_found(joints: tuple[str, ...], moving: list[str] | None, fla
     ("joints", "words"),
     [
         # A SCARA's quill or a gripper's only finger: the reader cannot know.
-        (("0 1 revolute", "1 2 prismatic"), ["joint j2 on the way", "'prismatic'", "tip = 1"]),
-        (("0 1 prismatic", "1 2 revolute"), ["joint j1 on the way", "'prismatic'", "base = 1"]),
+        (("0 1 revolute", "1 2 prismatic"), ["joint j2 on the way", "'prismatic'", "tip=1"]),
+        (("0 1 prismatic", "1 2 revolute"), ["joint j1 on the way", "'prismatic'", "base=1"]),
         (("0 1 revolute", "1 2 revolute j1", "2 3 revolute"), ["j2", "coupled to j1", "revolute, continuous or fixed"]),
         (("0 1 floating", "1 2 revolute"), ["j1", "'floating'"]),
-        (("0 1 revolute", "1 a fixed", "1 b fixed"), ["several ends", "a, b", "option tip"]),
+        (("0 1 revolute", "1 a fixed", "1 b fixed"), ["several ends", "a, b", "--tip"]),
         (("0 1 fixed", "1 2 fixed"), ["no revolute joint between 0 and 2"]),
         (("0 1 prismatic", "0 2 prismatic"), ["no revolute joint"]),
     ],
