@@ -119,7 +119,7 @@ def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
         reading.append(sp.csc_array(sp.vstack(spread) @ T))
     # Any six freedoms of one point will do; rings that lead hold best, else a node of the root's ring.
     held = first_master + np.arange(6) if rigid else freedoms(rings[0][:1]).ravel()
-    joints = [j for j, ring_parts in enumerate(parts) if len(ring_parts) > 1]
+    joints = [j for j, pieces in enumerate(parts) if len(pieces) > 1]
     if joints:
         T, reading, held = _joined(T, reading, joints)
     motion = sp.csc_array(sp.vstack(reading))

@@ -12,7 +12,7 @@ from meshes.surface_reading import SUFFIXES
 from robots import InputError, content_hash, load_description
 from robots.urdf import read_urdf
 from stiffarm.console import emit_json, progress, say, user_errors
-from stiffarm.inputs import parse_names, parse_pairs
+from stiffarm.inputs import parse_pairs
 from stiffarm.options import Debug, Json, output_folder
 
 
@@ -121,7 +121,8 @@ def _check_choices(given: dict[str, str]) -> None:
         "--meshes": ("visual", "collision"),
     }
     for option, value in given.items():
-        parse_names(value, allowed[option], option)
+        if value not in allowed[option]:
+            raise InputError(option, value=value, allowed=", ".join(allowed[option]), remedy="choose one of them")
 
 
 def _by_link(text: str | None, option: str) -> dict[str, float]:
