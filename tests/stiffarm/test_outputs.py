@@ -157,8 +157,8 @@ def broken(*_: object, **__: object) -> None:
 def test_an_internal_error_is_one_line_without_a_traceback(
     cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(steps, "calibrate_constant", broken)
-    outcome = cli("calibrate", "xr701", "--scheme", "global", "--out", "deep/out")
+    monkeypatch.setattr(steps, "calibrate_by_stages", broken)
+    outcome = cli("calibrate", "xr701", "--scheme", "staged", "--out", "deep/out")
     assert (outcome.code, outcome.out) == (1, "")
     assert "internal error: ZeroDivisionError: by zero" in outcome.err
     assert "--debug" in outcome.err
@@ -167,9 +167,9 @@ def test_an_internal_error_is_one_line_without_a_traceback(
 
 
 def test_debug_lets_the_traceback_through(cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(steps, "calibrate_constant", broken)
+    monkeypatch.setattr(steps, "calibrate_by_stages", broken)
     with pytest.raises(ZeroDivisionError):
-        cli("calibrate", "xr701", "--scheme", "global", "--debug")
+        cli("calibrate", "xr701", "--scheme", "staged", "--debug")
 
 
 def test_a_full_disk_is_no_internal_error(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,7 +177,7 @@ def test_a_full_disk_is_no_internal_error(cli: Command, tmp_path: Path, monkeypa
         raise OSError(errno.ENOSPC, "No space left on device", "calibration.json")
 
     monkeypatch.setattr(OutputFolder, "write_text", full)
-    outcome = cli("calibrate", "xr701", "--scheme", "global", "--out", "out")
+    outcome = cli("calibrate", "xr701", "--scheme", "staged", "--out", "out")
     assert outcome.code == 1
     assert "No space left on device" in outcome.err
     assert "check free space" in outcome.err
