@@ -2,34 +2,39 @@
 
 For given noise the parameters minimise ``|L^-1 (y - f(u))|^2`` plus the priors within their bounds. Where f is
 linear in all of them and no prior is given, that is one convex problem, solved exactly (bounded least squares):
-the optimum is global. Else its linear part is solved first, and a trust-region method with exact derivatives goes
-on from there. Outliers lose weight as in bounded-influence regression (a reading beyond three of its standard
-deviations counts as one that is just there) and are named.
+the optimum is global. Else its linear part is solved first, and damped steps with exact derivatives go on from there
+(:mod:`doe.least_squares`). Outliers lose weight as readings that may come from a wider distribution (Tukey's
+contaminated normal), and are named.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, lsq_linear
 
-from doe.noise import Blocks, Noise, fit_noise, shrink_common
+from doe.blocks import Blocks, Covariance
+from doe.least_squares import BLIND, minimise, prior_residual
+from doe.noise import Noise, fit_noise, shrink_common, terms_of
 from doe.problem import Problem
 from robots import InputError
 
+__all__ = ["BLIND", "OUTLIER", "Estimate", "estimate", "estimate_at", "prior_residual", "solve", "step_sizes"]
+
 Array = NDArray[np.float64]
 
-ROUNDS = 12
-# Rounds in which terms of the noise are chosen; later ones only refine them, so that the rounds settle.
+ROUNDS = 20
+# Rounds in which it is decided which variances the readings can tell; later ones keep to that, so that they settle.
 CHOOSING = (0, 1)
 # Parameters and noise have settled when no prediction moves by more than this share of its standard deviation.
-SETTLED = 1e-3
+SETTLED = 1e-2
 # Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
 OUTLIER = 3.0
-# Columns below this share of the largest move no reading.
-BLIND = 1e-9
+# Median of the absolute value of a standard normal number.
+MEDIAN = 0.6745
+# Outliers are expected to be this share of the readings, with standard deviations so many times as large.
+OUTLIERS, WIDER = 0.02, 10.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,9 @@ class Estimate:
     ``u`` (p,): estimator's variables; ``prediction``, ``residual`` (m,): read minus predicted; ``noise``: as used;
     ``weight`` (m,): 1, less for outliers; ``own`` (m,): residual without what its set-up has in common, over the
     reading's own standard deviation; ``whitened`` (m, p): derivatives with unit covariance; ``settled``: whether
-    noise and parameters came to rest; ``square``: sum of squares that was minimised.
+    noise and parameters came to rest; ``square``: sum of squares that was minimised; ``estimated``: names of the
+    variances that were estimated from these readings, also those found to be zero; none where the noise was given;
+    ``covariance``: of the readings, by the noise and the weights.
     """
 
     problem: Problem
@@ -53,6 +60,8 @@ class Estimate:
     whitened: Array
     settled: bool
     square: float
+    estimated: tuple[str, ...]
+    covariance: Covariance = field(repr=False, compare=False)
 
     @property
     def values(self) -> Array:
@@ -86,37 +95,77 @@ def estimate(
     """
     _check(p)
     blocks, weight = Blocks.of(p), np.ones(len(p))
+    names: tuple[str, ...] = ()
     noise = fixed_noise or Noise(white=gauge)
     u = p.free.start
     f, J = p.evaluate(u)
     settled = False
+    # Noise that is given and hangs on no prediction leaves nothing to go back for.
+    once = fixed_noise is not None and not robust and not (fixed_noise.share or fixed_noise.pose_share)
     for turn in range(ROUNDS):
         u = solve(p, blocks, noise, f, weight, u)
         before, (f, J) = f, p.evaluate(u)
         error = p.value - f
         sd = np.sqrt(noise.variance(p, f))
-        own = (error - shrink_common(p, blocks, noise, f, weight, error)) / sd
         moved = float(np.max(np.abs(f - before) / sd, initial=0.0))
-        if turn > 1 and moved < SETTLED:
+        if once or (turn > (fixed_noise is None) and moved < SETTLED):
             settled = True
             break
         if fixed_noise is None:
-            noise = fit_noise(p, f, J, error, noise, gauge, weight, choose=turn in CHOOSING)
-            own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
+            names = terms_of(p, f) if turn in CHOOSING else names
+            noise = fit_noise(p, f, J, error, noise, gauge, weight, names=names, blocks=blocks)
         if robust and len(p) > len(u) + 3:
-            weight = np.minimum(1.0, (OUTLIER / np.maximum(np.abs(own), 1e-12)) ** 2)
-    return estimate_at(p, u, noise, weight, settled=settled)
+            own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
+            # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
+            middle = float(np.median(np.abs(own))) / MEDIAN if turn == 0 else 1.0
+            weight = outlier_weight(own / min(max(middle, 1e-3), 1.0))
+    return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
 
 
-def estimate_at(p: Problem, u: Array, noise: Noise, weight: Array, *, settled: bool) -> Estimate:
-    """The estimate whose variables, noise and weights are known already."""
-    blocks = Blocks.of(p)
+def outlier_weight(own: Array) -> Array:
+    """Weights (m,) of standardised residuals: 1 up to OUTLIER, falling to about 1 / WIDER^2 for sure outliers.
+
+    The weights of the likelihood of a contaminated normal distribution (Tukey 1960; Little 1988,
+    doi:10.2307/2347491), maximised in turn with the variances: by its odds a reading belongs to the wider one. An
+    outlier then adds to the sum of squares about what a good reading adds, so that the noise is not taken for larger
+    than it is. Divided by its value at OUTLIER, so that good readings count in full.
+    """
+
+    def weight(x: Array) -> Array:
+        odds = OUTLIERS / (1.0 - OUTLIERS) / WIDER * np.exp(np.minimum(0.5 * x**2 * (1.0 - WIDER**-2), 500.0))
+        return np.asarray(1.0 - odds / (1.0 + odds) * (1.0 - WIDER**-2))
+
+    return np.minimum(1.0, weight(own) / weight(np.array(OUTLIER)))
+
+
+def estimate_at(
+    p: Problem,
+    u: Array,
+    noise: Noise,
+    weight: Array,
+    *,
+    settled: bool,
+    given: bool = False,
+    blocks: Blocks | None = None,
+) -> Estimate:
+    """The estimate whose variables, noise and weights are known already; ``given``: noise not from these readings."""
+    blocks = blocks or Blocks.of(p)
     f, J = p.evaluate(u)
     error, variance = p.value - f, noise.variance(p, f)
     own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(variance)
-    white, _ = blocks.whiten(variance / weight, noise.common(p, f), np.column_stack([error, J]))
+    V = blocks.covariance(variance / weight, noise.common(p, f))
+    white = V.whiten(np.column_stack([error, J]))
     square = float(white[:, 0] @ white[:, 0]) + float(np.sum(prior_residual(p, u)[0] ** 2))
-    return Estimate(p, u, f, error, noise, weight, own, J, white[:, 1:], settled, square)
+    names = () if given else terms_of(p, f)
+    return Estimate(p, u, f, error, noise, weight, own, J, white[:, 1:], settled, square, names, V)
+
+
+def solve(
+    p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, start: Array, held: int | None = None
+) -> Array:
+    """Variables (p,) that minimise the weighted squares for given noise; ``held``: one that stays where it is."""
+    V = blocks.covariance(noise.variance(p, f) / weight, noise.common(p, f))
+    return minimise(p, V, start, held)[0]
 
 
 def _check(p: Problem) -> None:
@@ -131,90 +180,3 @@ def _check(p: Problem) -> None:
             f"{len(p)} reading(s) cannot determine {len(free)} parameters ({', '.join(free)})",
             remedy="measure more poses, set fewer free, or give some of them a prior",
         )
-
-
-def prior_residual(p: Problem, u: Array) -> tuple[Array, Array]:
-    """Standardised distances (k,) from the priors' means, and their derivatives (k, p)."""
-    rows, slopes = [], []
-    for k, (q, v) in enumerate(zip(p.parameters, u, strict=True)):
-        if q.prior is None:
-            continue
-        mean, sd = q.prior
-        slope = np.zeros(len(u))
-        if q.scale == "compliance":
-            rows.append((-np.log(max(v, 1e-300)) - mean) / sd)
-            slope[k] = -1.0 / (max(v, 1e-300) * sd)
-        else:
-            rows.append((v - mean) / sd)
-            slope[k] = 1.0 / sd
-        slopes.append(slope)
-    return np.array(rows), np.array(slopes).reshape(len(rows), len(u))
-
-
-def solve(
-    p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, start: Array, held: int | None = None
-) -> Array:
-    """Variables (p,) that minimise the weighted squares for given noise; ``held``: one that stays where it is."""
-    variance, common = noise.variance(p, f) / weight, noise.common(p, f)
-    moving = np.array([k for k in range(len(start)) if k != held], dtype=np.int64)
-    if moving.size == 0:
-        return start
-    low, high = (b[moving] for b in p.bounds)
-    linear = np.array([p.parameters[k].is_linear for k in moving])
-    no_prior = all(p.parameters[k].prior is None for k in moving)
-    value, J = p.evaluate(start)
-    white, _ = blocks.whiten(variance, common, np.column_stack([p.value - value, J[:, moving]]))
-    u = start.copy()
-    if linear.any():
-        columns = moving[linear]
-        u[columns] = _bounded(white[:, 0], white[:, 1:][:, linear], start[columns], low[linear], high[linear])
-        if linear.all() and no_prior:
-            return u
-    scale = _scales(white[:, 1:], low, high)
-
-    def residual(z: Array) -> Array:
-        at = u.copy()
-        at[moving] = z * scale
-        r, _ = blocks.whiten(variance, common, (p.value - p.evaluate(at)[0])[:, None])
-        return np.concatenate([r[:, 0], prior_residual(p, at)[0]])
-
-    def slope(z: Array) -> Array:
-        at = u.copy()
-        at[moving] = z * scale
-        r, _ = blocks.whiten(variance, common, -p.evaluate(at)[1][:, moving])
-        return np.vstack([r, prior_residual(p, at)[1][:, moving]]) * scale
-
-    first = np.clip(u[moving], low, high)
-    inside = low + 1e-9 * (high - low), high - 1e-9 * (high - low)
-    found = least_squares(
-        residual,
-        np.clip(first, *inside) / scale,
-        slope,
-        (low / scale, high / scale),
-        method="trf",
-        xtol=1e-10,
-        ftol=1e-12,
-    )
-    u[moving] = found.x * scale
-    return u
-
-
-def _bounded(error: Array, A: Array, start: Array, low: Array, high: Array) -> Array:
-    """Bounded linear least squares for the step from ``start`` (k,) that removes ``error`` (m,)."""
-    norm = np.linalg.norm(A, axis=0)
-    seen = norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300)
-    out = start.copy()
-    if seen.any():
-        s = norm[seen]
-        box = (low[seen] * s, high[seen] * s)
-        target = error + A[:, seen] @ start[seen]
-        found = lsq_linear(A[:, seen] / s, target, bounds=box, method="bvls", tol=1e-14, max_iter=1000)
-        out[seen] = np.clip(found.x / s, low[seen], high[seen])
-    return out
-
-
-def _scales(A: Array, low: Array, high: Array) -> Array:
-    """Lengths (k,) in which the variables are counted: what moves the readings by one standard deviation."""
-    norm = np.linalg.norm(A, axis=0)
-    span = high - low
-    return np.asarray(np.where(norm * span > 1e-9, 1.0 / np.maximum(norm, 1e-300), span))

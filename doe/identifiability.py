@@ -1,4 +1,4 @@
-"""What the readings can tell apart: combinations of parameters that trade off, in words."""
+"""What the readings can tell apart: combinations of parameters that trade off."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.combinations import Combination, alike, complement, components, sparsest
 from doe.estimate import Estimate, prior_residual, step_sizes
-from doe.uncertainty import Certainty
+from doe.trade_off_words import KNOWN, combination_words, group_words, near_words, unit_of
+from doe.uncertainty import MAX_CONDITION, Certainty
 from fem.parameters import Parameter
 
 Array = NDArray[np.float64]
 
 # A correlation beyond this, either way, means that two parameters are read as one.
 TRADED = 0.9
-# Weights of a combination within this of one another are called a sum or a difference.
-EQUAL = 1.25
+# Two parameters that are both known this well by themselves (relative standard deviation) have little left to trade.
+WELL_KNOWN = 0.1
 # Parameters whose weight in a combination is below this share of the largest are not named in it.
 SMALL = 0.1
-# A combination whose value is known this well (relative standard deviation) is called determined.
-KNOWN = 0.5
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,9 @@ class TradeOff:
     """Parameters that the readings see only together.
 
     ``parameters``: their names; ``weights`` (k,) of the estimator's variables in the best determined combination,
-    the largest 1; ``value`` and ``sd`` of that combination, in ``unit``; ``words``: one sentence.
+    the largest 1; ``value`` and ``sd`` of that combination, in ``unit``; ``words``: what an engineer wants to know.
+    ``combinations``: independent ones that the readings determine, best known first; ``missing``: how many numbers
+    must come from elsewhere before all are determined (0: all are, but poorly).
     """
 
     parameters: tuple[str, ...]
@@ -38,18 +40,29 @@ class TradeOff:
     sd: float
     unit: str
     words: str
+    combinations: tuple[Combination, ...] = ()
+    missing: int = 0
 
 
 def trade_offs(e: Estimate, c: Certainty) -> tuple[TradeOff, ...]:
-    """Groups of parameters that trade off, each with its best determined combination.
+    """Groups of parameters that trade off, each with its best determined combinations.
 
-    Two parameters belong together if their estimates correlate beyond 0.9, with bounds ignored. Parameters that no
+    First those that no reading separates, whatever the noise (``c.null``); among the others, two belong together if
+    their estimates correlate beyond 0.9, with bounds ignored, and not both are known within 10 %. Parameters that no
     reading moves with form no group; :func:`unseen` names them.
     """
-    correlation, covariance, index = correlations(e)
     out = []
-    for group in _groups(np.abs(correlation) > TRADED):
-        out.append(_trade_off(e, covariance[np.ix_(group, group)], index[group]))
+    correlation, covariance, index = correlations(e)
+    exact = _inseparable(e, c)
+    for group, null in exact:
+        out.append(_exact(e, group, null))
+    taken = {int(k) for group, _ in exact for k in group}
+    free = np.array([k for k, j in enumerate(index) if int(j) not in taken], dtype=np.intp)
+    poor = np.sqrt(np.diag(covariance)) > WELL_KNOWN * np.abs(e.u[index])
+    joined = (np.abs(correlation) > TRADED) & (poor[:, None] | poor)
+    for group_of_free in _groups(joined[np.ix_(free, free)]):
+        group = free[group_of_free]
+        out.append(_near(e, covariance[np.ix_(group, group)], index[group]))
     return tuple(out)
 
 
@@ -64,12 +77,62 @@ def correlations(e: Estimate) -> tuple[Array, Array, NDArray[np.intp]]:
     Directions without information get the variance of their whole range, so that they show as trade-offs.
     """
     index = np.flatnonzero(e.seen)
-    A = np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])[:, index]
+    A = _rows(e)[:, index]
     span = step_sizes(e.problem)[index]
     information = (A * span).T @ (A * span) + np.eye(index.size)
     covariance = np.linalg.inv(information) * np.outer(span, span)
     sd = np.sqrt(np.diag(covariance))
     return covariance / np.outer(sd, sd), covariance, index
+
+
+def _rows(e: Estimate) -> Array:
+    """Derivatives with unit covariance, and the priors'."""
+    return np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])
+
+
+def _inseparable(e: Estimate, c: Certainty) -> list[tuple[NDArray[np.intp], Array]]:
+    """Groups of variables joined by directions without information, and those directions (columns of norm one)."""
+    if not len(c.null):
+        return []
+    norm = np.where(e.seen, np.linalg.norm(_rows(e), axis=0), 0.0)
+    null = c.null * norm
+    null = null / np.linalg.norm(null, axis=1, keepdims=True)
+    groups = [g for g in components(null) if g.size > 1]
+    return [(g, _rank_basis(null[:, g])) for g in groups]
+
+
+def _rank_basis(rows: Array) -> Array:
+    """Orthonormal rows with the same span."""
+    _, s, V = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(V[s > 1e-6 * s.max(initial=1e-300)])
+
+
+def _exact(e: Estimate, group: NDArray[np.intp], null: Array) -> TradeOff:
+    """A group of which only some combinations are determined: those with the fewest terms, best known first."""
+    A = _rows(e)
+    norm = np.linalg.norm(A[:, group], axis=0)
+    parameters = [e.problem.parameters[k] for k in group]
+    covariance = _pseudo_covariance(A, e.seen)[np.ix_(group, group)]
+    rows, _ = sparsest(complement(null))
+    found = sorted((_combination(parameters, row * norm, e.u[group], covariance) for row in rows), key=_doubt)
+    twins = [tuple(parameters[j].name for j in same) for same in alike(null)]
+    given = tuple(parameters[j].name for j in sparsest(null)[1])
+    best = found[0]
+    weights = np.zeros(len(group))
+    for name, weight in zip(best.names, best.weights, strict=True):
+        weights[[q.name for q in parameters].index(name)] = weight
+    names = tuple(q.name for q in parameters)
+    words = best.words if len(found) == 1 and len(names) == 2 else group_words(parameters, found, twins, given)
+    return TradeOff(names, weights, best.value, best.sd, best.unit, words, tuple(found), len(null))
+
+
+def _pseudo_covariance(A: Array, seen: NDArray[np.bool_]) -> Array:
+    """Covariance (p, p) of what is determined; directions without information count as known."""
+    norm = np.where(seen, np.linalg.norm(A, axis=0), 1.0)
+    R = np.linalg.qr(np.where(seen, A, 0.0) / norm, mode="r")
+    _, s, V = np.linalg.svd(R, full_matrices=False)
+    good = s * MAX_CONDITION >= s[0]
+    return np.asarray((V[good].T / s[good] ** 2) @ V[good] / np.outer(norm, norm))
 
 
 def _groups(joined: NDArray[np.bool_]) -> list[list[int]]:
@@ -88,52 +151,42 @@ def _groups(joined: NDArray[np.bool_]) -> list[list[int]]:
     return sorted(groups)
 
 
-def _trade_off(e: Estimate, covariance: Array, index: NDArray[np.intp]) -> TradeOff:
-    """The combination of a group's variables with the smallest relative variance."""
+def _near(e: Estimate, covariance: Array, index: NDArray[np.intp]) -> TradeOff:
+    """A group that correlates: the combinations with the smallest and the largest relative variance."""
     parameters = [e.problem.parameters[k] for k in index]
-    u = e.u[index]
     sd = np.sqrt(np.diag(covariance))
     _, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
-    weights = vectors[:, 0] / sd
-    weights = weights / weights[np.argmax(np.abs(weights * sd))]
-    alike = len({_unit(q) for q in parameters}) == 1
-    if alike:
-        weights = weights / weights[np.argmax(np.abs(weights))]
-    kept = np.abs(weights * sd) > SMALL * np.abs(weights * sd).max()
-    value, spread = float(weights @ u), math.sqrt(max(float(weights @ covariance @ weights), 0.0))
-    names = tuple(q.name for q, use in zip(parameters, kept, strict=True) if use)
-    unit = _unit(parameters[0]) if alike else "mixed units"
-    words = _words(
-        [q for q, use in zip(parameters, kept, strict=True) if use], weights[kept], value, spread, unit, alike
-    )
-    return TradeOff(names, weights[kept], value, spread, unit, words)
+    best, worst = (_combination(parameters, vectors[:, k] / sd, e.u[index], covariance, SMALL) for k in (0, -1))
+    weights = np.zeros(len(index))
+    names = tuple(q.name for q in parameters)
+    for name, weight in zip(best.names, best.weights, strict=True):
+        weights[names.index(name)] = weight
+    kept = [q for q in parameters if q.name in best.names]
+    words = best.words if len(names) == 2 else near_words(parameters, best, worst)
+    if len(names) == 2:
+        names, weights = tuple(q.name for q in kept), best.weights
+    return TradeOff(names, weights, best.value, best.sd, best.unit, words, (best,), 0)
 
 
-def _unit(q: Parameter) -> str:
-    """Unit of the estimator's variable."""
-    if q.scale == "compliance":
-        return {"N m/rad": "rad/(N m)", "N/m": "m/N", "Pa": "1/Pa"}.get(q.unit, f"1/({q.unit})")
-    return f"ln({q.unit})" if q.scale == "log" else q.unit
+def _doubt(c: Combination) -> float:
+    return c.relative
 
 
-def _words(q: list[Parameter], weights: Array, value: float, sd: float, unit: str, alike: bool) -> str:
-    compliances = all(p.scale == "compliance" for p in q)
-    what = "compliances" if compliances else "values"
-    names = _listed([p.name for p in q])
-    if not alike:
-        return f"{names} trade off: these readings see them only together, in a mix of different units"
-    size = f"{value:.2g} +- {sd:.1g} {unit}"
-    known = sd < KNOWN * abs(value) or (abs(value) < 1e-300 and sd > 0.0)
-    verb = "is determined" if known else "would be determined, and that poorly"
-    ratio = np.abs(weights).max() / np.abs(weights).min()
-    if ratio < EQUAL and (weights > 0).all():
-        return f"{names} trade off: only the sum of their {what}, {size}, {verb} by these poses"
-    if ratio < EQUAL and len(q) == 2:
-        return f"{names} trade off: only the difference of their {what}, {size}, {verb} by these poses"
-    sign = "c" if compliances else "x"
-    terms = " ".join(f"{w:+.2g} {sign}({p.name})" for p, w in zip(q, weights, strict=True)).lstrip("+")
-    return f"{names} trade off: only {terms} = {size} {verb} by these poses"
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:-1]) + " and " + names[-1]
+def _combination(
+    parameters: list[Parameter], weights: Array, u: Array, covariance: Array, small: float = 0.0
+) -> Combination:
+    """A combination with its value; terms that hardly count (their standard deviation's share) are left out."""
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.abs(weights) * (sd if small else 1.0)
+    kept = size > small * size.max()
+    units = {unit_of(q) for q, use in zip(parameters, kept, strict=True) if use}
+    # Where units differ, the first term has weight one; else the first of the largest.
+    lead = int(np.flatnonzero(kept & ((len(units) > 1) | (np.abs(weights) > 0.999 * np.abs(weights).max())))[0])
+    weights = np.where(kept, weights / weights[lead], 0.0)
+    value = float(weights @ u)
+    spread = math.sqrt(max(float(weights @ covariance @ weights), 0.0))
+    relative = spread / max(float(np.abs(weights * u).sum()), 1e-300)
+    unit = units.pop() if len(units) == 1 else "mixed units"
+    chosen = [q for q, use in zip(parameters, kept, strict=True) if use]
+    words = combination_words(chosen, weights[kept], value, spread, unit, relative < KNOWN)
+    return Combination(tuple(q.name for q in chosen), weights[kept], value, spread, unit, relative, words)

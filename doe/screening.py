@@ -26,7 +26,7 @@ from robots import InputError
 
 Array = NDArray[np.float64]
 
-# Runs evaluated at once: bounds the memory at some 100 MB for a hundred loaded poses.
+# Runs, or runs times poses, evaluated at once: bounds the memory at some 100 MB.
 BATCH = 20_000
 LEVELS = 6
 
@@ -104,7 +104,8 @@ def evaluate_runs(free: FreeModel, u: Array, component: int) -> Array:
         f, A = value[:, component], J[:, component]
         out = np.concatenate([f + (u[i : i + BATCH] - start) @ A.T for i in range(0, len(u), BATCH)])
     else:
-        out = np.stack([free.displacement(one)[:, component] for one in u])
+        batch = max(BATCH // max(len(free.at), 1), 1)
+        out = np.concatenate([free.displacements(u[i : i + batch])[:, :, component] for i in range(0, len(u), batch)])
     if not np.isfinite(out).all():
         bad = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
         values = {p.name: p.outer(float(v)) for p, v in zip(free.parameters, u[bad], strict=True)}

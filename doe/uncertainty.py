@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.stats import norm as normal
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
-from doe.estimate import Estimate, estimate, prior_residual, solve, step_sizes
-from doe.noise import Blocks
+from doe.estimate import Estimate, estimate, prior_residual, step_sizes
+from doe.least_squares import is_convex
 from doe.problem import Problem
+from doe.profile_likelihood import profile_end, rise_of
+from doe.satterthwaite import degrees_of_freedom
 from fem.parameters import Parameter
 from robots import InputError
 
@@ -29,8 +29,6 @@ MAX_CONDITION = 1e6
 MIXED = 1e-6
 # A variable this close to an end of its range (share of the value there) stands at it.
 AT_END = 1e-6
-# Below this relative standard deviation the parabola is as good as the profile.
-CERTAIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -76,29 +74,29 @@ def certainty(e: Estimate, level: float = 0.95, *, profiles: bool = True) -> Cer
     """Intervals of all parameters of an estimate.
 
     Profile likelihood: a value belongs to the interval if, with the best values of all others within their bounds,
-    the sum of squares rises by less than Student's t squared. Its degrees of freedom are Satterthwaite's: readings
-    count for white noise, set-ups for what their readings have in common. ``profiles=False`` takes the parabola.
+    the sum of squares rises by less than Student's t squared, with Satterthwaite's degrees of freedom
+    (:mod:`doe.satterthwaite`). ``profiles=False`` takes the parabola.
     """
     p, rows = e.problem, prior_residual(e.problem, e.u)[1]
     A = np.vstack([e.whitened, rows])
     low, high = p.bounds
     at_low, at_high = _at_end(e.u, low, high), _at_end(e.u, high, low)
-    seen = np.linalg.norm(A * step_sizes(p), axis=0) > 1e-9 * np.linalg.norm(A * step_sizes(p), axis=0).max(initial=0.0)
+    reach = np.linalg.norm(A * step_sizes(p), axis=0)
+    seen = reach > 1e-9 * reach.max(initial=0.0)
     inner = seen & ~at_low & ~at_high
-    covariance, _ = _covariance(A, inner)
-    _, (singular, null) = _covariance(A, seen)
+    whole, (singular, null) = _covariance(A, seen)
+    covariance = whole if inner[seen].all() else _covariance(A, inner)[0]
     # One at its bound counts as fitted, so that intervals are wider rather than narrower.
-    dof = _degrees_of_freedom(e, covariance, int(seen.sum()))
+    dof = degrees_of_freedom(e, whole, seen)
     mixed = ~seen | np.any(np.abs(null * step_sizes(p)) > MIXED * np.abs(null * step_sizes(p)).max(initial=1.0), axis=0)
     out = []
     for k, q in enumerate(p.parameters):
         if mixed[k]:
             value = q.outer(float(e.u[k])) if seen[k] else math.nan
-            out.append(ParameterEstimate(q, value, (math.nan, math.nan), math.nan, "not identified", dof[k]))
+            out.append(ParameterEstimate(q, value, (math.nan, math.nan), math.nan, "not identified", float(dof[k])))
             continue
-        quantile = _quantile(level, float(dof[k]))
         sd = math.sqrt(covariance[k, k]) if inner[k] else math.nan
-        ends = _limits(e, k, sd, quantile, profiles and not _certain(q, float(e.u[k]), sd))
+        ends = _limits(e, k, covariance, sd, _quantile(level, float(dof[k])), profiles)
         out.append(_judged(q, float(e.u[k]), ends, (bool(at_low[k]), bool(at_high[k])), sd, float(dof[k])))
     return Certainty(tuple(out), covariance, singular, null)
 
@@ -165,7 +163,7 @@ def _covariance(A: Array, use: NDArray[np.bool_]) -> tuple[Array, tuple[Array, A
     if columns.size == 0:
         return out, (np.zeros(0), np.zeros((0, p)))
     norm = np.linalg.norm(A[:, columns], axis=0)
-    _, s, V = np.linalg.svd(A[:, columns] / norm, full_matrices=True)
+    _, s, V = np.linalg.svd(np.linalg.qr(A[:, columns] / norm, mode="r"), full_matrices=True)
     s = np.concatenate([s, np.zeros(len(V) - len(s))])
     good = s * MAX_CONDITION >= s[0]
     inverse = (V[good].T / s[good] ** 2) @ V[good]
@@ -176,72 +174,33 @@ def _covariance(A: Array, use: NDArray[np.bool_]) -> tuple[Array, tuple[Array, A
     return out, (s, null / np.where(length > 0.0, length, 1.0))
 
 
-def _degrees_of_freedom(e: Estimate, covariance: Array, fitted: int) -> Array:
-    """Satterthwaite's degrees of freedom (p,): white noise has the readings', set-ups have the blocks'."""
-    p = e.problem
-    blocks = Blocks.of(p)
-    groups = sum(len(index) for index in blocks.sizes)
-    spare = max(float(np.sum(e.weight)) - fitted - (groups if e.noise.has_common else 0), 0.0)
-    if not e.noise.has_common:
-        return np.full(len(e.u), spare)
-    variance, common = e.noise.variance(p, e.prediction) / e.weight, e.noise.common(p, e.prediction)
-    white, _ = blocks.whiten(variance, common, common)
-    shared = np.zeros(len(e.u))
-    for index in blocks.sizes:
-        a = np.einsum("bnc,bnp->bcp", white[index], e.whitened[index]) @ covariance
-        shared += np.sum(a**2, axis=(0, 1))
-    total = np.maximum(np.diag(covariance), 1e-300)
-    share = np.clip(shared / total, 0.0, 1.0)
-    setups = max(groups - fitted, 1)
-    return np.asarray(1.0 / ((1.0 - share) ** 2 / max(spare, 1.0) + share**2 / setups))
-
-
 def _quantile(level: float, dof: float) -> float:
-    if dof <= 0.0:
+    if math.isnan(dof) or dof <= 0.0:
         return math.nan
     tail = 0.5 + level / 2.0
-    return float(normal.ppf(tail)) if dof > 1e4 else float(student.ppf(tail, max(dof, 1.0)))
+    return float(ndtri(tail)) if math.isinf(dof) else float(stdtrit(max(dof, 1.0), tail))
 
 
-def _certain(q: Parameter, u: float, sd: float) -> bool:
-    return q.is_linear and bool(sd < CERTAIN * abs(u))
-
-
-def _limits(e: Estimate, k: int, sd: float, quantile: float, profile: bool) -> tuple[float, float]:
+def _limits(e: Estimate, k: int, covariance: Array, sd: float, quantile: float, profiles: bool) -> tuple[float, float]:
     """Ends of the interval of variable k; an end of its range where the data do not exclude that."""
     low, high = (float(b[k]) for b in e.problem.bounds)
     u = float(e.u[k])
     if math.isnan(quantile):
         return math.nan, math.nan
-    if not profile and not math.isnan(sd):
-        return max(u - quantile * sd, low), min(u + quantile * sd, high)
-    blocks, limit = Blocks.of(e.problem), e.square + quantile**2
-    guess = quantile * sd if sd > 0.0 else 0.1 * (high - low)
-    return tuple(_profile_end(e, blocks, k, u, end, limit, guess) for end in (low, high))  # type: ignore[return-value]
+    parabola = max(u - quantile * sd, low), min(u + quantile * sd, high)
+    if not math.isnan(sd) and (not profiles or _is_parabola(e, k, covariance, quantile * sd)):
+        return parabola
+    rise, guess = rise_of(e, k, covariance), quantile * sd if sd > 0.0 else 0.1 * (high - low)
+    return profile_end(rise, u, low, quantile, guess), profile_end(rise, u, high, quantile, guess)
 
 
-def _profile_end(e: Estimate, blocks: Blocks, k: int, u: float, end: float, limit: float, guess: float) -> float:
-    """Where the profile of variable k passes ``limit`` between u and ``end``; ``end`` if it does not."""
-
-    def excess(value: float) -> float:
-        start = e.u.copy()
-        start[k] = value
-        at = solve(e.problem, blocks, e.noise, e.prediction, e.weight, start, held=k)
-        error = e.problem.value - e.problem.evaluate(at)[0]
-        variance, common = e.noise.variance(e.problem, e.prediction) / e.weight, e.noise.common(e.problem, e.prediction)
-        white, _ = blocks.whiten(variance, common, error[:, None])
-        return float(np.sum(white**2) + np.sum(prior_residual(e.problem, at)[0] ** 2)) - limit
-
-    if u == end or excess(u) >= 0.0:
-        return u
-    sign, reach, inside = math.copysign(1.0, end - u), guess, u
-    while True:
-        outside = end if reach >= abs(end - u) else u + sign * reach
-        if excess(outside) > 0.0:
-            return float(brentq(excess, inside, outside, xtol=1e-4 * abs(outside - inside) + 1e-300))
-        if outside == end:
-            return end
-        inside, reach = outside, 2.0 * reach
+def _is_parabola(e: Estimate, k: int, covariance: Array, way: float) -> bool:
+    """Whether the profile is exactly a parabola: a convex problem in which no variable meets a bound on the way."""
+    low, high = e.problem.bounds
+    if not is_convex(e.problem) or ((e.u <= low) | (e.u >= high))[np.diag(covariance) == 0.0].any():
+        return False
+    drift = np.abs(covariance[:, k]) / covariance[k, k] * way
+    return bool(((e.u - drift >= low) & (e.u + drift <= high))[np.arange(len(e.u)) != k].all())
 
 
 def _judged(

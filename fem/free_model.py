@@ -26,6 +26,8 @@ __all__ = ["FreeModel", "LoadedPoses"]
 Array = NDArray[np.float64]
 Flexibility = Callable[[float], tuple[Array, Array]]
 
+# Loaded poses of many runs that are worked on at once: some 10 MB.
+ROWS = 4000
 # Steps of the central differences: a third-order error below 1e-9 of the value, and round-off below that.
 STEP = {"zero": 1e-4, "tilt": 1e-4, "load": 1e-4, "point": 1e-4}
 
@@ -84,15 +86,33 @@ class FreeModel:
         """Displacements (n, 6) alone, at a fraction of the work where angles or points are free."""
         return self._at_ports(u, self.moved(u))[0]
 
+    def displacements(self, u: Array) -> Array:
+        """Displacements (r, n, 6) for many sets of variables u (r, p): as many at once as memory serves best."""
+        if any(p.kind == "wall" for p in self.parameters):
+            return np.array([self.displacement(one) for one in u]).reshape(len(u), len(self.at), 6)
+        out, at = np.empty((len(u), len(self.at), 6)), self.at
+        step = max(ROWS // max(len(at), 1), 1)
+        for first in range(0, len(u), step):
+            some = u[first : first + step]
+            each, times = np.repeat(some, len(at), axis=0), (len(some), 1)
+            tiled = LoadedPoses(np.tile(at.q, times), np.tile(at.wrench, times), np.tile(at.point, times))
+            value = self._at_ports(each, self._moved(each, tiled))[0]
+            out[first : first + step] = value.reshape(len(some), len(at), 6)
+        return out
+
     def moved(self, u: Array) -> LoadedPoses:
         """The loaded poses with angles, points and loads as the parameters say."""
-        shift = {kind: np.zeros(self.at.q.shape[1] if kind == "zero" else 3) for kind in GEOMETRIC}
-        for p, v in zip(self.parameters, u, strict=True):
+        return self._moved(u, self.at)
+
+    def _moved(self, u: Array, at: LoadedPoses) -> LoadedPoses:
+        """The same of any loaded poses (n), for variables (p,) or one set of them for each pose (n, p)."""
+        shift = {kind: np.zeros((*u.shape[:-1], at.q.shape[1] if kind == "zero" else 3)) for kind in GEOMETRIC}
+        for k, p in enumerate(self.parameters):
             if p.kind in GEOMETRIC:
-                shift[p.kind][p.index[0]] += v
+                shift[p.kind][..., p.index[0]] += u[..., k]
         if not any(s.any() for s in shift.values()):
-            return self.at
-        moved = LoadedPoses(self.at.q + shift["zero"], self.at.wrench, self.at.point + shift["point"])
+            return at
+        moved = LoadedPoses(at.q + shift["zero"], at.wrench, at.point + shift["point"])
         return placed(self.model.robot, moved, shift["load"], shift["tilt"])
 
     @cached_property
@@ -101,14 +121,18 @@ class FreeModel:
 
     def _mechanics(self, at: LoadedPoses) -> tuple[dict[str, Port], Array]:
         """Ports, and the displacement (n, 6) of the model as it is."""
-        return ports(self.model, at.q, at.wrench, at.point), deflection(self.model, at.q, at.wrench, at.point)
+        used = {p.place for p in self.parameters} | {law.joint for law in self.laws}
+        as_it_is = deflection(self.model, at.q, at.wrench, at.point)
+        return ports(self.model, at.q, at.wrench, at.point, used), as_it_is
 
     def _at_ports(self, u: Array, at: LoadedPoses) -> tuple[Array, Array]:
-        """Displacements and derivatives by everything but geometry."""
+        """Displacements and derivatives by everything but geometry; u (p,), or (n, p) where no wall is free."""
         places, as_it_is = self._unmoved if at is self.at else self._mechanics(at)
         value = as_it_is.copy()
-        J = np.zeros((len(at), 6, len(self.parameters)))
-        for k, (p, v) in enumerate(zip(self.parameters, u, strict=True)):
+        # A parameter's derivatives lie together in memory: they are written one parameter at a time.
+        J = np.zeros((len(self.parameters), len(at), 6)).transpose(1, 2, 0)
+        for k, p in enumerate(self.parameters):
+            v = u[..., k]
             if p.kind in ("stiffness", "coupling"):
                 a, b = p.index[0], p.index[-1]
                 J[:, :, k] = port_of(places, p.place).influence(a, b)
@@ -117,18 +141,18 @@ class FreeModel:
             elif p.kind == "modulus":
                 port = port_of(places, p.place)
                 J[:, :, k] = p.value * _share(port)
-                value += (v - 1.0 / p.value) * J[:, :, k]
+                value += np.reshape(v - 1.0 / p.value, (-1, 1)) * J[:, :, k]
             elif p.kind == "wall":
                 F, dF = self.walls[p.place](p.outer(float(v)))
                 port = port_of(places, p.place)
                 # The serial load path leaves the lever's pin, the last six rows, without load.
-                s = len(port.T)
+                s = len(port.distinct)
                 J[:, :, k] = port.share(dF[:s, :s])
                 value += port.share(F[:s, :s]) - _share(port)
         for law in self.laws:
             columns = slice(law.first, law.first + law.basis.size)
             basis = law.basis(at.q)
-            compliance = np.exp(-basis @ u[columns])
+            compliance = np.exp(-np.sum(basis * u[..., columns], axis=1))
             influence = port_of(places, law.joint).influence(5, 5)
             value += (compliance - own_compliance(self.model, law.joint, 5, 5, at.q))[:, None] * influence
             J[:, :, columns] = -(compliance[:, None] * basis)[:, None, :] * influence[:, :, None]

@@ -28,15 +28,15 @@ class LoadedPoses:
 
 
 def placed(robot: Robot, at: LoadedPoses, offset: Array, tilt: Array) -> LoadedPoses:
-    """The loads turned by ``tilt`` (3,) rad about the base's axes and moved ``offset`` (3,) m, flange axes.
+    """The loads turned by ``tilt`` rad about the base's axes and moved ``offset`` m, flange axes; (3,) or (n, 3) each.
 
     The result has the equivalent wrench at the same read point: a force beside it adds its moment.
     """
     if not (offset.any() or tilt.any()):
         return at
-    R = rotation_rpy(tilt)
-    force, moment = at.wrench[:, :3] @ R.T, at.wrench[:, 3:] @ R.T
-    lever = forward_kinematics(robot, at.q).R_flange @ offset
+    R = np.broadcast_to(np.moveaxis(rotation_rpy(tilt.T), (0, 1), (-2, -1)), (len(at), 3, 3))
+    force, moment = np.einsum("nij,nj->ni", R, at.wrench[:, :3]), np.einsum("nij,nj->ni", R, at.wrench[:, 3:])
+    lever = np.einsum("nij,nj->ni", forward_kinematics(robot, at.q).R_flange, np.broadcast_to(offset, (len(at), 3)))
     return LoadedPoses(at.q, np.concatenate([force, moment + np.cross(lever, force)], axis=1), at.point)
 
 

@@ -10,7 +10,9 @@ So the displacement is linear in every entry of every compliance, and its deriva
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,21 +34,35 @@ BASE, TOOL = "base", "tool"
 class Port:
     """A place of an arm at n loaded poses.
 
-    ``T`` (s, 6, n): wrench carried there per wrench at the loaded point (base axes). ``carried`` (s, n): under
-    the load itself. ``flexibility`` (s, s): what the model has there already (a link's, the bar's), or None.
-    The six rows of base, joints and tool are those of ``ROWS``: forces then moments in the place's own axes.
+    ``distinct`` (s, 6, u): wrench carried there per wrench at the loaded point (base axes), for u poses; ``where``
+    (n,): which of them each loaded pose is; ``wrench`` (6, n). ``flexibility`` (s, s): what the model has there
+    already (a link's, the bar's), or None. The six rows of base, joints and tool are those of ``ROWS``: forces then
+    moments in the place's own axes. Rows are worked out when they are asked for.
     """
 
     name: str
-    T: Array
-    carried: Array
+    distinct: Array
+    where: NDArray[np.intp]
+    wrench: Array
     flexibility: Array | None = None
+
+    @cached_property
+    def T(self) -> Array:  # noqa: N802 - the letter of the equation
+        """Wrench carried per wrench at the loaded point (s, 6, n)."""
+        return self.distinct[:, :, self.where]
+
+    @cached_property
+    def carried(self) -> Array:
+        """Wrench carried (s, n) under the load itself."""
+        return np.asarray(np.einsum("skn,kn->sn", self.T, self.wrench))
 
     def influence(self, a: int, b: int) -> Array:
         """Displacement (n, 6) per unit of the compliance's entries (a, b) and (b, a); m or rad per unit."""
-        d = self.T[a] * self.carried[b]
+        T_a = self.distinct[a][:, self.where]
+        T_b = T_a if a == b else self.distinct[b][:, self.where]
+        d = T_a * np.sum(T_b * self.wrench, axis=0)
         if a != b:
-            d = d + self.T[b] * self.carried[a]
+            d = d + T_b * np.sum(T_a * self.wrench, axis=0)
         return np.asarray(d.T)
 
     def share(self, C: Array) -> Array:
@@ -54,10 +70,13 @@ class Port:
         return np.asarray(np.einsum("skn,sn->nk", self.T, C @ self.carried))
 
 
-def ports(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> dict[str, Port]:
+def ports(
+    model: ArmModel, q: Array, wrench: Array, point: Array | None = None, only: Collection[str] | None = None
+) -> dict[str, Port]:
     """Every port of an arm at the loaded poses, by name: base, joints, links, bar and crank, tool.
 
-    Arguments as in :func:`fem.statics.deflection`. 300 bytes a port and pose: batch beyond some 1e5 poses.
+    Arguments as in :func:`fem.statics.deflection`; ``only``: names of the ports that are wanted, None for all. 300
+    bytes a port and pose: batch beyond some 1e5 poses.
 
     Raises
     ------
@@ -65,22 +84,38 @@ def ports(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) 
         Shapes, values that are not finite, or a flat parallelogram.
     """
     q = as_poses(model.robot, q)
-    w = poses_last(as_wrenches(wrench, len(q)))
+    w, points = poses_last(as_wrenches(wrench, len(q))), as_points(point, len(q))
+    first, where = _in_a_row(q, points)
+    places = _places(model, q[first], None if points is None else points[first], only)
+    return {name: Port(name, T, where, w, flexibility) for name, (T, flexibility) in places.items()}
+
+
+def _in_a_row(q: Array, points: Array | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First of every run of equal poses (u,), and the run of every pose (n,): loads and repeats come in a row."""
+    new = np.ones(len(q), dtype=bool)
+    new[1:] = (q[1:] != q[:-1]).any(axis=1)
+    if points is not None:
+        new[1:] |= (points[1:] != points[:-1]).any(axis=1)
+    return np.flatnonzero(new), np.cumsum(new) - 1
+
+
+def _places(
+    model: ArmModel, q: Array, points: Array | None, only: Collection[str] | None
+) -> dict[str, tuple[Array, Array | None]]:
+    """T (s, 6, n) and flexibility of the ports wanted."""
     frames = forward_kinematics(model.robot, q)
-    tool = tool_position(model.robot, frames, as_points(point, len(q)))
+    tool = tool_position(model.robot, frames, points)
     places: dict[str, tuple[Array, Array | None]] = {BASE: (_moved(np.eye(3), poses_last(tool)), None)}
     for joint, T in joint_rows(model, frames, tool):
         places[model.robot.joint_names[joint]] = (T, None)
     known = {link.name for link in model.links} | {"bar", "crank"}
-    for part in transfers(model, frames, q, tool):
-        if part.name in known and part.joint is None:
+    wanted = known if only is None else known & set(only)
+    for part in transfers(model, frames, q, tool) if wanted else ():
+        if part.name in wanted and part.joint is None:
             places[part.name] = (np.broadcast_to(part.matrix(), (len(part.compliance), 6, len(q))), part.compliance)
     lever = poses_last(tool - tool_position(model.robot, frames))
     places[TOOL] = (_moved(np.moveaxis(frames.R_flange, 0, -1), lever), None)
-    return {
-        name: Port(name, T, np.asarray(np.einsum("skn,kn->sn", T, w)), flexibility)
-        for name, (T, flexibility) in places.items()
-    }
+    return places if only is None else {name: place for name, place in places.items() if name in only}
 
 
 def port_of(places: dict[str, Port], name: str) -> Port:

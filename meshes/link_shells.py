@@ -17,8 +17,9 @@ from robots.schema import Link, Surface
 Array = NDArray[np.float64]
 
 # A ring's middle lies no further from its interface point than this many radii of the ring, or this share of the
-# longest way between interfaces: joints stand off their casings, as wrist centres do beyond forearms.
-FARTHEST, STAND_OFF = 3.0, 0.6
+# longest way between interfaces: joints stand off their casings, as wrist centres do beyond forearms (0.7 of the
+# way in a Panda).
+FARTHEST, STAND_OFF = 3.0, 0.75
 # Walls in the file and in the description are the same figure, but for the conversion of its unit.
 SAME_WALL = 1e-6
 _REMEDY = "import the link's surface again for this model"
@@ -70,7 +71,7 @@ def _check_interfaces(link: str, surface: Surface, mesh: ShellMesh, beam: BeamMe
             raise InputError(
                 f"{where}: the middle of ring {name} is {1e3 * distance:.4g} mm from the link's interface at "
                 f"{np.round(point, 4).tolist()} m",
-                allowed=f"at most {1e3 * limit:.4g} mm: {FARTHEST:g} radii of the ring or {STAND_OFF:g} of its link",
+                allowed=f"at most {1e3 * limit:.4g} mm: {FARTHEST:g} radii of the ring or {STAND_OFF:g} of the link",
                 remedy=f"{_REMEDY}: its geometry has changed since, or the file belongs to another link",
             )
 

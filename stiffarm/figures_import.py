@@ -37,7 +37,7 @@ class ShownLink:
 
 
 def contact_sheet(links: Sequence[ShownLink], title: str) -> Figure:
-    """Draw each link twice, from opposite sides, so that rings on either side show; dots are the interface points."""
+    """Draw each link twice, from above and from opposite below, so that all rings show; dots are interface points."""
     views = [(link, side) for link in links for side in (1.0, -1.0)]
     columns = 2 if len(links) == 1 else 2 * min(_COLUMNS, -(-len(links) // 2))
     rows = -(-len(views) // columns)
@@ -66,8 +66,8 @@ def _ring_colour(i: int) -> str:
 
 
 def _draw(axes: Axes, link: ShownLink, side: float) -> None:
-    """One link from an oblique side: faces turned to the eye, the farthest first."""
-    camera = style.Camera(side * np.array([0.62, -1.0, 0.0]) + np.array([0.0, 0.0, 0.45]))
+    """One link from above (side 1) or from opposite below (-1): faces turned to the eye, the farthest first."""
+    camera = style.Camera(side * np.array([0.62, -1.0, 0.45]))
     mesh = link.mesh
     flat = 1e3 * camera(mesh.nodes)
     corners = flat[mesh.triangles]
@@ -100,4 +100,4 @@ def _draw(axes: Axes, link: ShownLink, side: float) -> None:
         axes.set_title(link.name, loc="left", fontsize=10.5, fontweight="bold")
         axes.text(0.0, -0.01, "\n".join(link.lines), transform=axes.transAxes, va="top", size=7.5, color="#555555")
     else:
-        axes.set_title("from the other side", loc="left", fontsize=9, color="#777777")
+        axes.set_title("from opposite, below", loc="left", fontsize=9, color="#777777")

@@ -12,7 +12,7 @@ import pytest
 from doe.estimate import estimate
 from doe.identifiability import trade_offs, unseen
 from doe.lack_of_fit import lack_of_fit, outliers
-from doe.noise import Blocks, Noise, fit_noise
+from doe.noise import Blocks, Noise, fit_noise, likelihood
 from doe.problem import Problem
 from doe.uncertainty import bootstrap, certainty
 from fem import build_model
@@ -117,11 +117,8 @@ def test_whitening_is_that_of_the_full_covariance() -> None:
     white, log_det = Blocks.of(p).whiten(variance, common, np.eye(len(p)))
     np.testing.assert_allclose(white @ V @ white.T, np.eye(len(p)), atol=1e-9)
     assert log_det == pytest.approx(np.linalg.slogdet(V)[1], rel=1e-12)
-    inverse, Ve, diagonal, again, _ = Blocks.of(p).inverse(variance, common, np.eye(len(p)), p.value)
+    inverse = Blocks.of(p).covariance(variance, common).solve(np.eye(len(p)))
     np.testing.assert_allclose(inverse @ V, np.eye(len(p)), atol=1e-8)
-    np.testing.assert_allclose(diagonal, np.diag(inverse), rtol=1e-12)
-    np.testing.assert_allclose(Ve, inverse @ p.value, rtol=1e-9, atol=1e-9 * np.abs(Ve).max())
-    assert again == pytest.approx(log_det, rel=1e-12)
 
 
 def _scattered(p: Problem, u: np.ndarray, noise: Noise, seed: int) -> Problem:
@@ -146,21 +143,24 @@ def test_variances_come_back() -> None:
     assert np.mean([n.pose_share for n in found]) == pytest.approx(0.04, rel=0.12)
 
 
-def test_the_slope_of_the_restricted_likelihood() -> None:
-    from doe import noise as module
-
-    p, u = made_up(poses=6)
+def test_slope_and_information_of_the_restricted_likelihood() -> None:
+    p, u = made_up(poses=4, components=(0, 1, 3))
     p = _scattered(p, u, Noise((1e-5, 1e-5), 0.02, (5e-6, 0.0), 0.03), 0)
     f, J = p.evaluate(u)
-    search = module._Search(p, Blocks.of(p), f, module._independent(J), p.value - f, np.ones(len(p)))
-    names = ["white0", "share", "pose_share", "pose0"]
-    x = np.log([1.3e-5, 0.015, 0.02, 4e-6])
-
-    def at(x: np.ndarray) -> tuple[float, np.ndarray]:
-        return module._loss(search, module._noise(Noise(GAUGE), names, np.exp(x)), names)
-
-    expected = [(at(x + h)[0] - at(x - h)[0]) / 2e-5 for h in 1e-5 * np.eye(4)]
-    np.testing.assert_allclose(at(x)[1], expected, rtol=1e-5)
+    names = ("white0", "share", "pose1", "pose_share", "white1", "pose0")
+    of = likelihood(p, Blocks.of(p), names, Noise(GAUGE), f, J, p.value - f, 1.0 - 0.5 * (np.arange(len(p)) % 7 == 0))
+    t = np.array([1.3e-5, 0.015, 3e-6, 0.02, 1e-5, 4e-6]) ** 2
+    slope, information = of.at(t).slope_and_information()
+    steps = 1e-4 * np.diag(t)
+    loss = [(of.at(t + h).loss - of.at(t - h).loss) / (2.0 * h.sum()) for h in steps]
+    np.testing.assert_allclose(slope, -np.array(loss), rtol=1e-5)
+    # The same by the matrices themselves.
+    same = of.blocks.number[:, None] == of.blocks.number
+    V_i = [np.outer(x.pattern, x.pattern) * same if x.common else np.diag(x.pattern) for x in of.terms]
+    V = np.linalg.inv(np.einsum("i,iab->ab", t, np.array(V_i)))
+    P = V - V @ of.basis @ np.linalg.inv(of.basis.T @ V @ of.basis) @ of.basis.T @ V
+    expected = [[0.5 * np.trace(P @ a @ P @ b) for b in V_i] for a in V_i]
+    np.testing.assert_allclose(information, expected, rtol=1e-9)
 
 
 def test_outliers_lose_their_weight_and_are_named() -> None:

@@ -48,9 +48,10 @@ def swept_tube(path: np.ndarray, radii: np.ndarray, around: int) -> trimesh.Trim
     return mesh
 
 
-def tapered_tube(around: int = 48) -> trimesh.Trimesh:
-    path = np.array([POINTS["root"], POINTS["tip"]])
-    return swept_tube(path, np.array(RADII_M), around)
+def tapered_tube(around: int = 48, stations: int = 2) -> trimesh.Trimesh:
+    """The committed tube; with more stations its triangles need less remeshing."""
+    path = np.linspace(POINTS["root"], POINTS["tip"], stations)
+    return swept_tube(path, np.linspace(*RADII_M, stations), around)
 
 
 def load(mesh: trimesh.Trimesh | Path, folder: Path, suffix: str = "ply", **changes: object) -> ImportedLink:
@@ -126,13 +127,13 @@ def test_the_report_names_every_change_and_the_quality(tube: ImportedLink) -> No
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply"])
 def test_millimetres_are_scaled_and_each_format_is_read(suffix: str, tmp_path: Path) -> None:
-    link = load(tapered_tube(24).apply_scale(1000.0), tmp_path, suffix, scale=0.001)
+    link = load(tapered_tube(24, 12).apply_scale(1000.0), tmp_path, suffix, scale=0.001)
     assert np.ptp(link.mesh.nodes[:, 2]) == pytest.approx(LENGTH_M - WALL_M, abs=2 * RIM_M)
     assert "coordinates multiplied by 0.001" in link.report
 
 
 def test_a_messy_surface_is_repaired_and_every_repair_is_said(tmp_path: Path) -> None:
-    clean = tapered_tube(24)
+    clean = tapered_tube(24, 12)
     soup = clean.triangles.reshape(-1, 3)
     faces = np.arange(len(soup)).reshape(-1, 3)
     faces[5:9] = faces[5:9, ::-1]  # turned
@@ -149,11 +150,11 @@ def test_a_messy_surface_is_repaired_and_every_repair_is_said(tmp_path: Path) ->
 
 
 def test_small_holes_are_filled_and_large_ones_refused(tmp_path: Path) -> None:
-    fine = tapered_tube(24).subdivide()
+    fine = tapered_tube(24, 12).subdivide()
     fine.update_faces(np.arange(len(fine.faces)) != np.argmin(fine.area_faces))
     link = load(fine, tmp_path)
     assert any("1 hole(s) filled" in line for line in link.report)
-    open_end = tapered_tube(24)
+    open_end = tapered_tube(24, 12)
     open_end.update_faces(~(open_end.triangles_center[:, 2] == 0.0))
     message = refused(open_end, tmp_path, "is open: 1 hole")
     assert "0.6265 m around at" in message  # 48 sin(pi / 24) x 0.1 m
@@ -172,19 +173,19 @@ def test_a_surface_that_crosses_itself_is_refused(tmp_path: Path) -> None:
     ("size", "scale", "remedy"), [(1000.0, None, "by 0.001 "), (1.0, 0.001, "by 1000 "), (1 / 0.0254, None, "0.0254 ")]
 )
 def test_the_wrong_unit_is_noticed(size: float, scale: float | None, remedy: str, tmp_path: Path) -> None:
-    message = refused(tapered_tube(24).apply_scale(size), tmp_path, "scale of link", scale=scale)
+    message = refused(tapered_tube(24, 12).apply_scale(size), tmp_path, "scale of link", scale=scale)
     assert remedy in message
 
 
 def test_without_two_interfaces_the_expected_span_checks_the_scale(tmp_path: Path) -> None:
     one = {"interface_points": {"root": POINTS["root"]}, "interface_radius": {"root": 0.12}}
-    refused(tapered_tube(24), tmp_path, "scale of", expected_span=800.0, **one)
-    assert any("scale not checked" in line for line in load(tapered_tube(24), tmp_path, **one).report)
+    refused(tapered_tube(24, 12), tmp_path, "scale of", expected_span=800.0, **one)
+    assert any("scale not checked" in line for line in load(tapered_tube(24, 12), tmp_path, **one).report)
 
 
 @pytest.mark.parametrize("wall", [0.0, -0.006, np.nan])
 def test_a_wall_must_be_positive(wall: float, tmp_path: Path) -> None:
-    refused(tapered_tube(24), tmp_path, "wall thickness", wall=wall)
+    refused(tapered_tube(24, 12), tmp_path, "wall thickness", wall=wall)
 
 
 def test_both_sides_of_a_wall_are_not_a_casing(tmp_path: Path) -> None:
@@ -193,7 +194,7 @@ def test_both_sides_of_a_wall_are_not_a_casing(tmp_path: Path) -> None:
 
 
 def test_degenerate_triangles_that_hold_the_surface_together_are_refused(tmp_path: Path) -> None:
-    mesh = tapered_tube(24)
+    mesh = tapered_tube(24, 12)
     # A corner on the edge of a face whose other neighbour has it too: a face on a line closes the gap.
     a, b, c = mesh.faces[0]
     nodes = np.vstack([mesh.vertices, 0.5 * (mesh.vertices[a] + mesh.vertices[b])])
@@ -203,12 +204,12 @@ def test_degenerate_triangles_that_hold_the_surface_together_are_refused(tmp_pat
 
 
 def test_two_large_bodies_are_refused(tmp_path: Path) -> None:
-    two = trimesh.util.concatenate([tapered_tube(24), tapered_tube(24).apply_translation([0.5, 0, 0])])
+    two = trimesh.util.concatenate([tapered_tube(24, 12), tapered_tube(24, 12).apply_translation([0.5, 0, 0])])
     refused(two, tmp_path, "2 separate bodies")
 
 
 def test_an_inner_wall_is_refused(tmp_path: Path) -> None:
-    mesh = tapered_tube(24)
+    mesh = tapered_tube(24, 12)
     a, b = mesh.faces[0][:2]
     nodes = np.vstack([mesh.vertices, [[0.0, 0.0, 0.4]]])
     fin = trimesh.Trimesh(nodes, np.vstack([mesh.faces, [[a, b, len(nodes) - 1]]]), process=False)
@@ -217,16 +218,16 @@ def test_an_inner_wall_is_refused(tmp_path: Path) -> None:
 
 def test_no_ring_says_how_far_the_surface_is(tmp_path: Path) -> None:
     beyond = {"root": POINTS["root"], "tip": [0.0, 0.0, LENGTH_M + 0.1]}
-    message = refused(tapered_tube(24), tmp_path, "no ring found at interface tip", interface_points=beyond)
+    message = refused(tapered_tube(24, 12), tmp_path, "no ring found at interface tip", interface_points=beyond)
     assert "the nearest node is 0.1" in message
     beside = {"root": POINTS["root"], "tip": [0.3, 0.0, LENGTH_M]}
-    refused(tapered_tube(24), tmp_path, "no ring found at interface tip", interface_points=beside)
-    refused(tapered_tube(24), tmp_path, "no ring found at interface root", interface_radius={"root": 1e-4})
-    refused(tapered_tube(24), tmp_path, "share nodes", interface_radius={"root": 0.5, "tip": 0.5})
+    refused(tapered_tube(24, 12), tmp_path, "no ring found at interface tip", interface_points=beside)
+    refused(tapered_tube(24, 12), tmp_path, "no ring found at interface root", interface_radius={"root": 1e-4})
+    refused(tapered_tube(24, 12), tmp_path, "share nodes", interface_radius={"root": 0.5, "tip": 0.5})
 
 
 def test_bad_numbers_name_themselves(tmp_path: Path) -> None:
-    mesh = tapered_tube(24)
+    mesh = tapered_tube(24, 12)
     refused(mesh, tmp_path, "target size", target_size=0.0)
     refused(mesh, tmp_path, "50 to 400000 elements", target_size=1e-4)
     refused(mesh, tmp_path, "interface point tip", interface_points={"root": [0, 0, 0], "tip": [0, np.nan, 1]})

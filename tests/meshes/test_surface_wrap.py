@@ -106,6 +106,7 @@ def test_the_report_says_why_and_how_it_was_wrapped(wrapped) -> None:
         assert words in text
 
 
+@pytest.mark.slow
 def test_the_same_surface_gives_the_same_shell() -> None:
     ball = trimesh.creation.icosphere(subdivisions=2, radius=RADIUS_M)
     points = {"root": Interface(-RADIUS_M * Z, Z), "tip": Interface(RADIUS_M * Z, Z)}
@@ -188,12 +189,20 @@ def test_a_pot_is_closed_by_a_wider_opening_only() -> None:
     assert body.volume > 0.8 * np.pi * 0.09**2 * 0.38
 
 
-def test_two_bodies_are_refused_unless_the_gap_is_closed() -> None:
+def two_bodies() -> tuple[np.ndarray, np.ndarray]:
     one = trimesh.creation.box((0.2, 0.2, 0.3)).apply_translation([0, 0, 0.15])
     two = trimesh.creation.box((0.2, 0.2, 0.3)).apply_translation([0, 0, 0.55])
-    both = arrays(trimesh.util.concatenate([one, two]))
+    return arrays(trimesh.util.concatenate([one, two]))
+
+
+def test_two_bodies_are_refused() -> None:
     with pytest.raises(InputError, match="2 separate bodies, further apart than 60 mm"):
-        prepare_link("two", *both, ends(0.7), settings(target_size=0.03))
+        prepare_link("two", *two_bodies(), ends(0.7), settings(target_size=0.03))
+
+
+@pytest.mark.slow
+def test_two_bodies_are_one_when_the_gap_is_closed() -> None:
+    both = two_bodies()
     closed = prepare_link("two", *both, ends(0.7), settings(target_size=0.03, opening=0.15))
     assert trimesh.Trimesh(closed.mesh.nodes, closed.mesh.triangles, process=False).body_count == 1
 

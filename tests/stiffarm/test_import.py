@@ -117,6 +117,7 @@ def test_a_clean_prismatic_link_is_as_stiff_as_its_beam_through_the_whole_chain(
     assert ratios["wrap"][5] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_masses_that_are_fillings_are_left_out(tmp_path: Path) -> None:
     urdf = Arm(mass_upper=1.0).write(tmp_path / "arm")
     outcome = run_here("import", urdf, "--out", tmp_path / "out", *COARSE, "--rigid", "column,forearm")

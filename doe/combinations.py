@@ -1,0 +1,98 @@
+"""Which combinations of variables are determined when not all of them are: linear algebra of a null space.
+
+The readings determine w^T x exactly if w is orthogonal to every direction z that moves no reading. Rows of a reduced
+echelon form are such w with as few variables as can be (no row has another one's variables among its own), and the
+form splits the variables into groups that have nothing to do with one another (the components of a matroid: Oxley,
+Matroid Theory, 2nd ed., section 4.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Entries of an echelon form below this are rounding; variables have columns of norm one, null vectors length one.
+ROUNDING = 1e-6
+# Echelon forms that are compared for the one with the fewest entries.
+TRIES = 60
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A weighted sum of the estimator's variables: ``names`` and ``weights`` (k,), the largest 1 where units agree.
+
+    ``value`` and ``sd`` in ``unit``; ``relative``: sd over the sum of its terms' sizes.
+    """
+
+    names: tuple[str, ...]
+    weights: Array
+    value: float
+    sd: float
+    unit: str
+    relative: float
+    words: str
+
+
+def echelon(rows: Array, order: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    """Reduced echelon form (r, p) of rows (k, p) and its r pivots, pivots sought in a given order of the columns."""
+    M, pivots, r = rows.copy(), [], 0
+    for c in order:
+        if r == len(M):
+            break
+        k = r + int(np.argmax(np.abs(M[r:, c])))
+        if abs(M[k, c]) < ROUNDING:
+            continue
+        M[[r, k]] = M[[k, r]]
+        M[r] /= M[r, c]
+        others = np.arange(len(M)) != r
+        M[others] -= np.outer(M[others, c], M[r])
+        pivots.append(c)
+        r += 1
+    M = M[:r]
+    M[np.abs(M) < ROUNDING * np.abs(M).max(initial=1.0)] = 0.0
+    return M, np.array(pivots, dtype=np.intp)
+
+
+def sparsest(rows: Array) -> tuple[Array, NDArray[np.intp]]:
+    """The echelon form with the fewest entries among some; the same for the same rows."""
+    p = rows.shape[1]
+    rng = np.random.default_rng(0)
+    forms = [echelon(rows, np.arange(p) if k == 0 else rng.permutation(p)) for k in range(TRIES if p > 2 else 1)]
+    return min(forms, key=lambda form: np.count_nonzero(form[0]))
+
+
+def components(null: Array) -> list[NDArray[np.intp]]:
+    """Groups of variables that null vectors (d, p) join; variables that are in none of them stand alone."""
+    M, _ = echelon(null, np.arange(null.shape[1]))
+    group = np.arange(null.shape[1])
+    for row in M:
+        members = np.flatnonzero(row)
+        joined = np.isin(group, group[members])
+        group[joined] = group[members].min()
+    return [np.flatnonzero(group == g) for g in np.unique(group)]
+
+
+def complement(null: Array) -> Array:
+    """Rows (p - d, p), orthonormal, orthogonal to the null vectors (d, p)."""
+    _, s, V = np.linalg.svd(null, full_matrices=True)
+    return np.asarray(V[int((s > ROUNDING).sum()) :])
+
+
+def alike(null: Array) -> list[NDArray[np.intp]]:
+    """Sets of two or more variables of which only one and the same combination is ever seen."""
+    W = complement(null)
+    P = W.T @ W
+    size = np.sqrt(np.maximum(np.diag(P), 0.0))
+    same = np.abs(P) > (1.0 - ROUNDING) * np.outer(size, size)
+    same &= (size[:, None] > ROUNDING) & (size[None, :] > ROUNDING)
+    sets, left = [], set(range(len(P)))
+    for k in range(len(P)):
+        members = [j for j in sorted(left) if same[k, j]]
+        left -= set(members)
+        if len(members) > 1:
+            sets.append(np.array(members, dtype=np.intp))
+    return sets
