@@ -1,7 +1,8 @@
 """Readings in blocks of one set-up and component, and the covariance that a block's readings have in common.
 
 In a block ``V = D + C C^T``: D diagonal, C two columns. Whatever is asked of V costs two columns a reading and a
-2 x 2 matrix a block (Woodbury's identity), for all blocks at once; no block's own matrix is ever formed.
+2 x 2 matrix a block (Woodbury's identity), for all blocks at once; no block's own matrix is ever formed. Its
+determinant cancels where both columns are far above D: at 100 standard deviations eight digits are left, at 1000 four.
 """
 
 from __future__ import annotations

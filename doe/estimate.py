@@ -117,7 +117,10 @@ def estimate(
         if robust and len(p) > len(u) + 3:
             own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
             # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
-            middle = float(np.median(np.abs(own))) / MEDIAN if turn == 0 else 1.0
+            # Residuals are smaller than the noise by what the parameters follow: without that, a few good readings
+            # beside almost as many parameters would lose weight, and intervals come out too narrow.
+            followed = np.sqrt(1.0 - len(u) / len(p))
+            middle = float(np.median(np.abs(own))) / (MEDIAN * followed) if turn == 0 else 1.0
             weight = outlier_weight(own / min(max(middle, 1e-3), 1.0))
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
 

@@ -55,9 +55,11 @@ class Faults:
     file: str
     found: list[tuple[int, InputError]] = field(default_factory=list)
 
-    def add(self, line: int, problem: str, *, value: str | None = None, allowed: str, remedy: str) -> None:
-        """Record a problem of one line; ``problem`` starts with the column's name where there is one."""
-        what = f"{self.file}, row {line}, {problem}"
+    def add(
+        self, line: int, problem: str, *, value: str | None = None, allowed: str, remedy: str, file: str | None = None
+    ) -> None:
+        """Record a problem of one line (of ``file``, where there are several); ``problem`` starts with its column."""
+        what = f"{file or self.file}, row {line}, {problem}"
         self.found.append((line, InputError(what, value=value, allowed=allowed, remedy=remedy)))
 
     def raise_if_any(self) -> None:

@@ -158,14 +158,15 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
     )  # fmt: skip
 
 
-def _joint_keys(q: Array) -> list[tuple[float, ...]]:
+def joint_keys(q: Array) -> list[tuple[float, ...]]:
+    """Poses (n,) that can be compared: angles to 1e-9 rad."""
     # 1e-9 rad is the robots' own tolerance for "the same angle".
     return [tuple(row) for row in np.round(q, 9).tolist()]
 
 
 def _labels(q: Array) -> tuple[str, ...]:
     found: dict[tuple[float, ...], str] = {}
-    return tuple(found.setdefault(key, f"P{len(found) + 1}") for key in _joint_keys(q))
+    return tuple(found.setdefault(key, f"P{len(found) + 1}") for key in joint_keys(q))
 
 
 def _check_readings(m: Measurements, faults: Faults) -> None:
@@ -185,7 +186,7 @@ def _check_readings(m: Measurements, faults: Faults) -> None:
 
 def _check_labels(m: Measurements, faults: Faults) -> None:
     first: dict[str, tuple[int, tuple[float, ...]]] = {}
-    for line, label, key in zip(m.row_numbers, m.pose, _joint_keys(m.q), strict=True):
+    for line, label, key in zip(m.row_numbers, m.pose, joint_keys(m.q), strict=True):
         known_line, known_key = first.setdefault(label, (line, key))
         if key != known_key:
             faults.add(line, "column pose, the label stands for other joint angles before", value=label,
@@ -193,23 +194,28 @@ def _check_labels(m: Measurements, faults: Faults) -> None:
                        remedy="correct the angles, or give this pose a label of its own")  # fmt: skip
 
 
-def _check_duplicates(m: Measurements, faults: Faults) -> None:
+def repeated_readings(m: Measurements) -> Iterator[tuple[int, int, bool]]:
+    """Readings that stand there twice: position, position of the earlier one, and whether their values agree."""
     # NaN never equals itself; inf cannot occur in a table, so it can stand for "not given" in a key.
     settings = np.nan_to_num(np.column_stack([m.wrench, m.point, m.step]), nan=np.inf)
     seen: dict[object, list[int]] = {}
-    keys = zip(_joint_keys(m.q), map(tuple, settings.tolist()), m.repeat, m.phase, strict=True)
+    keys = zip(joint_keys(m.q), map(tuple, settings.tolist()), m.repeat, m.phase, strict=True)
     for i, key in enumerate(keys):
         earlier = seen.setdefault(key, [])
         for j in earlier:
             both = m.used[i] & m.used[j]
             if both.any():
-                same = np.array_equal(m.displacement[i, both], m.displacement[j, both])
-                problem = f"the reading {'repeats' if same else 'contradicts'} that of row {m.row_numbers[j]}"
-                faults.add(m.row_numbers[i], f"{problem} (same joints, load, point, repeat, phase and step)",
-                           allowed="each reading once",
-                           remedy="give each a number in the column repeat, or remove one")  # fmt: skip
+                yield i, j, bool(np.array_equal(m.displacement[i, both], m.displacement[j, both]))
                 break
         earlier.append(i)
+
+
+def _check_duplicates(m: Measurements, faults: Faults) -> None:
+    for i, j, same in repeated_readings(m):
+        problem = f"the reading {'repeats' if same else 'contradicts'} that of row {m.row_numbers[j]}"
+        faults.add(m.row_numbers[i], f"{problem} (same joints, load, point, repeat, phase and step)",
+                   allowed="each reading once",
+                   remedy="give each a number in the column repeat, or remove one")  # fmt: skip
 
 
 def _check_reach(m: Measurements, robot: Robot, faults: Faults) -> None:

@@ -157,7 +157,7 @@ class _Own:
         """tr(P V_i P V_j) less the product of the projected terms."""
         d, h = self.d, self.h
         out = (d * (h * (2.0 * (self.diagonal - self.z2) - h))) @ d.T
-        if self.middle is None:
+        if self.middle is None or not len(d):
             return np.asarray(out)
         E, add = self.at.V.E, self.at.of.blocks.add
         EdE = [add(E[:, :, None] * (one[:, None] * E)[:, None, :]) for one in d]

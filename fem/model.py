@@ -18,6 +18,7 @@ from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
 from meshes import (
     BeamMesh,
     ShellMesh,
+    beam_mass,
     casing_mesh,
     crank_beam_mesh,
     link_beam_mesh,
@@ -112,13 +113,22 @@ class BarPart:
 
 
 @dataclass(frozen=True)
+class BodyMass:
+    """A mass that moves with a body (0 = base): ``kg``, centre (3,) m in the body's frame."""
+
+    body: int
+    kg: float
+    centre: Array
+
+
+@dataclass(frozen=True)
 class ArmModel:
     """Everything the statics of an arm need. ``bar`` is None for the serial load path.
 
     ``base`` (6, 6): compliance of the base about its origin, base axes; ``tool`` (6, 6): of the tool or a force
     sensor at the model's tool point, flange axes; zero is rigid. ``load_offset`` (3,) m, flange axes, and
     ``load_tilt`` (3,) rad, fixed-axis angles about the base's axes: where a test load really acts, from the read
-    point, and how its direction is off (:func:`fem.loads.placed`).
+    point, and how its direction is off (:func:`fem.loads.placed`). ``masses``: of the links, as declared.
     """
 
     robot: Robot
@@ -131,6 +141,7 @@ class ArmModel:
     tool: Array = field(default_factory=lambda: np.zeros((6, 6)))
     load_offset: Array = field(default_factory=lambda: np.zeros(3))
     load_tilt: Array = field(default_factory=lambda: np.zeros(3))
+    masses: tuple[BodyMass, ...] = ()
 
     def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
         """Copy with other laws about the joint axes; numbers are N m/rad.
@@ -210,7 +221,18 @@ def build_model(
         tool=_place(None if description.tool is None else description.tool.stiffness),
         load_offset=_triple(description.load.offset if description.load else None),
         load_tilt=_triple(description.load.tilt if description.load else None),
+        masses=_masses(description, robot),
     )
+
+
+def _masses(description: ModelDescription, robot: Robot) -> tuple[BodyMass, ...]:
+    """Masses of the links that declare one, in the middle of their beams."""
+    out = []
+    for link in description.link:
+        if link.mass is not None:
+            mesh = link_beam_mesh(description, robot, link)
+            out.append(BodyMass(body_index(robot, link.body), link.mass.si, beam_mass(mesh, 1.0).centre))
+    return tuple(out)
 
 
 def _triple(given: Position | Angles | None) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -70,3 +71,27 @@ def spring_from(robot: Robot, law: SpringLawTable) -> LawSpring:
     if isinstance(law, LogFourierLaw):
         return LawSpring(FourierBasis(column, len(law.coefficients) // 2), np.array(law.coefficients))
     return LawSpring(TableBasis(column, np.radians(law.nodes_deg)), np.log(law.stiffness_Nm_per_rad))
+
+
+@dataclass(frozen=True)
+class SumSpring:
+    """A spring in series with another compliance, rad/(N m)."""
+
+    spring: SpringLaw
+    added: float
+
+    def compliance(self, q: Array) -> Array:
+        """See :class:`SpringLaw`."""
+        return np.asarray(self.spring.compliance(q) + self.added)
+
+
+@dataclass(frozen=True)
+class VaryingSpring:
+    """A spring whose compliance varies by a share over the pose: ``c(q) (1 + share(q))``, never below a tenth of c."""
+
+    spring: SpringLaw
+    share: Callable[[Array], Array]
+
+    def compliance(self, q: Array) -> Array:
+        """See :class:`SpringLaw`."""
+        return np.asarray(self.spring.compliance(q) * np.maximum(1.0 + self.share(q), 0.1))

@@ -124,8 +124,8 @@ def contour(grid: Grid, field: Array) -> tuple[Array, Indices]:
     rim = [field[0], field[-1], field[:, 0], field[:, -1], field[:, :, 0], field[:, :, -1]]
     if min(side.min() for side in rim) <= 0.0:
         raise ValueError("the field must be positive on the grid's boundary")
-    # A zero at a grid point would give triangles without area.
-    least = 1e-6 * grid.step
+    # A zero at a grid point would give triangles without area; single precision must tell the corners apart.
+    least = 1e-3 * grid.step
     image = pv.ImageData(dimensions=grid.shape, spacing=(grid.step,) * 3, origin=tuple(grid.origin))
     image["field"] = np.where(np.abs(field) < least, least, field).ravel(order="F")
     surface: Any = image.contour([0.0], scalars="field", method="flying_edges", compute_normals=False)

@@ -37,10 +37,12 @@ class NearestOn:
         if not len(self._segments) or not len(points):
             return self.nearest(points) if len(points) else points
         start, way = self._segments[:, 0], self._segments[:, 1] - self._segments[:, 0]
+        # Contours have edges of no length, where they pass through a grid point.
+        squared = np.maximum((way**2).sum(axis=1), 1e-300)
         found = np.empty_like(points)
         for i in range(0, len(points), 256):  # keeps the table of points and segments small
             p = points[i : i + 256, None]
-            share = np.clip(((p - start) * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
+            share = np.clip(((p - start) * way).sum(axis=2) / squared, 0.0, 1.0)
             found[i : i + 256] = _nearest_of(p[:, 0], start + share[..., None] * way)
         far = np.linalg.norm(found - points, axis=1) > 0.5 * self._size
         found[far] = self.nearest(points[far])

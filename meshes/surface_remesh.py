@@ -124,7 +124,7 @@ def _slivers(nodes: Array, faces: Indices, normal: Array) -> Flags:
     """Faces (m,) so flat that their normal says nothing of the surface; ``normal`` (m, 3) as from normals()."""
     corners = nodes[faces]
     longest = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1, initial=0.0)
-    return np.asarray(np.linalg.norm(normal, axis=1) < SLIVER * longest)
+    return np.asarray(np.linalg.norm(normal, axis=1) <= SLIVER * longest)
 
 
 def unit(vectors: Array) -> Array:
@@ -242,8 +242,10 @@ def _collapsible(
     normal = normals(nodes, new)
     before = normals(nodes, old)
     level = np.einsum("ij,ij->i", unit(normal), unit(before))
-    level[_slivers(nodes, old, before) & tiny[pair]] = 1.0
-    thin = np.linalg.norm(normal, axis=1) < 0.05 * length**2
+    poor = _slivers(nodes, old, before) & tiny[pair]
+    level[poor] = 1.0
+    # Slivers beside an edge that is all but nothing would keep it for ever.
+    thin = (np.linalg.norm(normal, axis=1) < 0.05 * length**2) & ~poor
     wrong = ((length > LONG * limits.size) & ~tiny[pair]) | (level < limits.fold) | thin
     bad = np.bincount(pair, wrong, minlength=gone.size) > 0
     return gone[~bad], kept[~bad]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import trimesh
@@ -16,6 +16,9 @@ from meshes.surface_reading import SPAN_RATIO
 from meshes.surface_remesh import remesh, sharp_density
 from meshes.surface_rings import Interface, Ring, choose_rings
 from robots import InputError
+
+if TYPE_CHECKING:
+    from meshes.surface_wrap import Departure, Method, Wrap
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -35,6 +38,8 @@ MOST_DETAIL, FEW_FACES = 0.25, 500
 # until a mesh is good. More detail is lost, and edges are rounded, only where the surface asks for it.
 ATTEMPTS = ((0.25, True), (0.5, True), (0.5, False))
 WRAPPED_ANGLE_DEG = 8.0
+# Below, a triangle has no area worth the name, and no shell is made of it.
+USELESS_ANGLE_DEG = 0.1
 # Triangles of a wrap over those wanted, to begin remeshing with.
 START = 1.5
 
@@ -46,7 +51,8 @@ class ImportSettings:
     ``wall`` m: thickness everywhere. ``youngs_modulus`` Pa, ``poissons_ratio``. ``target_size`` m: edge length
     aimed at; None gives some ten thousand elements, never smaller than the wall. ``repair``: "none" takes the
     surface as it is, with small repairs, or refuses it; "wrap" wraps it; "auto" wraps what "none" refuses.
-    ``opening`` m and ``wrap``: see :func:`meshes.surface_wrap.wrap_surface`. ``expected_span`` m, that the
+    ``opening`` m and ``wrap``: see :func:`meshes.surface_wrap.wrap_surface`; with None the smallest opening that
+    gives one casing near the original, by :mod:`meshes.surface_trials`. ``expected_span`` m, that the
     surface should span; None takes the interfaces' largest distance. ``span_ratio``: the surface's diagonal
     over that span, least and most.
     """
@@ -111,39 +117,103 @@ def as_it_is(
 def wrapped(
     name: str, nodes: Array, faces: Indices, interfaces: Mapping[str, Interface], settings: ImportSettings
 ) -> Meshed:
-    """Wrap any surface and mesh the wrap's mid-surface."""
+    """Wrap any surface and mesh the wrap's mid-surface; where no opening is asked for, the width is found by trial."""
     # Brings VTK with it, which only wrapping needs.
-    from meshes.distance_grid import thinned
-    from meshes.surface_wrap import departure, middle_surface, wrap_surface
+    from meshes.surface_trials import by_trial, methods, warning
+    from meshes.surface_wrap import check_method, wrap_surface
 
+    check_method(settings.wrap)
     size = settings.target_size
     if size is None:
         # Files may hold much more than the skin, so its area is that of a coarse wrap.
         coarse = max(settings.wall, float(np.linalg.norm(np.ptp(nodes, axis=0))) / 40.0)
         trial = wrap_surface(name, nodes, faces, coarse, settings.opening)
         size = usual_size(float(_triangles.area(trial.nodes[trial.faces]).sum()), settings.wall)
-    wrap = wrap_surface(name, nodes, faces, size, settings.opening, settings.wrap)
-    _check_room(name, wrap.nodes, wrap.faces, size, settings.wall, wrap.offset)
-    done = 0.0
+    if settings.opening is None:
+        done, failed = by_trial(
+            name,
+            size,
+            settings.wrap,
+            lambda width, method, most: _casing(name, nodes, faces, settings.wall, size, width, method, most),
+        )
+    else:
+        method, failed = methods(settings.wrap)[0], ()
+        done = _casing(name, nodes, faces, settings.wall, size, settings.opening, method)
+    rings, shrunk = choose_rings(interfaces, done.nodes, done.faces, size)
+    report = [f"closing width {trial}: not taken" for trial in failed]
+    report += [*warning(done.off, size), *done.report, *shrunk]
+    off = (done.off.middling, done.off.worst)
+    return Meshed(done.nodes, done.faces, rings, size, tuple(report), off)
+
+
+@dataclass(frozen=True)
+class _Casing:
+    """Nodes, faces, lines for the report and departure of a wrapped mid-surface."""
+
+    nodes: Array
+    faces: Indices
+    report: tuple[str, ...]
+    off: Departure
+
+
+def _casing(
+    name: str,
+    nodes: Array,
+    faces: Indices,
+    wall: float,
+    size: float,
+    opening: float,
+    method: Method,
+    most: float = np.inf,
+) -> _Casing:
+    """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is further than ``most`` m off."""
+    from meshes.surface_trials import TooFar
+    from meshes.surface_wrap import departure, middle_surface, wrap_surface
+
+    wrap = wrap_surface(name, nodes, faces, size, opening, method)
+    _check_room(name, wrap.nodes, wrap.faces, size, wall, wrap.offset)
+    fine, notes = middle_surface(name, wrap, wall, size, ATTEMPTS[0][0] * size)
+    # Before remeshing, which takes most of the time.
+    off = departure(wrap, nodes[faces], fine, wall, size)
+    if off.middling > most:
+        raise TooFar(name, off, most)
+    middle, cells, notes, edges = _remeshed(name, wrap, fine, notes, wall, size)
+    off = departure(wrap, nodes[faces], (middle, cells), wall, size)
+    if off.middling > most:
+        raise TooFar(name, off, most)
+    report = (
+        *wrap.notes,
+        f"mid-surface {500 * wall:.4g} mm inside the original, remeshed to {len(cells)} triangles of "
+        f"{1e3 * size:.4g} mm, edges {'kept' if edges else 'rounded'}",
+        *notes,
+        f"details lost and openings bridged: 95 % of what is seen is off by less than {1e3 * off.middling:.3g} mm, "
+        f"all of it by less than {1e3 * off.worst:.3g} mm",
+    )
+    return _Casing(middle, cells, report, off)
+
+
+def _remeshed(
+    name: str, wrap: Wrap, fine: tuple[Array, Indices], notes: tuple[str, ...], wall: float, size: float
+) -> tuple[Array, Indices, tuple[str, ...], bool]:
+    """Even triangles on a mid-surface, by the first of the attempts that is good; whether edges were kept."""
+    from meshes.distance_grid import thinned
+    from meshes.surface_wrap import middle_surface
+
+    done = ATTEMPTS[0][0]
+    start = thinned(*fine, int(START * _elements(*fine, size)))
     for margin, edges in ATTEMPTS:
         if margin != done:
-            fine, notes = middle_surface(name, wrap, settings.wall, size, margin * size)
+            fine, notes = middle_surface(name, wrap, wall, size, margin * size)
             start, done = thinned(*fine, int(START * _elements(*fine, size))), margin
         middle, cells = remesh(*fine, size, edges, start)
         if least_angle(middle, cells) > WRAPPED_ANGLE_DEG and not len(crossings(middle, cells)):
-            break
+            return middle, cells, notes, edges
     _refuse_crossings(name, middle, cells, "crosses itself even wrapped", "choose a smaller target size")
-    rings, shrunk = choose_rings(interfaces, middle, cells, size)
-    off = departure(wrap, nodes[faces], (middle, cells), settings.wall, size)
-    report = [
-        *wrap.notes,
-        f"mid-surface {500 * settings.wall:.4g} mm inside the original, remeshed to {len(cells)} triangles of "
-        f"{1e3 * size:.4g} mm, edges {'kept' if edges else 'rounded'}",
-        *notes,
-        f"details lost and openings bridged: 95 % of what is seen is off by less than {1e3 * off[0]:.3g} mm, all of "
-        f"it by less than {1e3 * off[1]:.3g} mm",
-    ]
-    return Meshed(middle, cells, rings, size, (*report, *shrunk), off)
+    if not least_angle(middle, cells) > USELESS_ANGLE_DEG:
+        raise SurfaceFault(
+            f"surface {name}: wrapped, it leaves triangles without area", remedy="choose another target size"
+        )
+    return middle, cells, notes, edges
 
 
 def _elements(nodes: Array, faces: Indices, size: float) -> float:

@@ -108,8 +108,9 @@ def _place(data: Any, loc: tuple[int | str, ...]) -> str:
             node = node[step]
         elif isinstance(node, list) and isinstance(step, int) and step < len(node):
             node = node[step]
-            if isinstance(node, dict) and isinstance(node.get("name"), str):
-                step = node["name"]
+            label = (node.get("name") or node.get("code")) if isinstance(node, dict) else None
+            if isinstance(label, str):
+                step = label
         # Else the step is pydantic's own (the branch of a union) or the missing key: the path goes on.
         steps.append(str(step))
     return ".".join(steps) or "file"
@@ -123,6 +124,8 @@ def load_robot(model: str | Path) -> Robot:
 def to_toml(description: ModelDescription) -> str:
     """Write the description as TOML text; reading it back gives the same description."""
     data = description.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if not data["effect"]:
+        del data["effect"]  # `effect = []` would stand in the way of [[effect]] tables that a user adds
     return tomlkit.dumps(data)
 
 
@@ -155,6 +158,8 @@ def save_description(description: ModelDescription, path: Path) -> None:
 def content_hash(description: ModelDescription) -> str:
     """SHA-256 of the description's content, independent of layout, comments and where surface files lie."""
     data = description.model_dump(mode="json", by_alias=True)
+    if not data["effect"]:
+        del data["effect"]  # models of the time before effects keep their hash
     for link in data["link"]:
         if link["surface"] is not None:
             del link["surface"]["file"]  # its sha256 stays

@@ -23,6 +23,7 @@ from robots.quantities import (
     Strict,
     TranslationalStiffness,
 )
+from robots.schema_effects import EffectNumber, EffectTable
 from robots.schema_links import (
     BoxSection,
     FlangeCoupling,
@@ -53,6 +54,8 @@ __all__ = [
     "Coupling",
     "CouplingTerm",
     "DHRow",
+    "EffectNumber",
+    "EffectTable",
     "Flange",
     "FlangeCoupling",
     "FrameRow",
@@ -251,6 +254,7 @@ class ModelDescription(Strict):
     link: tuple[Link, ...] = ()
     parallelogram: ParallelogramBar | None = None
     coupling: tuple[Coupling, ...] = ()
+    effect: tuple[EffectTable, ...] = ()
     calibration: Calibration | None = None
 
     @model_validator(mode="after")
@@ -272,10 +276,12 @@ def _names_used_twice(model: ModelDescription) -> list[str]:
         ("joint", [joint.name for joint in model.joint]),
         ("coordinate", [joint.coordinate for joint in model.joint]),
         ("link", [link.name for link in model.link]),
+        ("effect", [effect.code for effect in model.effect]),
     ):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            faults.append(f"{kind} name used twice: {', '.join(twice)}")
+            word = "code" if kind == "effect" else "name"
+            faults.append(f"{kind} {word} used twice: {', '.join(twice)}")
     return faults
 
 

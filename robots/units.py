@@ -11,8 +11,10 @@ _ARCMIN: Final = _DEG / 60.0
 
 UNITS: Final = MappingProxyType(
     {
-        "length": {"m": 1.0, "mm": 1e-3},
+        "length": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
         "angle": {"rad": 1.0, "deg": _DEG, "mrad": 1e-3},
+        "force": {"N": 1.0, "kN": 1e3},
+        "torque": {"N m": 1.0, "kN m": 1e3},
         "mass": {"kg": 1.0},
         "density": {"kg/m^3": 1.0},
         "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},

@@ -19,6 +19,7 @@ from doe.calibration import (
 )
 from doe.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimate import estimate
+from doe.joined_measurements import files_of
 from doe.lack_of_fit import downweighted
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
@@ -56,7 +57,8 @@ class Request:
 class StageFindings:
     """One stage and all that is said about it.
 
-    ``lines`` (m,): lines of the table that its m components stand in; ``loads_N`` (m,) and ``phase`` (m,);
+    ``lines`` (m,): lines of the table that its m components stand in, and ``files`` (m,) their files, None if all are
+    from one; ``loads_N`` (m,) and ``phase`` (m,);
     ``left_out`` (m,): errors of poses predicted by the others, ``skipped`` why some are not; ``independent``: the
     same estimate as if nothing were common to a set-up, None if nothing is; ``full_weight``: with outliers at full
     weight, None without any; ``drawn`` (times, p): bootstrapped values.
@@ -71,6 +73,7 @@ class StageFindings:
     independent: Certainty | None
     full_weight: StageResult | None
     drawn: Array | None
+    files: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -183,6 +186,7 @@ def _findings(
         _independent(stage, request.campaign.noise) if stage.estimate.noise.has_common else None,
         without_outliers(stage) if stage.study is None and downweighted(stage.estimate) else None,
         bootstrap(stage.estimate, rng, request.bootstrap, count) if several else None,
+        None if (files := files_of(mine)) is None else tuple(files[i] for i in p.row),
     )
 
 

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from doe.joined_measurements import files_of
 from doe.lack_of_fit import outliers
 from doe.noise import Noise
 from doe.problem import Problem
 from doe.readings import rms_mm
 from doe.uncertainty import ParameterEstimate
+from stiffarm import calibration_laws, payloads
 from stiffarm import calibration_words as words
-from stiffarm import payloads
 from stiffarm.calibrating import Calibrated, StageFindings
 from stiffarm.payloads import number
 from stiffarm.predicting import Holdout
@@ -99,6 +100,8 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
         "left_one_pose_out_rms_mm": number(rms_mm(s.left_out[known], e.problem.component[known])),
         "left_out_not_predicted": s.skipped,
     }  # fmt: skip
+    if r.laws:
+        out["laws"] = [calibration_laws.payload(curve) for curve in calibration_laws.curves(r)]
     if r.study is not None:
         out["study"] = {"runs": r.study.runs, "rounds": r.study.rounds, "first_rms": number(r.study.first_rms),
                         "rms": number(r.study.rms), "at_bound": list(r.study.at_bound)}  # fmt: skip
@@ -146,6 +149,7 @@ def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:
     p = e.problem
     return [
         {
+            **({} if s.files is None else {"file": s.files[k]}),
             "line": int(s.lines[k]),
             "pose": p.poses[p.pose[k]],
             "component": COMPONENT_KEYS[p.component[k]],
@@ -198,9 +202,10 @@ def holdout(h: Holdout) -> dict[str, Any]:
 
 def _poses(c: Calibrated) -> list[dict[str, Any]]:
     p = c.found.overall
-    predicted = p.value - c.found.residual
+    predicted, files = p.value - c.found.residual, files_of(c.data)
     return [
         {
+            **({} if files is None else {"file": files[p.row[i]]}),
             "line": int(c.data.row_numbers[p.row[i]]),
             "pose": p.poses[p.pose[i]],
             "component": COMPONENT_KEYS[p.component[i]],

@@ -7,6 +7,7 @@ import datetime as dt
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.joined_measurements import files_of
 from doe.readings import rms_mm
 from stiffarm import __version__
 from stiffarm import calibration_words as words
@@ -71,7 +72,13 @@ def _readings(c: Calibrated) -> Section:
         f"{repeats if repeats else 'None'} of the {len(c.found.overall)} numbers read "
         f"{'is a repeat' if repeats == 1 else 'are repeats'} of another."
     )
-    return Section("The readings", (Text(text), Bullets(data.notes)) if data.notes else (Text(text),))
+    blocks: list[Block] = [Text(text)]
+    files = files_of(data)
+    if files is not None:
+        poses = {name: {p for p, file in zip(data.pose, files, strict=True) if file == name} for name in files}
+        rows = [(name, str(files.count(name)), ", ".join(sorted(poses[name]))) for name in dict.fromkeys(files)]
+        blocks.append(Table("Tables, as one", ("table", "readings", "poses"), tuple(rows), text_columns=(0, 2)))
+    return Section("The readings", (*blocks, Bullets(data.notes)) if data.notes else tuple(blocks))
 
 
 def _predictions(c: Calibrated, pictures: Pictures) -> Section:

@@ -11,9 +11,11 @@ from doe.identifiability import correlations
 from doe.lack_of_fit import outliers
 from stiffarm import calibration_words as words
 from stiffarm.calibrating import Calibrated, StageFindings
+from stiffarm.calibration_laws import curves
 from stiffarm.calibration_payload import QUANTILES, bootstrap
 from stiffarm.calibration_tables import outlier_lines
 from stiffarm.figures_identifiability import determination_figure, intervals_figure
+from stiffarm.figures_laws import laws_figure
 from stiffarm.figures_residuals import checks_figure, residuals_figure
 from stiffarm.plan_words import direction_words
 from stiffarm.report import Block, Bullets, Note, Picture, Section, Table, Text
@@ -52,9 +54,19 @@ def _numbers(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Sect
     if s.result.study is not None:
         study = s.result.study
         blocks.insert(0, Text(f"A parametric study: {study.runs} runs in {study.rounds} rounds of finer levels."))
+    if s.result.laws:
+        blocks.append(_laws(s, pictures, suffix))
     if s.drawn is not None:
         blocks.append(_bootstrap(s))
     return Section(f"What was found{of}", tuple(blocks))
+
+
+def _laws(s: StageFindings, pictures: Pictures, suffix: str) -> Picture:
+    return pictures.add(
+        laws_figure(curves(s.result)), f"laws{suffix}",
+        "Springs over their angles with pointwise 95 % bands; circles: angles read. Dashed: beyond them nothing was "
+        "read, and the law goes on as its kind and the prior that keeps it flat say.",
+    )  # fmt: skip
 
 
 def _bootstrap(s: StageFindings) -> Table:

@@ -52,11 +52,15 @@ def outlier_lines(s: StageFindings) -> list[str]:
     p = e.problem
     return [
         words.outlier_text(
-            p.poses[p.pose[k]], int(s.lines[k]), COMPONENTS[p.component[k]], float(s.loads_N[k]),
+            p.poses[p.pose[k]], _line(s, k), COMPONENTS[p.component[k]], float(s.loads_N[k]),
             f"{e.residual[k] * 1e3:+.3g} {'mm' if p.component[k] < 3 else 'mrad'}", float(e.own[k]),
         )
         for k in outliers(e)
     ]  # fmt: skip
+
+
+def _line(s: StageFindings, k: int) -> str:
+    return f"{s.lines[k]}" if s.files is None else f"{s.lines[k]} of {s.files[k]}"
 
 
 def _holdout(h: Holdout, fitted_mm: float) -> None:

@@ -262,8 +262,8 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
     return "not testable", text
 
 
-def outlier_text(pose: str, line: int, component: str, load_N: float, residual: str, own: float) -> str:
-    """One outlier by the line of the table it stands in."""
+def outlier_text(pose: str, line: str, component: str, load_N: float, residual: str, own: float) -> str:
+    """One outlier by the line of the table it stands in, with the table's name where there are several."""
     size = f"{abs(own):.3g} of its standard deviations" if abs(own) < 1e3 else "over 1000 of its standard deviations"
     return f"line {line}: pose {pose}, {component} at {load_N:g} N is off by {residual}, {size} (beyond {FLAGGED:g})"
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
-from fem import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
+from fem import FLANGES, LINK_KINDS, ArmModel, LinkKind
+from fem.effects import Maker, PlacedEffect, build_arm, reading_effects, with_load_path as without_other_path
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, load_description
 from robots.robot import robot_from
 from robots.schema import FlangeCoupling

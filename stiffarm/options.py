@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ from typing import Annotated
 import typer
 
 from doe import Measurements
+from doe.joined_measurements import join
 from robots import content_hash
 from stiffarm import inputs
 from stiffarm.console import say
@@ -48,6 +50,10 @@ SchemeFile = Annotated[
 ]
 
 
+# Stands for the robot's own table among several; a table's name ends in .csv or .xlsx.
+BUNDLED = "bundled"
+
+
 def command_line() -> list[str]:
     """The command as the user typed it, for run.json."""
     return ["stiffarm", *sys.argv[1:]]
@@ -79,6 +85,25 @@ def open_table(given: ModelInput, model: str, data: Path | None, files: dict[str
     table = inputs.read_data(given.robot, model, data)
     say_notes(table.notes)
     files["data"] = table.sha256
+    return table
+
+
+def open_tables(
+    given: ModelInput,
+    model: str,
+    data: Sequence[Path],
+    files: dict[str, Path | str],
+    *,
+    check: Callable[[Measurements], None] = lambda _: None,
+) -> Measurements:
+    """One or more measurement tables of a model as one, each by itself put to ``check``; none: the bundled one."""
+    named = [None if str(file) == BUNDLED else file for file in data or (None,)]
+    tables = [inputs.read_data(given.robot, model, file) for file in named]
+    table = join(tables)
+    say_notes(table.notes)
+    for number, one in enumerate(tables, start=1):
+        files["data" if number == 1 else f"data_{number}"] = one.sha256
+        check(one)
     return table
 
 

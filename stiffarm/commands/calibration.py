@@ -14,7 +14,6 @@ from stiffarm import calibration_payload, calibration_tables, general_calibratio
 from stiffarm.console import emit_json, say, user_errors
 from stiffarm.general_calibration import MOST_DRAWS, Options
 from stiffarm.options import (
-    DataArg,
     Debug,
     Joints,
     Json,
@@ -26,12 +25,19 @@ from stiffarm.options import (
     SchemeFile,
     Seed,
     folder_if,
-    open_measured,
+    model_hash,
+    open_tables,
 )
 from stiffarm.outputs import OutputFolder
 from stiffarm.plan_options import parse_parameters
 from stiffarm.reading_checks import refuse_implausible
 
+TablesArg = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="[DATA]...", help="measurement tables, CSV or XLSX; default, or by the word bundled: its own"
+    ),
+]
 Free = Annotated[
     str | None,
     typer.Option("--free", help="numbers set free, as in j2.stiffness,j3.rx,forearm.modulus; instead of --joints"),
@@ -40,7 +46,7 @@ Free = Annotated[
 
 def calibrate(
     model: ModelArg,
-    data: DataArg = None,
+    data: TablesArg = None,
     scheme: Annotated[
         str | None,
         typer.Option("--scheme", help="staged (published) or global; default: staged where a scheme is known"),
@@ -88,10 +94,11 @@ def calibrate(
         _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
         _refuse_both({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = inputs.parse_loads(loads)
-        given, table, files = open_measured(model, data, links, load_path)
+        given = inputs.read_model(model, links, load_path)
+        files: dict[str, Path | str] = {"model": model_hash(given)}
+        table = open_tables(given, model, data or (), files, check=refuse_implausible)
         staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
         _refuse(global_only if staged else staged_only, "staged" if staged else "global")
-        refuse_implausible(table)
         for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
             if file is not None:
                 files[name] = file if name == "scheme" else _existing(file, f"--{name}")

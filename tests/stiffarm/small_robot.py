@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +47,19 @@ def write_urdf(path: Path) -> Path:
 
 
 def write_readings(
-    urdf: Path, path: Path, poses: int = 8, seed: int = 0, *, noise_mm: float = 0.002, sideways: bool = True
+    urdf: Path,
+    path: Path,
+    poses: int = 8,
+    seed: int = 0,
+    *,
+    noise_mm: float = 0.002,
+    sideways: bool = True,
+    shoulder: Callable[[float], float] | None = None,
 ) -> Path:
-    """Readings of dx, dy and dz under two loads, by the robot with springs of STIFFNESS and Gaussian noise."""
+    """Readings of dx, dy and dz under two loads, by the robot with springs of STIFFNESS and Gaussian noise.
+
+    ``shoulder``: the shoulder's spring over its angle (rad), where it is no constant.
+    """
     robot = build_model(load_description(urdf))
     names = robot.robot.joint_names
     model = robot.with_springs({name: STIFFNESS[label] for name, label in zip(names, STIFFNESS, strict=True)})
@@ -58,6 +68,8 @@ def write_readings(
     directions = ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)) if sideways else ((0.0, 0.0, -1.0),)
     rows: list[Sequence[object]] = []
     for k, q in enumerate(rng.uniform(0.6 * low, 0.6 * high, (poses, len(low)))):
+        if shoulder is not None:
+            model = model.with_springs({names[1]: shoulder(float(q[1]))})
         for direction in directions:
             for load in (100.0, 200.0):
                 wrench = np.array([*(load * v for v in direction), 0.0, 0.0, 0.0])

@@ -1,0 +1,96 @@
+"""What is taken as given beside a candidate: springs, small errors of the model that every arm has, accepted effects."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.diagnosis.evidence import Base
+from doe.diagnosis.setting import Setting
+from doe.diagnosis.signatures import prior
+from fem.effects.base import EffectParameter, PlacedEffect
+
+Array = NDArray[np.float64]
+
+# Standard deviation of a spring's compliance beforehand, in shares of its typical value.
+SPRING = 1.5
+# Errors of a model that is right: what a described link's compliance and a joint's zero are off by (1 sd).
+LINK, ZERO = 0.07, float(np.radians(0.04))
+
+
+def base_of(s: Setting) -> Base:
+    """Columns and priors of everything but the candidates."""
+    parts = [_springs(s), _errors(s), _accepted(s)]
+    columns = np.hstack([p[0] for p in parts])
+    mean, sd, floor = (np.concatenate([p[k] for p in parts]) for k in (1, 2, 3))
+    return Base(columns, s.residual - columns @ mean, sd**-2.0, floor - mean)
+
+
+def base_mean(s: Setting) -> Array:
+    """Prior means (b,) of the base's numbers, from where they stand."""
+    return np.concatenate([p[1] for p in (_springs(s), _errors(s), _accepted(s))])
+
+
+def _springs(s: Setting) -> tuple[Array, Array, Array, Array]:
+    return s.spring_columns, s.typical - s.springs, SPRING * s.typical, -s.springs
+
+
+def _errors(s: Setting) -> tuple[Array, Array, Array, Array]:
+    n = s.errors.shape[1]
+    return s.errors, np.zeros(n), np.ones(n), np.full(n, -np.inf)
+
+
+def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:
+    columns, mean, sd, floor = [], [], [], []
+    for number, placed in enumerate(s.accepted):
+        for k, p in free_numbers(placed):
+            m, spread = _prior_of(p, placed)
+            columns.append(_slope(s, number, k, 0.05 * spread))
+            mean.append(m - placed.values[k])
+            sd.append(spread)
+            floor.append(-np.inf if p.signed or p.role == "shape" else -placed.values[k])
+    stacked = np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
+    return stacked, np.array(mean), np.array(sd), np.array(floor)
+
+
+def free_numbers(placed: PlacedEffect) -> list[tuple[int, EffectParameter]]:
+    """Parameters of an accepted effect that stay free: its amplitudes, and torques that shape its law."""
+    return [
+        (k, p)
+        for k, p in enumerate(placed.effect.parameters)
+        if p.role == "amplitude" or (p.dimension == "torque" and len(p.grid) > 1)
+    ]
+
+
+def _prior_of(p: EffectParameter, placed: PlacedEffect) -> tuple[float, float]:
+    if p.role == "amplitude":
+        return prior(p)
+    # Half the way to the next point of the grid, around the best one.
+    index = placed.effect.parameters.index(p)
+    value, grid = float(placed.values[index]), np.array(p.grid)
+    nearest = float(grid[np.argmin(np.abs(np.log(grid / max(value, 1e-9))))])
+    ratio = float(np.exp(np.mean(np.diff(np.log(grid)))))
+    return nearest, 0.5 * nearest * (ratio - 1.0)
+
+
+def _slope(s: Setting, number: int, k: int, step: float) -> Array:
+    ends = []
+    for sign in (1.0, -1.0):
+        values = s.accepted[number].values.copy()
+        values[k] += sign * step
+        accepted = list(s.accepted)
+        accepted[number] = PlacedEffect(s.accepted[number].effect, values)
+        ends.append(s.read(s.arm, accepted))
+    return np.asarray((ends[0] - ends[1]) / (2.0 * step))
+
+
+def errors_of(s: Setting) -> Array:
+    """Change of the readings (m, e) by one standard deviation of each error that every model has."""
+    columns = []
+    for effect in s.known.values():
+        scale = {"link-flexibility": LINK, "joint-zero-offset": ZERO}.get(effect.family)
+        if scale is None or (effect.family == "link-flexibility" and s.model.link_kind == "rigid"):
+            continue
+        ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (scale, -scale)]
+        columns.append(0.5 * (ends[0] - ends[1]))
+    return np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))

@@ -1,0 +1,75 @@
+"""Which noise to reckon with: a set of plausible variances, with what is known of gauges and set-ups beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.blocks import Covariance
+from doe.diagnosis.setting import Setting
+from doe.noise import Noise, fit_noise
+
+Array = NDArray[np.float64]
+
+# Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 2 % or less, seldom more.
+READING, READING_FACTOR = 0.03, math.log(2.5)
+SETUP = 0.012
+# Resolution below which no gauge is believed, m and rad.
+FLOOR = (5e-7, 5e-7)
+
+
+@dataclass(frozen=True)
+class NoisePrior:
+    """What is known beforehand: typical scatter between set-ups as a share of the deflection."""
+
+    setup: float = SETUP
+
+    def log_density(self, noise: Noise, size: tuple[float, float]) -> float:
+        """Log density, up to a constant; ``size``: typical deflection (m) and rotation (rad)."""
+        kind = 0 if size[0] > 0.0 else 1
+        typical = max(size[kind], 1e-12)
+        own = math.hypot(noise.share, noise.white[kind] / typical)
+        common = math.hypot(noise.pose_share, noise.pose[kind] / typical)
+        return -0.5 * (math.log(max(own, 1e-9) / READING) / READING_FACTOR) ** 2 - 0.5 * (common / self.setup) ** 2
+
+
+def typical_size(s: Setting) -> tuple[float, float]:
+    """RMS of the translations and rotations read; zero where none was."""
+    turn = s.data.component >= 3
+    return tuple(float(np.sqrt(np.mean(s.data.value[k] ** 2))) if k.any() else 0.0 for k in (~turn, turn))  # type: ignore[return-value]
+
+
+def fitted_noise(s: Setting, columns: Array, weight: Array, start: Noise | None = None) -> Noise:
+    """Variances by restricted likelihood where the readings may follow ``columns`` (m, k)."""
+    f = s.prediction
+    begin = start or Noise(white=(max(1e-5, 0.01 * typical_size(s)[0]), max(1e-5, 0.01 * typical_size(s)[1])))
+    if columns.shape[1] >= len(f) - 1:
+        return begin
+    error = s.residual
+    return fit_noise(s.data, f, columns, error, begin, FLOOR, weight, blocks=s.blocks)
+
+
+def around(noise: Noise) -> list[Noise]:
+    """A noise with more and less scatter, and with less between set-ups."""
+    out = []
+    for common in (1.0, 0.5, 0.2, 0.0) if noise.has_common else (1.0,):
+        calmer = replace(noise, pose=(common * noise.pose[0], common * noise.pose[1]),
+                         pose_share=common * noise.pose_share)  # fmt: skip
+        for scale in (0.8, 1.0, 1.25):
+            white = (max(scale * noise.white[0], FLOOR[0]), max(scale * noise.white[1], FLOOR[1]))
+            out.append(replace(calmer, white=white, share=scale * noise.share))
+    return out
+
+
+def with_setup(noise: Noise, share: float) -> Noise:
+    """The noise with a given scatter between set-ups, all of it a share of the deflection."""
+    return replace(noise, pose=(0.0, 0.0), pose_share=share)
+
+
+def covariance(s: Setting, noise: Noise, weight: Array) -> Covariance:
+    """Covariance of the readings."""
+    f = s.prediction
+    return s.blocks.covariance(noise.variance(s.data, f) / weight, noise.common(s.data, f))

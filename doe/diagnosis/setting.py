@@ -1,0 +1,129 @@
+"""Readings, the model as far as it is known, and what the model predicts for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.blocks import Blocks
+from doe.measurements import Measurements
+from doe.problem import Problem, problem
+from fem.effects.base import Effect, PlacedEffect
+from fem.effects.history import History
+from fem.effects.observed import observed
+from fem.effects.situation import Situation
+from fem.effects.structure import joint_is_rigid
+from fem.model import ArmModel
+from fem.parameters import parameter
+from robots import InputError, ModelDescription
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a diagnosis works on: m read components of n loaded poses, a model whose springs are free.
+
+    ``model``: as described, its springs at ``springs`` (s,) rad/(N m), those of the joints ``free``; ``known``: all
+    effects that the model can have; ``accepted``: those that are taken to be there, with their numbers. ``typical``
+    (s,): springs' compliances to expect; ``errors`` (m, e): change of the readings by errors that every model has.
+    """
+
+    description: ModelDescription
+    model: ArmModel
+    data: Problem
+    history: History
+    free: tuple[str, ...]
+    springs: Array
+    typical: Array
+    errors: Array
+    known: dict[str, Effect]
+    accepted: tuple[PlacedEffect, ...] = ()
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """Readings of one component in one set-up."""
+        return Blocks.of(self.data)
+
+    @cached_property
+    def unloading(self) -> NDArray[np.bool_]:
+        """Whether a loaded pose (n,) was read on the way down: a larger load came before it in its cycle."""
+        size = np.linalg.norm(self.data.free.at.wrench[:, :3], axis=1)
+        most = np.zeros(int(self.history.cycle.max(initial=-1)) + 1)
+        out = np.zeros(len(size), dtype=bool)
+        for step in range(int(self.history.order.max(initial=-1)) + 1):
+            now = np.flatnonzero(self.history.order == step)
+            mine = self.history.cycle[now]
+            out[now] = (size[now] < most[mine] - 1e-9)
+            np.maximum.at(most, mine, size[now])
+        return out
+
+    @cached_property
+    def arm(self) -> ArmModel:
+        """The model with its springs at their values."""
+        return with_compliances(self.model, self.free, self.springs)
+
+    def read(self, model: ArmModel, effects: Sequence[PlacedEffect]) -> Array:
+        """Readings (m,) that a model with effects predicts."""
+        p = self.data
+        return np.asarray(observed(model, p.free.at, effects, self.history)[p.row, p.component])
+
+    @cached_property
+    def prediction(self) -> Array:
+        """Readings (m,) predicted with what is accepted."""
+        return self.read(self.arm, self.accepted)
+
+    @property
+    def residual(self) -> Array:
+        """Read minus predicted (m,)."""
+        return np.asarray(self.data.value - self.prediction)
+
+    @cached_property
+    def situation(self) -> Situation:
+        """The arm as accepted so far, for laws that act on top; loads as the sheet says."""
+        return Situation(self.arm, self.data.free.at, self.history)
+
+    @cached_property
+    def spring_columns(self) -> Array:
+        """Derivatives (m, s) of the readings by the free springs' compliances."""
+        columns = [self._slope(k) for k in range(len(self.free))]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(self.data), 0))
+
+    def _slope(self, k: int) -> Array:
+        step = max(0.2 * float(self.springs[k]), 1e-9)
+        there = self.springs.copy()
+        there[k] += step
+        return (self.read(with_compliances(self.model, self.free, there), self.accepted) - self.prediction) / step
+
+    def moved(self, springs: Array, accepted: Sequence[PlacedEffect]) -> Setting:
+        """Copy with other numbers."""
+        return replace(self, springs=springs, accepted=tuple(accepted))
+
+
+def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) -> ArmModel:
+    """The model with other compliances (s,) rad/(N m) about some joints' axes; 0 is rigid."""
+    return model.with_springs({name: 1.0 / c if c > 0.0 else np.inf for name, c in zip(joints, compliance, strict=True)})
+
+
+def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
+    """Joints whose springs are set free: those that have one; where none has, those that the readings see.
+
+    Raises
+    ------
+    InputError
+        No spring, and no reading that would see one.
+    """
+    names = model.robot.joint_names
+    sprung = tuple(j.name for j in model.joints if not joint_is_rigid(j, model.robot.dof))
+    wanted = sprung or names
+    p = problem(model, data, [parameter(model, f"{name}.stiffness") for name in wanted])
+    J = p.evaluate(p.free.start)[1]
+    norm = np.linalg.norm(J, axis=0)
+    seen = norm > 1e-6 * max(float(norm.max(initial=0.0)), 1e-300)
+    if not seen.any():
+        raise InputError("no reading sees a joint's spring", remedy="measure poses where the load has a lever")
+    return tuple(name for name, visible in zip(wanted, seen, strict=True) if visible)

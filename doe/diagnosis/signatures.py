@@ -1,0 +1,106 @@
+"""How an effect would show in the readings: columns per amplitude, for every shape of its law, with priors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.diagnosis.setting import Setting
+from fem.effects.base import Effect, EffectParameter, PlacedEffect
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signature:
+    """An effect with the shapes of its law held: readings change by ``columns`` (m, a) times its amplitudes.
+
+    ``values`` (k,): of all parameters, amplitudes at their prior means; ``mean``, ``sd`` (a,): normal priors of the
+    amplitudes; ``positive`` (a,): which of them cannot be negative. ``shift`` (m,) and ``springs`` (m, s): change of
+    the prediction and other derivatives by the springs, of an effect that has no amplitudes; else None.
+    """
+
+    effect: Effect
+    values: Array
+    columns: Array
+    mean: Array
+    sd: Array
+    positive: NDArray[np.bool_]
+    shift: Array | None = None
+    springs: Array | None = None
+
+
+def prior(p: EffectParameter) -> tuple[float, float]:
+    """Mean and standard deviation of an amplitude: its plausible range is one standard deviation about its middle.
+
+    Signed amplitudes are as likely to either side; others are cut off at zero.
+    """
+    low, high = p.size
+    return (0.0, 0.7 * high) if p.signed else (0.5 * (low + high), 0.5 * (high - low))
+
+
+def shapes(effect: Effect) -> Iterator[Array]:
+    """Values (k,) of all parameters, amplitudes at their prior means, for every point of the shapes' grid."""
+    choices = [p.grid if p.role == "shape" else (prior(p)[0],) for p in effect.parameters]
+    for values in product(*choices):
+        yield np.array(values, dtype=np.float64)
+
+
+def signatures(s: Setting, effect: Effect) -> list[Signature]:
+    """The signatures of an effect, one for each point of its shapes' grid.
+
+    Raises
+    ------
+    InputError
+        The effect's law gives another shape than one number for each reading, or numbers that are not finite.
+    """
+    return [signature(s, effect, values) for values in shapes(effect)]
+
+
+def signature(s: Setting, effect: Effect, values: Array) -> Signature:
+    """The signature with shapes as in ``values`` (k,), its columns around no effect."""
+    amplitudes = effect.amplitudes
+    if not amplitudes:
+        changed = s.moved(s.springs, (*s.accepted, PlacedEffect(effect, values)))
+        none = np.zeros(0)
+        return Signature(
+            effect, values, np.zeros((len(s.data), 0)), none, none, none.astype(bool),
+            changed.prediction - s.prediction, changed.spring_columns,
+        )  # fmt: skip
+    chosen = [effect.parameters[k] for k in amplitudes]
+    zero = values.copy()
+    zero[amplitudes] = 0.0
+    columns = np.stack([_column(s, effect, zero, k) for k in amplitudes], axis=1)
+    if not np.isfinite(columns).all():
+        raise InputError(f"effect {effect.code}", value="readings that are not finite", remedy="check its law")
+    priors = np.array([prior(p) for p in chosen])
+    positive = np.array([not p.signed for p in chosen])
+    return Signature(effect, values, columns, priors[:, 0], priors[:, 1], positive)
+
+
+def _column(s: Setting, effect: Effect, zero: Array, k: int) -> Array:
+    """Change of the readings (m,) per amplitude k, from no effect."""
+    p = effect.parameters[k]
+    step = 0.3 * p.size[1]
+    there = zero.copy()
+    there[k] = step
+    if effect.stage == "arm":
+        # On top of everything else: the rest of the arm need not be worked out again.
+        d = np.asarray(effect.law(None, s.situation, there), dtype=np.float64)
+        if d.shape != (len(s.data.free.at), 6):
+            raise InputError(
+                f"effect {effect.code}: shape of what its law returns",
+                value=list(d.shape),
+                allowed=f"({len(s.data.free.at)}, 6): displacement of every loaded pose",
+            )
+        return np.asarray(d[s.data.row, s.data.component] / step)
+    ahead = s.read(s.arm, (*s.accepted, PlacedEffect(effect, there)))
+    if not p.signed:
+        return (ahead - s.prediction) / step
+    there[k] = -step
+    return (ahead - s.read(s.arm, (*s.accepted, PlacedEffect(effect, there)))) / (2.0 * step)

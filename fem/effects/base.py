@@ -1,0 +1,180 @@
+"""What an effect is: a code, parameters with units and plausible ranges, and a law that acts at one stage.
+
+Stages, in the order in which they act on a prediction:
+
+- ``model``: the arm has another compliance; the law turns an :class:`ArmModel` into another one.
+- ``load``: the arm carries another load, or stands elsewhere; the law turns the loaded poses into others.
+- ``arm``: a part gives way by a law of its own (not linear, or with a memory); the law returns the displacement that
+  comes on top.
+- ``gauge``: what is read is not what happened; the law turns displacements into readings.
+
+A law is a plain function of what it acts on, the :class:`fem.effects.situation.Situation` and the parameters' values
+in SI. In every *amplitude* it is linear, or nearly so, starting from no effect at zero; *shapes* say how the law bends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import InputError
+from robots.units import UNITS, factor
+
+Array = NDArray[np.float64]
+Stage = Literal["model", "load", "arm", "gauge"]
+Role = Literal["amplitude", "shape"]
+Scale = Literal["linear", "compliance"]
+
+STAGES: tuple[Stage, ...] = ("model", "load", "arm", "gauge")
+SI_UNITS = {dimension: next(unit for unit, f in units.items() if f == 1.0) for dimension, units in UNITS.items()}
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of a law.
+
+    ``dimension``: of :data:`robots.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of it.
+    ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
+    have either sign; its range is then that of its size. ``grid``: values tried for a shape. ``unit``: in which files
+    and screens show it.
+    """
+
+    name: str
+    dimension: str
+    unit: str
+    lower: float
+    upper: float
+    source: str
+    role: Role = "amplitude"
+    scale: Scale = "linear"
+    signed: bool = False
+    grid: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.dimension not in UNITS:
+            raise InputError(
+                f"effect parameter {self.name}: dimension", value=self.dimension, allowed=", ".join(UNITS)
+            )
+        try:
+            factor(self.dimension, self.unit)
+        except ValueError as error:
+            raise InputError(f"effect parameter {self.name}: {error}", remedy="name a unit of that dimension") from None
+        if not (0.0 <= self.lower < self.upper < math.inf or (self.role == "shape" and self.lower < self.upper)):
+            raise InputError(
+                f"effect parameter {self.name}: plausible range",
+                value=f"{self.lower:g} to {self.upper:g} (SI)",
+                allowed="0 <= lower < upper, finite",
+            )
+        if self.scale == "compliance" and not self.lower > 0.0:
+            raise InputError(f"effect parameter {self.name}: lower end of a stiffness", value=self.lower, allowed="> 0")
+        if self.role == "shape" and not self.grid:
+            raise InputError(f"effect parameter {self.name}: grid of a shape", value="none", allowed="values to try")
+
+    @property
+    def si_unit(self) -> str:
+        """SI unit of the value."""
+        # Compliances have an SI unit for each pair of kinds of rows.
+        return self.unit if factor(self.dimension, self.unit) == 1.0 else SI_UNITS[self.dimension]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Plausible sizes of the amplitude that acts (1/value for a stiffness), smallest first."""
+        if self.scale == "compliance":
+            return 1.0 / self.upper, 1.0 / self.lower
+        return self.lower, self.upper
+
+    def value(self, amplitude: float) -> float:
+        """Value in SI for an amplitude."""
+        if self.scale == "compliance":
+            return math.inf if amplitude == 0.0 else 1.0 / amplitude
+        return amplitude
+
+    def amplitude(self, value: float) -> float:
+        """The amplitude that acts, for a value in SI."""
+        return 1.0 / value if self.scale == "compliance" else value
+
+
+# Called with what the stage acts on, the situation, and the parameters' amplitudes or shapes (k,) in SI.
+Law = Callable[[Any, Any, Array], Any]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A candidate that a model may be missing.
+
+    ``code``: family and place, ``backlash:j2``; ``words``: what it is, for a report. ``law(subject, situation, v)``:
+    ``subject`` is an ArmModel (stage "model"), LoadedPoses ("load"), None ("arm"; returns (n, 6) on top) or
+    displacements (n, 6) ("gauge"). v (k,): amplitudes and shapes in the order of ``parameters``; a stiffness comes as
+    a compliance. ``needs_history``: readings must say in which order loads were put on. ``family``: effects that act
+    alike and are cured alike. ``own``: a user's (:mod:`fem.effects.own`): what its law gives is checked, and nothing
+    is taken for granted of how it hangs on the springs.
+    """
+
+    code: str
+    words: str
+    stage: Stage
+    parameters: tuple[EffectParameter, ...]
+    law: Law
+    family: str
+    needs_history: bool = False
+    own: bool = False
+
+    def __post_init__(self) -> None:
+        if self.stage not in STAGES:
+            raise InputError(f"effect {self.code}: stage", value=self.stage, allowed=", ".join(STAGES))
+        names = [p.name for p in self.parameters]
+        if len(set(names)) < len(names):
+            raise InputError(f"effect {self.code}: parameters", value=", ".join(names), allowed="each name once")
+
+    @property
+    def amplitudes(self) -> list[int]:
+        """Indices of the amplitudes among the parameters."""
+        return [k for k, p in enumerate(self.parameters) if p.role == "amplitude"]
+
+    @property
+    def shapes(self) -> list[int]:
+        """Indices of the shapes among the parameters."""
+        return [k for k, p in enumerate(self.parameters) if p.role == "shape"]
+
+    def placed(self, values: Mapping[str, float]) -> PlacedEffect:
+        """The effect with values in SI for all parameters, by name.
+
+        Raises
+        ------
+        InputError
+            A name that the effect does not have, one that is missing, or a value that is not finite.
+        """
+        names = [p.name for p in self.parameters]
+        unknown = sorted(set(values) - set(names))
+        missing = [name for name in names if name not in values]
+        if unknown or missing:
+            raise InputError(
+                f"parameters of effect {self.code}",
+                value=f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}",
+                allowed=", ".join(names) or "none",
+            )
+        inner = []
+        for p in self.parameters:
+            if not math.isfinite(values[p.name]) or (p.scale == "compliance" and not values[p.name] > 0.0):
+                allowed = f"a finite number{' above 0' if p.scale == 'compliance' else ''} ({p.si_unit})"
+                raise InputError(f"{self.code}.{p.name}", value=values[p.name], allowed=allowed)
+            inner.append(p.amplitude(values[p.name]))
+        return PlacedEffect(self, np.array(inner))
+
+
+@dataclass(frozen=True)
+class PlacedEffect:
+    """An effect with its numbers: ``values`` (k,) as :class:`Effect`'s law takes them."""
+
+    effect: Effect
+    values: Array
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Values in SI, by the parameters' names."""
+        return {p.name: p.value(float(v)) for p, v in zip(self.effect.parameters, self.values, strict=True)}

@@ -1,0 +1,67 @@
+"""The load is another than the sheet says, or acts elsewhere, or the arm stands elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import Effect, EffectParameter
+from fem.effects.situation import Situation
+from fem.effects.structure import ASSUMED
+from fem.loads import LoadedPoses, placed
+from fem.model import ArmModel
+
+Array = NDArray[np.float64]
+
+
+def load_effects(model: ArmModel) -> Iterator[Effect]:
+    """Effects of this kind that the model can have."""
+    force = EffectParameter("force", "force", "N", 10.0, 80.0, ASSUMED)
+    yield Effect("payload", "a load that the sheet does not count acts with every load", "load", (force,), _payload,
+                 "payload")  # fmt: skip
+    offset = [EffectParameter(a, "length", "mm", 0.005, 0.05, ASSUMED, signed=True) for a in ("x", "y", "z")]
+    yield Effect(
+        "load-point-offset", "the load acts beside the point that the sheet names", "load", tuple(offset), _offset,
+        "load-point-offset",
+    )  # fmt: skip
+    tilt = [
+        EffectParameter(a, "angle", "deg", np.radians(0.5), np.radians(5.0), ASSUMED, signed=True)
+        for a in ("tilt_x", "tilt_y")
+    ]
+    yield Effect(
+        "load-misalignment", "the load's direction is off", "load", tuple(tilt), _tilt, "load-misalignment"
+    )
+    for index, name in enumerate(model.robot.joint_names):
+        yield _zero(index, name)
+
+
+def _payload(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
+    """A constant force along the load's own direction, wherever there is a load."""
+    force = at.wrench[:, :3]
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    way = np.divide(force, size, out=np.zeros_like(force), where=size > 0.0)
+    return replace(at, wrench=at.wrench + np.hstack([v[0] * way, np.zeros_like(force)]))
+
+
+def _offset(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
+    return placed(s.model.robot, at, v, np.zeros(3))
+
+
+def _tilt(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
+    return placed(s.model.robot, at, np.zeros(3), np.array([v[0], v[1], 0.0]))
+
+
+def _zero(index: int, name: str) -> Effect:
+    def law(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
+        q = at.q.copy()
+        q[:, index] += v[0]
+        return replace(at, q=q)
+
+    angle = EffectParameter("angle", "angle", "deg", np.radians(0.1), np.radians(3.0), ASSUMED, signed=True)
+    return Effect(
+        f"joint-zero-offset:{name}", f"joint {name} stands at another angle than the controller says", "load", (angle,),
+        law, "joint-zero-offset",
+    )  # fmt: skip

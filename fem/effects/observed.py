@@ -1,0 +1,41 @@
+"""What is read when effects act: stage by stage, in the order of :mod:`fem.effects.base`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import PlacedEffect
+from fem.effects.history import History, plain_history
+from fem.effects.own import act
+from fem.effects.situation import Situation
+from fem.loads import LoadedPoses
+from fem.model import ArmModel
+from fem.statics import deflection
+
+Array = NDArray[np.float64]
+
+
+def observed(
+    model: ArmModel, at: LoadedPoses, effects: Sequence[PlacedEffect], history: History | None = None
+) -> Array:
+    """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection."""
+    then = history or plain_history(len(at))
+    changed, loads = model, at
+    for e in _of_stage(effects, "model"):
+        changed = act(e, changed, None)
+    for e in _of_stage(effects, "load"):
+        loads = act(e, loads, Situation(changed, at, then))
+    d = deflection(changed, loads.q, loads.wrench, loads.point)
+    situation = Situation(changed, loads, then)
+    for e in _of_stage(effects, "arm"):
+        d = d + act(e, None, situation)
+    for e in _of_stage(effects, "gauge"):
+        d = act(e, d, situation)
+    return np.asarray(d)
+
+
+def _of_stage(effects: Sequence[PlacedEffect], stage: str) -> list[PlacedEffect]:
+    return [e for e in effects if e.effect.stage == stage]

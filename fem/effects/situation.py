@@ -1,0 +1,55 @@
+"""What an effect's law can ask for: loads, torques, springs, and how a joint's turn moves the tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.history import History
+from fem.gravity import gravity_torque
+from fem.loads import LoadedPoses
+from fem.model import ArmModel
+from fem.ports import Port, ports
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """An arm at n loaded poses with their history; ``model`` has the springs as they are."""
+
+    model: ArmModel
+    at: LoadedPoses
+    history: History
+
+    @cached_property
+    def places(self) -> dict[str, Port]:
+        """Base, joints, tool (and links) with what they carry."""
+        robot = self.model.robot
+        return ports(self.model, self.at.q, self.at.wrench, self.at.point, {"base", "tool", *robot.joint_names})
+
+    def torque(self, joint: str) -> Array:
+        """Torque (n,) N m that the spring about a joint's axis feels under the load."""
+        return np.asarray(self.places[joint].carried[5])
+
+    @cached_property
+    def preload(self) -> Array:
+        """Torque (n, dof) N m of the links' own weight at the springs; zero where no masses are declared."""
+        return gravity_torque(self.model, self.at.q)
+
+    def compliance(self, joint: str) -> Array:
+        """Compliance (n,) rad/(N m) of the spring about a joint's axis."""
+        index = self.model.robot.joint_names.index(joint)
+        return self.model.joints[index].axial.compliance(self.at.q)
+
+    def turned(self, joint: str, angle: Array) -> Array:
+        """Displacement (n, 6) of the tool where a joint's spring turns by ``angle`` (n,) rad."""
+        return np.asarray(self.row(joint).T * angle[:, None])
+
+    def row(self, joint: str) -> Array:
+        """Torque of a joint's spring per wrench at the tool (6, n); how a turn there moves the tool."""
+        port = self.places[joint]
+        return np.asarray(port.distinct[5][:, port.where])

@@ -1,0 +1,104 @@
+"""Joint springs that vary with the joint's angle: linear in the load, different from pose to pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import Effect, EffectParameter
+from fem.effects.situation import Situation
+from fem.effects.structure import ASSUMED, CLASS, with_joint
+from fem.model import ArmModel, JointPart
+from fem.springs import VaryingSpring
+from robots.kinematics import forward_kinematics
+
+Array = NDArray[np.float64]
+
+# Teeth and pins of a gear over a turn of its joint.
+TEETH = tuple(float(n) for n in range(6, 121))
+
+
+def share(name: str, lower: float, upper: float, source: str = ASSUMED, *, signed: bool = True) -> EffectParameter:
+    """A share of a joint's own compliance or stiffness."""
+    return EffectParameter(name, "ratio", "1", lower, upper, source, signed=signed)
+
+
+def stiffness_laws(model: ArmModel) -> Iterator[Effect]:
+    """Effects of this kind that the model can have."""
+    for joint in model.joints:
+        yield _angle_dependent(joint)
+        yield _gear_ripple(joint)
+    if model.robot.dof >= 2:
+        yield _gravity_compensator(model)
+
+
+def _angle_dependent(joint: JointPart) -> Effect:
+    """``c (1 + sum_m a_m cos m q + b_m sin m q)``, m = 1, 2: what a gear's bearing and housing vary over a turn."""
+
+    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
+        def varied(q: Array) -> Array:
+            x = q[:, joint.joint]
+            return np.asarray(v[0] * np.cos(x) + v[1] * np.sin(x) + v[2] * np.cos(2.0 * x) + v[3] * np.sin(2.0 * x))
+
+        old = model.joints[joint.joint]
+        return with_joint(model, replace(old, axial=VaryingSpring(old.axial, varied)))
+
+    first = [share(name, 0.05, 0.45, CLASS) for name in ("cos1", "sin1")]
+    second = [share(name, 0.02, 0.15) for name in ("cos2", "sin2")]
+    return Effect(
+        f"angle-dependent-stiffness:{joint.name}", f"joint {joint.name}'s stiffness varies with its angle", "model",
+        (*first, *second), law, "angle-dependent-stiffness",
+    )  # fmt: skip
+
+
+def _gravity_compensator(model: ArmModel) -> Effect:
+    """``k (1 + rho g)``, g = (1 + cos(phi - phase)) / 2: phi is the angle of the upper arm from the vertical.
+
+    A spring cylinder between carousel and upper arm stiffens joint 2 by an amount that follows its lever.
+    """
+    second = model.joints[1]
+
+    def angle(q: Array) -> Array:
+        frames = forward_kinematics(model.robot, q)
+        arm = frames.p[:, min(3, model.robot.dof)] - frames.p[:, 2]
+        return np.asarray(np.arctan2(np.hypot(arm[:, 0], arm[:, 1]) * _forward(frames.axis[:, 1], arm), arm[:, 2]))
+
+    def law(changed: ArmModel, _: object, v: Array) -> ArmModel:
+        def varied(q: Array) -> Array:
+            g = 0.5 * (1.0 + np.cos(angle(q) - v[1]))
+            return np.asarray(1.0 / np.maximum(1.0 + v[0] * g, 0.1) - 1.0)
+
+        old = changed.joints[1]
+        return with_joint(changed, replace(old, axial=VaryingSpring(old.axial, varied)))
+
+    phase = EffectParameter(
+        "phase", "angle", "deg", -np.pi, np.pi, ASSUMED, role="shape", grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi)
+    )
+    return Effect(
+        f"gravity-compensator:{second.name}", f"a gravity compensator stiffens joint {second.name}", "model",
+        (share("share", 0.1, 0.4, signed=False), phase), law, "angle-dependent-stiffness",
+    )  # fmt: skip
+
+
+def _forward(axis: Array, arm: Array) -> Array:
+    """Sign (n,) of the lean of an arm: positive where turning about the joint's axis leans it further."""
+    lean = axis[:, 1] * arm[:, 0] - axis[:, 0] * arm[:, 1]
+    return np.where(lean < 0.0, -1.0, 1.0)
+
+
+def _gear_ripple(joint: JointPart) -> Effect:
+    """``c (1 + a cos N q + b sin N q)``: stiffness of the mesh, which hardly two poses share."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        x = v[2] * s.at.q[:, joint.joint]
+        ripple = v[0] * np.cos(x) + v[1] * np.sin(x)
+        return s.turned(joint.name, s.compliance(joint.name) * s.torque(joint.name) * ripple)
+
+    teeth = EffectParameter("teeth", "ratio", "1", TEETH[0], TEETH[-1], ASSUMED, role="shape", grid=TEETH)
+    return Effect(
+        f"gear-ripple:{joint.name}", f"the mesh of joint {joint.name}'s gear makes its stiffness ripple", "arm",
+        (share("cos", 0.03, 0.3), share("sin", 0.03, 0.3), teeth), law, "gear-ripple",
+    )  # fmt: skip

@@ -1,0 +1,179 @@
+"""Parts that give way although the model has them rigid: joints, bearings, base, bar, links, tool, load path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import Effect, EffectParameter, Law
+from fem.effects.situation import Situation
+from fem.model import ArmModel, JointPart, LinkPart
+from fem.springs import SumSpring
+
+Array = NDArray[np.float64]
+
+# Sources of plausible ranges: joint stiffness and tilt of RV gearboxes of 100-270 kg robots, floors and rails, tools.
+CLASS = "same-class robots and RV gearboxes"
+ASSUMED = "assumed"
+
+
+def rotational(name: str, lower: float, upper: float, source: str) -> EffectParameter:
+    """A rotational stiffness that acts as a compliance."""
+    return EffectParameter(name, "rotational stiffness", "N m/rad", lower, upper, source, scale="compliance")
+
+
+def translational(name: str, lower: float, upper: float, source: str) -> EffectParameter:
+    """A translational stiffness that acts as a compliance."""
+    return EffectParameter(name, "translational stiffness", "N/m", lower, upper, source, scale="compliance")
+
+
+def structure(model: ArmModel) -> Iterator[Effect]:
+    """Effects of this kind that the model can have."""
+    for joint in model.joints:
+        yield _joint_compliance(joint)
+        yield _joint_tilt(joint)
+    yield Effect(
+        "base-tilt", "the base or floor tilts", "model",
+        (rotational("stiffness_x", 2e6, 1e8, ASSUMED), rotational("stiffness_y", 2e6, 1e8, ASSUMED)),
+        _at_place("base", (3, 4)), "base-tilt",
+    )  # fmt: skip
+    yield Effect(
+        "base-vertical", "the base or rail gives way vertically", "model",
+        (translational("stiffness", 5e6, 5e8, ASSUMED),), _at_place("base", (2,)), "base-vertical",
+    )  # fmt: skip
+    yield Effect(
+        "tool-compliance", "the tool or sensor gives way across its axis", "model",
+        (translational("stiffness", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS),), _tool, "tool-compliance",
+    )  # fmt: skip
+    if model.bar is not None:
+        yield Effect(
+            "parallelogram-bar", "the parallelogram's bar gives way along its length", "model",
+            (translational("stiffness", 2e7, 1e9, ASSUMED),), _bar, "parallelogram-bar",
+        )  # fmt: skip
+
+
+def joint_is_rigid(joint: JointPart, dof: int) -> bool:
+    """Whether a joint has no spring about its axis."""
+    return not joint.axial.compliance(np.zeros((1, dof))).any()
+
+
+def with_joint(model: ArmModel, changed: JointPart) -> ArmModel:
+    """The model with one joint's part replaced."""
+    return replace(model, joints=tuple(changed if j.joint == changed.joint else j for j in model.joints))
+
+
+def _joint_compliance(joint: JointPart) -> Effect:
+    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
+        old = model.joints[joint.joint]
+        return with_joint(model, replace(old, axial=SumSpring(old.axial, float(v[0]))))
+
+    lower, upper = (1e5, 4e6) if joint.joint < 3 else (2e4, 3e6)
+    return Effect(
+        f"joint-compliance:{joint.name}", f"joint {joint.name} gives way about its axis", "model",
+        (rotational("stiffness", lower, upper, CLASS),), law, "joint-compliance",
+    )  # fmt: skip
+
+
+def _joint_tilt(joint: JointPart) -> Effect:
+    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
+        old = model.joints[joint.joint]
+        bearing = old.bearing.copy()
+        bearing[[3, 4], [3, 4]] += v
+        return with_joint(model, replace(old, bearing=bearing))
+
+    return Effect(
+        f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
+        (rotational("stiffness_x", 5e5, 5e6, CLASS), rotational("stiffness_y", 5e5, 5e6, CLASS)), law, "joint-tilt",
+    )  # fmt: skip
+
+
+def _at_place(place: str, rows: tuple[int, ...]) -> Law:
+    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
+        C = getattr(model, place).copy()
+        C[list(rows), list(rows)] += v
+        return replace(model, **{place: C})
+
+    return law
+
+
+def _tool(model: ArmModel, _: object, v: Array) -> ArmModel:
+    C = model.tool.copy()
+    C[[0, 1], [0, 1]] += v[0]
+    return replace(model, tool=C)
+
+
+def _bar(model: ArmModel, _: object, v: Array) -> ArmModel:
+    if model.bar is None:
+        return model
+    return replace(model, bar=replace(model.bar, compliance=model.bar.compliance + float(v[0])))
+
+
+def link_flexibility(link: LinkPart, is_there: bool) -> Effect:
+    """A link softer (or stiffer) than described; where the model's links are rigid, the described beam is added.
+
+    The number is the share of the described link's compliance that comes on top.
+    """
+    share = (
+        EffectParameter("share", "ratio", "1", 0.15, 1.5, ASSUMED, signed=True)
+        if is_there
+        else EffectParameter("share", "ratio", "1", 0.3, 2.0, ASSUMED)
+    )
+
+    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
+        own = next((part for part in model.links if part.name == link.name), None)
+        # A link stiffer than rigid does not exist: large negative shares end at a tenth of the compliance.
+        factor = max(1.0 + float(v[0]), 0.1) if is_there else float(v[0])
+        if factor <= 0.0:
+            return model
+        others = tuple(x for x in model.links if x.name != link.name)
+        return replace(model, links=(*others, softer(link if own is None else own, factor)))
+
+    words = f"link {link.name} is softer or stiffer than described" if is_there else f"link {link.name} is flexible"
+    return Effect(f"link-flexibility:{link.name}", words, "model", (share,), law, "link-flexibility")
+
+
+def softer(part: LinkPart, factor: float) -> LinkPart:
+    """The link with ``factor`` times its compliance: as if its modulus were so many times smaller, meshes too."""
+    element = replace(
+        part.element, flexibility=factor * part.element.flexibility, stiffness=part.element.stiffness / factor
+    )
+    shell = part.shell
+    if shell is not None:
+        shell = replace(shell, youngs_modulus=shell.youngs_modulus / factor)
+    mesh = replace(part.mesh, youngs_modulus=part.mesh.youngs_modulus / factor)
+    return replace(part, element=element, mesh=mesh, shell=shell)
+
+
+def load_path(other: ArmModel) -> Effect:
+    """The other way for the forearm's moment: down the parallelogram's bar, or through joint 2 as in a serial chain."""
+
+    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
+        return replace(model, load_path=other.load_path, bar=other.bar)
+
+    if other.load_path == "parallelogram":
+        words = "the forearm's moment goes down the parallelogram's bar, not through joint 2"
+    else:
+        words = "the forearm's moment goes through joint 2 as in a serial chain, not down the bar"
+    return Effect("load-path", words, "model", (), law, "load-path")
+
+
+def wrist_coupling(model: ArmModel) -> Iterator[Effect]:
+    """A torque about the second last but one axis turns the next one, and back (Maxwell's reciprocity)."""
+    if model.robot.dof < 5:
+        return
+    names = model.robot.joint_names
+    # The two wrist axes before the last of six; the last two of five.
+    first, second = (names[3], names[4]) if len(names) >= 6 else (names[-2], names[-1])
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        return np.asarray(s.turned(second, v[0] * s.torque(first)) + s.turned(first, v[0] * s.torque(second)))
+
+    # Of the order of the wrist joints' own compliances (2e4 to 3e6 N m/rad), below their geometric mean.
+    entry = EffectParameter("coupling", "compliance", "rad/(N m)", 1e-7, 3e-6, CLASS, signed=True)
+    words = f"torque about {first} turns {second}, and back"
+    yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling")
+
+

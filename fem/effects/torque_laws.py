@@ -1,0 +1,97 @@
+"""Joint springs that are not linear in the torque: hardening, softening, backlash, friction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import Effect, EffectParameter
+from fem.effects.situation import Situation
+from fem.effects.stiffness_laws import share
+from fem.effects.structure import ASSUMED, CLASS
+from fem.model import ArmModel, JointPart
+
+Array = NDArray[np.float64]
+
+
+def torque_laws(model: ArmModel) -> Iterator[Effect]:
+    """Effects of this kind that the model can have."""
+    for joint in model.joints:
+        yield _hardening(joint)
+        yield _softening(joint)
+        yield _backlash(joint)
+        yield _friction(joint)
+
+
+def _torque(name: str, lower: float, upper: float, points: int, source: str = ASSUMED) -> EffectParameter:
+    """A torque as a shape, tried on a logarithmic grid."""
+    grid = tuple(float(x) for x in np.geomspace(lower, upper, points))
+    return EffectParameter(name, "torque", "N m", lower, upper, source, role="shape", grid=grid)
+
+
+def _hardening(joint: JointPart) -> Effect:
+    """``theta = c (tau - a (|tau| - t tanh(|tau|/t)) sgn tau)``: beyond the knee t the compliance is c (1 - a)."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        tau, knee = s.torque(joint.name), v[1]
+        beyond = tau - knee * np.tanh(tau / knee)
+        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * beyond)
+
+    return Effect(
+        f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
+        (share("share", 0.1, 0.7, signed=False), _torque("knee", 30.0, 1500.0, 8)), law, "hardening",
+    )  # fmt: skip
+
+
+def _softening(joint: JointPart) -> Effect:
+    """``theta = c tau (1 + s (|tau| / t)^p)``: a housing that opens, bolts that let go."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        tau = s.torque(joint.name)
+        return s.turned(joint.name, v[0] * s.compliance(joint.name) * tau * (np.abs(tau) / v[1]) ** v[2])
+
+    power = EffectParameter("power", "ratio", "1", 0.5, 3.0, ASSUMED, role="shape", grid=(0.5, 1.0, 2.0))
+    return Effect(
+        f"softening:{joint.name}", f"joint {joint.name} gets softer with the torque", "arm",
+        (share("share", 0.1, 0.7, signed=False), _torque("torque", 100.0, 1500.0, 4), power), law, "softening",
+    )  # fmt: skip
+
+
+def _backlash(joint: JointPart) -> Effect:
+    """``theta = c tau + b/2 (tanh((tau + w g)/t) - tanh(w g / t))``: g the torque of the links' own weight.
+
+    A gap b between flanks that the preload w g has closed on one side already, or not; it takes t to cross it.
+    """
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        tau, width = s.torque(joint.name), v[1]
+        g = v[2] * s.preload[:, joint.joint]
+        way = np.tanh((tau + g) / width) - np.tanh(g / width)
+        return s.turned(joint.name, 0.5 * v[0] * way)
+
+    gap = EffectParameter("gap", "angle", "mrad", 0.2e-3, 1.8e-3, CLASS)
+    preload = EffectParameter("preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0))
+    return Effect(
+        f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
+        (gap, _torque("crossing", 3.0, 150.0, 5), preload), law, "backlash",
+    )  # fmt: skip
+
+
+def _friction(joint: JointPart) -> Effect:
+    """``theta = c (tau - a (tau - y))``, y the play of tau with the friction torque: a spring behind dry friction.
+
+    With a = 1 the spring feels y only; less than 1 where a second spring acts beside the friction (Jenkins element).
+    """
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        tau = s.torque(joint.name)
+        held = tau - s.history.play(tau, v[1])
+        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * held)
+
+    return Effect(
+        f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm",
+        (share("share", 0.4, 1.2, signed=False), _torque("friction", 15.0, 350.0, 12, CLASS)), law, "friction",
+        needs_history=True,
+    )  # fmt: skip

@@ -1,0 +1,182 @@
+"""Make one set, measure more of it, and lay out the sets of a study."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import nuisance, outside
+from .arm import LOADS, Array, arm
+from .design import campaign
+from .effects import DRAWS, Context
+from .evaluate import Truth, exact
+from .excess import excess_chi2
+from .kinematics import frames
+from .model_files import free_joints, model_parallelogram, model_toml
+from .noise import Noise
+from .spec import Readings, SetSpec
+from .statics import joint_rows
+from .table import fill, from_sheet, to_csv
+
+DETECTABLE = 30.0
+
+
+@dataclass(frozen=True)
+class MadeUp:
+    """A set: the table and the model the workflow may see, and the key it may not."""
+
+    name: str
+    csv_text: str
+    model_toml: str
+    links: str
+    key: dict[str, Any]
+
+    def write(self, folder: Path) -> None:
+        """``NAME.csv`` and ``NAME.model.toml`` to the folder, ``NAME.json`` to its subfolder ``keys``."""
+        (folder / "keys").mkdir(parents=True, exist_ok=True)
+        (folder / f"{self.name}.csv").write_text(self.csv_text, encoding="utf-8")
+        (folder / f"{self.name}.model.toml").write_text(self.model_toml, encoding="utf-8")
+        (folder / "keys" / f"{self.name}.json").write_text(json.dumps(self.key, indent=1) + "\n", encoding="utf-8")
+
+
+def stream(seed: int, part: int) -> np.random.Generator:
+    """Each part of a set draws from numbers of its own: more noise never moves the truth."""
+    return np.random.default_rng([seed, part])
+
+
+def split(code: str) -> tuple[str, str]:
+    kind, _, where = code.partition(":")
+    return kind, where
+
+
+@lru_cache(maxsize=16)
+def hidden(spec: SetSpec, seed: int) -> tuple[Truth, Readings, Noise]:
+    """Truth, campaign and noise of a set; the same for the same spec and seed."""
+    nominal = arm(spec.robot)
+    readings = campaign(nominal, spec, stream(seed, 1))
+    if spec.model_path == "other" and "load-path" not in spec.effects:
+        raise ValueError("a model with the other load path hides load-path: name it among the effects")
+    rng = stream(seed, 2)
+    gain = np.exp(rng.uniform(np.log(0.5), np.log(2), 6))
+    springs = np.array([np.inf if k is None else k for k in nominal.stiffness]) * gain
+    top = np.array([0, 0, -LOADS[spec.robot][-1], 0, 0, 0])
+    tau = np.abs(joint_rows(nominal, frames(nominal, np.unique(readings.q, axis=0))) @ top)
+    torque = np.maximum(np.quantile(tau, 0.8, axis=0), 1.0)
+    effects = []
+    for k, code in enumerate(spec.effects):
+        kind, where = split(code)
+        wanted = spec.laws[k] if k < len(spec.laws) else ""
+        context = Context(nominal, where, stream(seed, 10 + k), tuple(torque), tuple(springs), wanted)
+        if kind in DRAWS:
+            values = DRAWS[kind](context)
+        elif kind in outside.KINDS:
+            values = outside.KINDS[kind](context)
+        else:
+            raise ValueError(f"unknown effect {code!r}; there are {[*DRAWS, *outside.KINDS]}")
+        effects.append({"code": code, "kind": kind, "where": where, **values})
+        if kind == "joint-compliance":
+            springs[context.joint] = values["k_Nm_per_rad"]
+        if kind == "load-path" and spec.model_path == "other":
+            # The model is given the other path; the truth stays with the robot's own.
+            effects[-1]["law"] = "parallelogram" if nominal.parallelogram else "serial"
+    errors = nuisance.draw(nominal, stream(seed, 3), spec.weight_error) if spec.nuisance else nuisance.nothing(nominal)
+    floor = stream(seed, 4).uniform(2, 5) if spec.floor_um is None else spec.floor_um
+    noise = Noise(spec.noise_share, floor * 1e-6, spec.resolution_um * 1e-6, spec.setup_scatter)
+    return Truth(nominal, 1 / springs, spec.links, errors, tuple(effects), seed), readings, noise
+
+
+def judged(spec: SetSpec, truth: Truth, r: Readings, noise: Noise) -> dict[str, Any]:
+    """Chi-square excesses of the effect alone, with the nuisance, and of the nuisance alone; Z and XYZ."""
+    model = dataclasses.replace(arm(spec.robot), parallelogram=model_parallelogram(spec))
+    free = free_joints(spec)
+    clean = dataclasses.replace(truth, nuisance=nuisance.nothing(truth.arm))
+    # Nothing hidden: the joint the model lacks is rigid, and the path is the model's.
+    base = truth.compliance.copy()
+    base[[j for j in range(6) if j not in free]] = 0
+    plain = dataclasses.replace(truth, effects=(), compliance=base, arm=model)
+    cases = {"excess_chi2": clean, "excess_chi2_with_nuisance": truth, "excess_chi2_nuisance_alone": plain}
+    out: dict[str, Any] = {}
+    for name, case in cases.items():
+        d = exact(case, r)
+        for label, axes in (("z", [2]), ("xyz", [0, 1, 2])):
+            out[f"{name}_{label}"] = round(excess_chi2(model, free, spec.links, r, d, noise, axes)[0], 2)
+    if len(truth.effects) > 1:
+        out["excess_chi2_each"] = {e["code"]: round(alone(spec, clean, e, r, noise), 2) for e in truth.effects}
+    read = spec.reads
+    out["excess_chi2"] = out[f"excess_chi2_{read}"]
+    out["detectable"] = out["excess_chi2"] >= DETECTABLE
+    out["detectable_z"] = out["excess_chi2_z"] >= DETECTABLE
+    out["detectable_xyz"] = out["excess_chi2_xyz"] >= DETECTABLE
+    return out
+
+
+def alone(spec: SetSpec, clean: Truth, effect: dict[str, Any], r: Readings, noise: Noise) -> float:
+    """Excess of one effect of several by itself, in the axes read."""
+    single = dataclasses.replace(spec, effects=(effect["code"],))
+    if effect["kind"] != "load-path":
+        single = dataclasses.replace(single, model_path="own")
+    model = dataclasses.replace(arm(spec.robot), parallelogram=model_parallelogram(single))
+    c = clean.compliance.copy()
+    if effect["kind"] != "joint-compliance":
+        c[[j for j in range(6) if j not in free_joints(single)]] = 0
+    d = exact(dataclasses.replace(clean, effects=(effect,), compliance=c), r)
+    axes = ["xyz".index(axis) for axis in spec.reads]
+    return excess_chi2(model, free_joints(single), spec.links, r, d, noise, axes)[0]
+
+
+def make(spec: SetSpec, seed: int) -> MadeUp:
+    """One set: table, model to start from, key. The same seed gives the same set, byte for byte."""
+    truth, r, noise = hidden(spec, seed)
+    clean = exact(truth, r)
+    d = noise.read(r, clean, stream(seed, 5))
+    name = spec.name or f"set-{seed}"
+    reads = [("x", "y", "z").index(axis) for axis in spec.reads]
+    key = {
+        "schema": "stiffarm-blind-key/1",
+        "name": name,
+        "group": spec.group,
+        "robot": spec.robot,
+        "effects": list(spec.effects),
+        "truth": [dict(e) for e in truth.effects],
+        "springs_Nm_per_rad": [None if c == 0 else float(1 / c) for c in truth.compliance],
+        "free_joints": [f"j{j + 1}" for j in free_joints(spec)],
+        "links": spec.links,
+        "model_load_path": "parallelogram" if model_parallelogram(spec) else "serial",
+        "noise": dataclasses.asdict(noise),
+        "nuisance": truth.nuisance,
+        "deflection_rms_mm": float(1e3 * np.sqrt(np.mean(clean[:, reads] ** 2))),
+        **judged(spec, truth, r, noise),
+        "spec": spec.as_dict(),
+        "seed": seed,
+    }
+    return MadeUp(name, to_csv(arm(spec.robot), r, d, spec.reads), model_toml(spec), spec.links, key)
+
+
+def more(spec: SetSpec, seed: int, sheet: str, salt: int = 1, taken: int = 0) -> str:
+    """A proposed measurement sheet (CSV text) with readings of the same hidden truth filled in.
+
+    Every pose is set up anew, noise is fresh (``salt`` numbers the visit), and the clock goes on after ``taken``
+    extra readings. Joint columns, loads, ``phase``, ``repeat`` and ``step`` are honoured as the sheet has them.
+    """
+    truth, r, noise = hidden(spec, seed)
+    rows, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1)
+    extra = dataclasses.replace(extra, clock=extra.clock + taken / len(r))
+    if not rows:
+        raise ValueError("the sheet has no rows")
+    d = noise.read(extra, exact(truth, extra), np.random.default_rng([seed, 6, salt]))
+    return fill(rows, order, d, spec.reads)
+
+
+def truth_at(spec: SetSpec, seed: int, sheet: str) -> Array:
+    """Exact displacements (n, 3) in m for the rows of a sheet: what held-out errors are compared with."""
+    truth, r, _ = hidden(spec, seed)
+    _, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1)
+    out = np.zeros((len(order), 3))
+    out[order] = exact(truth, extra)
+    return out

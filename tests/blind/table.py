@@ -1,0 +1,81 @@
+"""The measurement table: readings to CSV, and a proposed sheet back to readings."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+
+from .arm import LOADS, Arm, Array
+from .spec import Readings
+
+AXES = ("x", "y", "z")
+
+
+def to_csv(arm: Arm, r: Readings, d: Array, reads: str) -> str:
+    """The table of DESIGN.md: deflections in mm to the micrometre, whatever was read."""
+    columns = ["pose", "step", "repeat", "phase", *arm.coordinates, "fx_N", "fy_N", "fz_N"]
+    columns += [f"d{axis}_mm" for axis in reads]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    degrees = np.round(np.degrees(r.q), 2) + 0.0
+    picked = [AXES.index(axis) for axis in reads]
+    for k in range(len(r)):
+        phase = "unloading" if r.unloading[k] else "loading"
+        row = [f"P{r.setup[k] + 1:02d}", k + 1, r.repeat[k], phase]
+        row += [f"{v:g}" for v in degrees[k]] + [f"{v:g}" for v in r.force[k] + 0.0]
+        row += [f"{1e3 * d[k, a] + 0.0:.3f}" for a in picked]
+        writer.writerow(row)
+    return out.getvalue()
+
+
+def number(row: dict[str, str], name: str) -> float:
+    text = (row.get(name) or "").strip()
+    return float(text) if text else 0.0
+
+
+def from_sheet(arm: Arm, text: str, first_setup: int) -> tuple[list[dict[str, str]], list[int], Readings]:
+    """A sheet's rows as they stand, the order in which they are taken, and the readings in that order.
+
+    Rows are taken in the order of ``step`` where it is given. A set-up ends where the pose changes; a cycle ends
+    there too, where the repeat or the direction of the load changes, or where loading follows unloading. A cycle
+    that begins with unloading comes down from the largest load of the sheet (at least that of the campaign).
+    """
+    sample = text.splitlines()[0] if text.strip() else ""
+    rows = list(csv.DictReader(io.StringIO(text), delimiter=";" if ";" in sample else ","))
+    stated = [bool((row.get("step") or "").strip()) for row in rows]
+    order = sorted(range(len(rows)), key=lambda k: number(rows[k], "step")) if rows and all(stated) else None
+    order = list(range(len(rows))) if order is None else order
+    q = np.radians([[number(rows[k], name) for name in arm.coordinates] for k in order]).reshape(-1, 6)
+    force = np.array([[number(rows[k], f"f{axis}_N") for axis in AXES] for k in order]).reshape(-1, 3)
+    down = np.array([(rows[k].get("phase") or "").strip() == "unloading" for k in order], dtype=bool)
+    repeat = np.array([int(number(rows[k], "repeat") or 1) for k in order], dtype=int)
+    setup, cycle, peaks = np.zeros(len(q), int), np.zeros(len(q), int), []
+    size = np.linalg.norm(force, axis=1)
+    highest = max(size.max(initial=0.0), max(LOADS[arm.name]))
+    for k in range(len(q)):
+        new_setup = k == 0 or bool(np.any(q[k] != q[k - 1]))
+        turned = k > 0 and force[k] @ force[k - 1] < 0.999 * size[k] * size[k - 1]
+        new_cycle = new_setup or repeat[k] != repeat[k - 1] or turned or (down[k - 1] and not down[k])
+        setup[k] = first_setup if k == 0 else setup[k - 1] + new_setup
+        cycle[k] = 0 if k == 0 else cycle[k - 1] + new_cycle
+        if new_cycle:
+            direction = force[k] / size[k] if size[k] > 0 else np.zeros(3)
+            peaks.append(highest * direction if down[k] else np.zeros(3))
+    clock = 1 + np.arange(1, len(q) + 1) / 486  # the pace of a campaign of 27 poses
+    return rows, order, Readings(q, force, setup, cycle, down, repeat, clock, np.array(peaks).reshape(-1, 3))
+
+
+def fill(rows: list[dict[str, str]], order: list[int], d: Array, reads: str) -> str:
+    """The sheet with its readings filled in, rows where they stood."""
+    names = list(rows[0]) + [f"d{axis}_mm" for axis in reads if f"d{axis}_mm" not in rows[0]]
+    for place, k in enumerate(order):
+        for axis in reads:
+            rows[k][f"d{axis}_mm"] = f"{1e3 * d[place, AXES.index(axis)] + 0.0:.3f}"
+    out = io.StringIO()
+    writer = csv.DictWriter(out, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return out.getvalue()
