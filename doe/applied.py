@@ -15,7 +15,7 @@ from fem.laws import FreeLaw
 from fem.ports import ROWS
 from robots import InputError, ModelDescription
 from robots.schema import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw
-from robots.units import factor
+from robots.units import UNITS, factor
 
 Array = NDArray[np.float64]
 
@@ -87,6 +87,8 @@ def _put(data: dict[str, Any], description: ModelDescription, e: ParameterEstima
         before = description.joint[p.index[0]].zero_error
         total = np.degrees(e.value + (0.0 if before is None else before.si))
         joint["zero_error"] = _figure(e, total, "deg", source)
+    elif p.kind == "effect":
+        _put_effect(data, e, source)
     elif p.kind == "point":
         _shift(data, ("tool", "xyz"), e, source)
     elif p.kind == "load":
@@ -135,6 +137,17 @@ def _entry(place: dict[str, Any], e: ParameterEstimate, source: str) -> None:
     turns = sum(row.startswith("r") for row in rows)
     place["entry"] = [one for one in place["entry"] if set(one["rows"]) != set(rows)]
     place["entry"].append({"rows": rows, "compliance": _figure(e, e.value, ENTRY_UNITS[turns], source)})
+
+
+def _put_effect(data: dict[str, Any], e: ParameterEstimate, source: str) -> None:
+    """A number of an effect, in the unit that the file has it in."""
+    code, _, name = e.parameter.name.rpartition(".")
+    table = next(one for one in data["effect"] if one["code"] == code)
+    old = table["parameters"].get(name)
+    unit = e.parameter.unit if old is None else old["unit"]
+    dimension = next(d for d, units in UNITS.items() if unit in units)
+    figure = _figure(e, e.value / factor(dimension, unit), unit, source)
+    table["parameters"] = {**table["parameters"], name: figure}
 
 
 def _scale_walls(link: dict[str, Any], e: ParameterEstimate, source: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,12 +16,14 @@ from doe.estimate import Estimate, estimate, estimate_at
 from doe.identifiability import TradeOff, trade_offs, unseen
 from doe.lack_of_fit import LackOfFit, lack_of_fit
 from doe.level_study import LevelStudy, level_study
+from doe.load_history import history_of
 from doe.measurements import Measurements
 from doe.noise import Noise
 from doe.problem import Problem, problem
 from doe.readings import check_poses, rms_mm, select_loads
 from doe.uncertainty import Certainty, blind_directions, certainty
 from fem import ArmModel
+from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
 from fem.laws import FreeLaw
 from fem.walls import wall_flexibilities
 from meshes.array_cache import ArrayCache
@@ -59,6 +61,7 @@ class Calibration:
     """A finished calibration: stages, the calibrated description and model, residuals over all readings used.
 
     ``overall``: all readings evaluated with the final numbers, nothing set free (``residual`` read minus predicted).
+    ``model`` has none of ``effects``, which take part in every prediction.
     """
 
     campaign: Campaign
@@ -67,6 +70,7 @@ class Calibration:
     model: ArmModel
     overall: Problem
     residual: Array
+    effects: tuple[PlacedEffect, ...] = ()
 
     @property
     def rms_mm(self) -> float:
@@ -87,38 +91,71 @@ def run_campaign(
     *,
     store: ArrayCache | None = None,
     progress: Progress | None = None,
+    own: Sequence[Maker] = (),
+    history: History | None = None,
 ) -> Calibration:
     """Estimate a campaign's numbers; earlier stages' numbers are held in later ones.
 
+    The description's effects take part in all predictions; those of their numbers that are not free are held.
+
     Parameters
     ----------
-    build : makes the mechanical model of a description (kind of links and load path as wanted)
+    build : makes the mechanical model of a description (kind of links and load path as wanted), without its effects
+        (:func:`fem.effects.build_plain`)
     store : where finished stages are kept; a run that was stopped goes on from there with the same numbers
+
+    history : of the readings where these are part of a campaign; by default what the table says
+    own : the user's own effects; stages with them are not kept, for their laws may change
 
     Raises
     ------
     InputError
-        A stage names a pose, load or number that is not there, or has too few readings.
+        A stage names a pose, load or number that is not there, or has too few readings; a stage at some loads only
+        of a model with a memory, where readings were taken while unloading.
     """
     stages = campaign.stage or (Stage(name="all at once", parameters=_all_names(campaign)),)
-    key = _key(description, data, campaign) if store is not None else None
+    key = _key(description, data, campaign) if store is not None and not own else None
     store = None if key is None else store
     model = build(description)
+    history = history or history_of(data)
+    effects = _effects(description, model, own)
+    for stage in stages:
+        refuse_cut_cycles(effects, data, stage.loads_N, f"stage {stage.name!r}: loads_N")
     done: list[StageResult] = []
     for number, stage in enumerate(stages):
-        result = _run_stage(description, model, data, campaign, stage, store, f"{key}:{number}")
+        result = _run_stage(description, (model, effects, history), data, campaign, stage, store, f"{key}:{number}")
         done.append(result)
         description = apply_estimates(description, result.certainty.estimates, result.laws)
         model = build(description)
+        effects = _effects(description, model, own)
         if progress is not None:
             if result.resumed and store is not None:
                 progress(f"resumed: stage {stage.name} from {store.folder}")
             e = result.estimate
             error = rms_mm(e.residual, e.problem.component)
             progress(f"{stage.name}: {len(e.u)} numbers on {len(e.problem)} readings, RMS {error:.3f} mm")
-    whole = problem(model, data, ())
+    whole = problem(model, data, (), effects=effects, history=history)
     residual = whole.value - whole.evaluate(np.zeros(0))[0]
-    return Calibration(campaign, tuple(done), description, model, whole, residual)
+    return Calibration(campaign, tuple(done), description, model, whole, residual, effects)
+
+
+def _effects(description: ModelDescription, model: ArmModel, own: Sequence[Maker]) -> tuple[PlacedEffect, ...]:
+    """Effects beyond a model that :func:`fem.effects.build_plain` made: it has the load path already."""
+    return tuple(e for e in described_effects(description, model, own) if e.effect.code != LOAD_PATH)
+
+
+def refuse_cut_cycles(
+    effects: Sequence[PlacedEffect], data: Measurements, loads: tuple[float, ...], where: str
+) -> None:
+    """Readings while unloading hang on the largest load before: without it a memory remembers something else."""
+    memory = [e.effect.code for e in effects if e.effect.needs_history]
+    if memory and loads and "unloading" in data.phase:
+        raise InputError(
+            f"{where}, with {', '.join(memory)} and readings while unloading",
+            value=", ".join(f"{v:g} N" for v in loads),
+            allowed="all loads: these effects remember the largest",
+            remedy="leave the loads out, or remove the effect",
+        )
 
 
 def _all_names(campaign: Campaign) -> tuple[str, ...]:
@@ -127,31 +164,33 @@ def _all_names(campaign: Campaign) -> tuple[str, ...]:
 
 def _key(description: ModelDescription, data: Measurements, campaign: Campaign) -> str | None:
     """Hash of everything that the stages' numbers depend on, the program too; None where its source is not there."""
-    program = formulation_hash("doe.estimate", "fem.free_model")
+    program = formulation_hash("doe.estimate", "doe.load_history", "fem.free_model", "fem.effects.described")
     if program is None:
         return None
     digest = hashlib.sha256()
     for text in (FORMAT, program, content_hash(description), campaign.model_dump_json(by_alias=True), *data.pose):
         add_to(digest, text)
-    for array in (data.q, data.wrench, data.displacement, data.point, data.sigma):
+    for array in (data.q, data.wrench, data.displacement, data.point, data.sigma, data.step):
         add_to(digest, array)
-    add_to(digest, json.dumps(data.phase))
+    add_to(digest, json.dumps([data.phase, data.repeat]))
     return digest.hexdigest()
 
 
 def _run_stage(
     description: ModelDescription,
-    model: ArmModel,
+    arm: tuple[ArmModel, tuple[PlacedEffect, ...], History],
     data: Measurements,
     campaign: Campaign,
     stage: Stage,
     store: ArrayCache | None,
     key: str,
 ) -> StageResult:
-    used = readings_of(data, stage)
-    parameters, laws = campaign.free(model, stage.parameters)
+    used, (model, effects, history) = readings_of(data, stage), arm
+    # The readings' places in the campaign: a stage's own table would start another clock.
+    places = readings_of(replace(data, row_numbers=tuple(range(data.n))), stage).row_numbers
+    parameters, laws = campaign.free(model, stage.parameters, effects)
     walls = wall_flexibilities(description, model, [p.place for p in parameters if p.kind == "wall"])
-    p = problem(model, used, parameters, laws, walls)
+    p = problem(model, used, parameters, laws, walls, effects, history.take(np.array(places)))
     gauge = (campaign.noise.gauge_mm * 1e-3, campaign.noise.gauge_mrad * 1e-3)
     file = hashlib.sha256(f"{key}:{model.link_kind}:{model.load_path}:{stage.model_dump_json()}".encode()).hexdigest()
     kept = store.get(file, lambda arrays: _fault(arrays, p)) if store is not None else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -11,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, PositiveFloat, Tag, ValidationError, model_validator
 
 from fem import ArmModel
+from fem.effects.base import PlacedEffect
 from fem.law_bases import Basis, FourierBasis, TableBasis
 from fem.laws import FreeLaw, law_parameters, polynomial_basis
 from fem.parameters import Parameter, parameter
@@ -161,9 +163,9 @@ class Campaign(_Strict):
         return self
 
     def free(
-        self, model: ArmModel, only: tuple[str, ...] | None = None
+        self, model: ArmModel, only: tuple[str, ...] | None = None, effects: Sequence[PlacedEffect] = ()
     ) -> tuple[tuple[Parameter, ...], tuple[FreeLaw, ...]]:
-        """Parameters and laws of this campaign (or of the numbers named) for a model.
+        """Parameters and laws of this campaign (or of the numbers named) for a model with ``effects``.
 
         Raises
         ------
@@ -174,7 +176,7 @@ class Campaign(_Strict):
         laws: list[FreeLaw] = []
         for freed in self.parameter:
             if only is None or freed.name in only:
-                out.append(_parameter(model, freed))
+                out.append(_parameter(model, freed, effects))
         for law in self.law:
             if only is None or f"{law.joint}.law" in only:
                 basis = _basis(model, law)
@@ -221,8 +223,8 @@ def _fault(where: str, item: Any) -> InputError:
     return InputError(f"{where}: {place}: {message}", value=shown, remedy=remedy)
 
 
-def _parameter(model: ArmModel, freed: Freed) -> Parameter:
-    p = parameter(model, freed.name)
+def _parameter(model: ArmModel, freed: Freed, effects: Sequence[PlacedEffect]) -> Parameter:
+    p = parameter(model, freed.name, effects)
     angle = math.pi / 180.0 if p.unit == "rad" else 1.0
     lower = p.lower if freed.lower is None else freed.lower * angle
     upper = p.upper if freed.upper is None else freed.upper * angle

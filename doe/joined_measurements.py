@@ -8,8 +8,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from doe.measurement_checks import joint_keys, repeated_readings
 from doe.measurement_columns import Faults
-from doe.measurements import Measurements, joint_keys, repeated_readings
+from doe.measurements import Measurements
 from robots import InputError
 
 # Column that says which file a reading came from; it is written with the table and kept when that is read back.

@@ -46,7 +46,7 @@ def prior_residual(p: Problem, u: Array) -> tuple[Array, Array]:
 
 def is_convex(p: Problem) -> bool:
     """Whether the sum of squares is a parabola: all linear, and no prior."""
-    return all(q.is_linear and q.prior is None for q in p.parameters)
+    return p.is_linear and all(q.prior is None for q in p.parameters)
 
 
 def bounded_step(A: Array, b: Array, low: Array, high: Array) -> Array:

@@ -169,7 +169,7 @@ def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
     they are one row, weighed with their joint information ``F^T V^-1 F``.
     """
     unit = replace(protocol, forces=np.ones(1))
-    value, J = replace(start.free, at=_loaded(start.free, poses, unit)).evaluate(start.u)
+    value, J = replace(start.free, at=_loaded(start.free, poses, unit), history=None).evaluate(start.u)
     read = list(protocol.components)
     weight = np.stack([_weight(start.noise, value[:, k], k >= 3, protocol) for k in read], axis=1)
     return np.asarray(np.sqrt(weight)[:, :, None] * J[:, read] * start.slopes)
@@ -204,7 +204,7 @@ def expected(start: Outset, q: Array, force: Array) -> Array | None:
     if start.best is None:
         return None
     wrench = np.hstack([force, np.zeros((len(q), 3))])
-    return replace(start.free, at=_at_tool(start.free, q, wrench)).evaluate(start.best)[0]
+    return replace(start.free, at=_at_tool(start.free, q, wrench), history=None).evaluate(start.best)[0]
 
 
 def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses) -> Array | None:
@@ -216,7 +216,7 @@ def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses
     if criterion == "A":
         return np.diag(1.0 / start.vague**2) / len(start.u)
     if criterion == "I":
-        J = replace(start.free, at=workspace).evaluate(start.u)[1][:, :3].reshape(-1, len(start.u))
+        J = replace(start.free, at=workspace, history=None).evaluate(start.u)[1][:, :3].reshape(-1, len(start.u))
         J = J * start.slopes * 1e3
         return np.asarray(J.T @ J / len(workspace))
     return None

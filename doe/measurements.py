@@ -14,12 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import measurement_columns as mc
+from doe.measurement_checks import (
+    check_duplicates,
+    check_labels,
+    check_limits,
+    check_readings,
+    joint_keys,
+    plausibility_notes,
+)
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
 from robots import InputError, Robot
-
-# Beyond these an arm is hardly a robot: the units are more likely wrong than the arm.
-LARGEST_DEFLECTION_M = 0.1
-STIFFNESS_N_PER_MM = (1.0, 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +123,15 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
     header_fits = not faults.found
     m = _assemble(mc.drop_ragged(table, faults), columns, robot, faults)
     if header_fits and m.n:
-        for check in (_check_readings, _check_labels, _check_duplicates):
+        for check in (check_readings, check_labels, check_duplicates):
             check(m, faults)
         if check_reach:
-            _check_reach(m, robot, faults)
+            check_limits(m, robot, faults)
     faults.raise_if_any()
     unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
     notes = (*_column_notes(table, columns, robot), *_unread_notes(m, unread))
     m = m.select(~unread)
-    return replace(m, notes=(*notes, *_plausibility_notes(m)))
+    return replace(m, notes=(*notes, *plausibility_notes(m)))
 
 
 def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Measurements:
@@ -158,71 +162,9 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
     )  # fmt: skip
 
 
-def joint_keys(q: Array) -> list[tuple[float, ...]]:
-    """Poses (n,) that can be compared: angles to 1e-9 rad."""
-    # 1e-9 rad is the robots' own tolerance for "the same angle".
-    return [tuple(row) for row in np.round(q, 9).tolist()]
-
-
 def _labels(q: Array) -> tuple[str, ...]:
     found: dict[tuple[float, ...], str] = {}
     return tuple(found.setdefault(key, f"P{len(found) + 1}") for key in joint_keys(q))
-
-
-def _check_readings(m: Measurements, faults: Faults) -> None:
-    given = ~np.isnan(m.point)
-    if not m.used.any():
-        faults.add(m.row_numbers[0], "no deflection was read, here or in any row",
-                   allowed=f"at least one of {', '.join(DISPLACEMENTS)}", remedy="fill in the readings")  # fmt: skip
-    for wrong, problem, allowed, remedy in (
-        (~m.wrench.any(axis=1), "the load is zero in every component", "a load other than 0",
-         "give the load, or remove the row: deflections are relative to the unloaded arm"),
-        (given.any(axis=1) & ~given.all(axis=1), f"columns {', '.join(POINT)}: the point is incomplete",
-         "three numbers, or three empty cells (the tool point)", "fill in the missing coordinate, 0 too"),
-    ):  # fmt: skip
-        for i in np.flatnonzero(wrong):
-            faults.add(m.row_numbers[i], problem, allowed=allowed, remedy=remedy)
-
-
-def _check_labels(m: Measurements, faults: Faults) -> None:
-    first: dict[str, tuple[int, tuple[float, ...]]] = {}
-    for line, label, key in zip(m.row_numbers, m.pose, joint_keys(m.q), strict=True):
-        known_line, known_key = first.setdefault(label, (line, key))
-        if key != known_key:
-            faults.add(line, "column pose, the label stands for other joint angles before", value=label,
-                       allowed=f"the angles of row {known_line}",
-                       remedy="correct the angles, or give this pose a label of its own")  # fmt: skip
-
-
-def repeated_readings(m: Measurements) -> Iterator[tuple[int, int, bool]]:
-    """Readings that stand there twice: position, position of the earlier one, and whether their values agree."""
-    # NaN never equals itself; inf cannot occur in a table, so it can stand for "not given" in a key.
-    settings = np.nan_to_num(np.column_stack([m.wrench, m.point, m.step]), nan=np.inf)
-    seen: dict[object, list[int]] = {}
-    keys = zip(joint_keys(m.q), map(tuple, settings.tolist()), m.repeat, m.phase, strict=True)
-    for i, key in enumerate(keys):
-        earlier = seen.setdefault(key, [])
-        for j in earlier:
-            both = m.used[i] & m.used[j]
-            if both.any():
-                yield i, j, bool(np.array_equal(m.displacement[i, both], m.displacement[j, both]))
-                break
-        earlier.append(i)
-
-
-def _check_duplicates(m: Measurements, faults: Faults) -> None:
-    for i, j, same in repeated_readings(m):
-        problem = f"the reading {'repeats' if same else 'contradicts'} that of row {m.row_numbers[j]}"
-        faults.add(m.row_numbers[i], f"{problem} (same joints, load, point, repeat, phase and step)",
-                   allowed="each reading once",
-                   remedy="give each a number in the column repeat, or remove one")  # fmt: skip
-
-
-def _check_reach(m: Measurements, robot: Robot, faults: Faults) -> None:
-    for i in np.flatnonzero(~robot.reachable(m.q)):
-        for problem in robot.violations(m.q[i]):
-            faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}",
-                       allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
 
 
 def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
@@ -242,26 +184,6 @@ def _unread_notes(m: Measurements, unread: NDArray[np.bool_]) -> Iterator[str]:
         parts = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
         ranges = ", ".join(f"{part[0]}-{part[-1]}" if len(part) > 1 else f"{part[0]}" for part in parts)
         yield f"{rows.size} row(s) without any reading skipped: {ranges}"
-
-
-def _plausibility_notes(m: Measurements) -> Iterator[str]:
-    force, moved = m.wrench[:, :3], m.displacement[:, :3]
-    read = moved[~np.isnan(moved)]
-    if read.size and np.all(np.abs(read) > LARGEST_DEFLECTION_M):
-        yield f"every deflection is larger than {LARGEST_DEFLECTION_M * 1e3:g} mm: are the units right?"
-    loaded = force != 0.0
-    # Only where every loaded direction was read is the directional stiffness known.
-    work = np.where(loaded, force * moved, 0.0).sum(axis=1)
-    known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
-    stiffness, (lower, upper) = 1e-3 * m.loads_N[known] ** 2 / np.abs(work[known]), STIFFNESS_N_PER_MM
-    odd = np.flatnonzero(known)[(stiffness < lower) | (stiffness > upper)]
-    if odd.size:
-        rows = ", ".join(str(m.row_numbers[i]) for i in odd[:10]) + (" ..." if odd.size > 10 else "")
-        yield f"{odd.size} reading(s), stiffness outside {lower:g} to {upper:g} N/mm: the units? Rows {rows}"
-    against = int((work[known] < 0.0).sum())
-    if 2 * against > int(known.sum()):
-        yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "
-               "(a downward load has fz_N < 0 and gives dz_mm < 0)")  # fmt: skip
 
 
 def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fill: tuple[str, ...] = ()) -> None:

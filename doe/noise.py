@@ -101,7 +101,8 @@ def terms_of(p: Problem, f: Array) -> tuple[str, ...]:
     kinds = p.component < 3, p.component >= 3
     names = [name for name, kind in zip(WHITE, kinds, strict=True) if (own & kind).any()]
     shared, common = estimable(p, f)
-    names += ["share"] * shared + ["pose_share"] * common
+    # Where every reading brings its sigma, that is the noise: a share beside it would make any sigma look right.
+    names += ["share"] * (shared and bool(own.any())) + ["pose_share"] * common
     return tuple(names + [name for name, kind in zip(("pose0", "pose1"), kinds, strict=True) if common and kind.any()])
 
 

@@ -9,10 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.load_history import history_of
 from doe.measurements import Measurements
 from doe.readings import loaded_points
 from fem import ArmModel
-from fem.free_model import FreeModel, LoadedPoses
+from fem.effects.base import PlacedEffect
+from fem.effects.history import History
+from fem.free_model import FreeModel
 from fem.laws import FreeLaw
 from fem.loads import as_loaded
 from fem.parameters import Parameter
@@ -79,7 +82,7 @@ class Problem:
     @cached_property
     def is_linear(self) -> bool:
         """Whether the predictions are linear in all of the estimator's variables."""
-        return all(q.is_linear for q in self.parameters)
+        return self.free.is_linear
 
     @cached_property
     def _linear(self) -> tuple[Array, Array, Array] | None:
@@ -100,19 +103,12 @@ class Problem:
     def take(self, mask: NDArray[np.bool_]) -> Problem:
         """Keep the components where ``mask`` (m,) is true; loaded poses that none of them needs are dropped."""
         rows, row = np.unique(self.row[mask], return_inverse=True)
-        at = self.free.at
-        free = FreeModel(
-            self.free.model,
-            self.free.parameters,
-            LoadedPoses(at.q[rows], at.wrench[rows], at.point[rows]),
-            self.free.laws,
-            self.free.walls,
-        )
+        free, kept_as = self.free.take(rows)
         kept, pose = np.unique(self.pose[mask], return_inverse=True)
         return Problem(
             free,
             self.value[mask],
-            row,
+            kept_as[row],
             self.component[mask],
             pose,
             tuple(self.poses[k] for k in kept),
@@ -127,8 +123,13 @@ def problem(
     parameters: Sequence[Parameter],
     laws: Sequence[FreeLaw] = (),
     walls: Mapping[str, Flexibility] | None = None,
+    effects: Sequence[PlacedEffect] = (),
+    history: History | None = None,
 ) -> Problem:
-    """Set up the estimation of ``parameters`` from all components that were read."""
+    """Set up the estimation of ``parameters`` from all components that were read.
+
+    ``effects``: those that the arm has beyond ``model``; ``history``: by default what the table says.
+    """
     at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
     row, component = np.nonzero(data.used)
     labels = tuple(dict.fromkeys(data.pose))
@@ -136,8 +137,10 @@ def problem(
     phase = np.unique([p or "" for p in data.phase], return_inverse=True)[1]
     case = np.column_stack([at.q, at.wrench, at.point, phase, [number[p] for p in data.pose]])
     same = np.unique(np.round(case, 12), axis=0, return_inverse=True)[1].reshape(-1)
+    then = (history or history_of(data)) if effects else None
+    free = FreeModel(model, tuple(parameters), at, tuple(laws), dict(walls or {}), tuple(effects), then)
     return Problem(
-        free=FreeModel(model, tuple(parameters), at, tuple(laws), dict(walls or {})),
+        free=free,
         value=data.displacement[row, component],
         row=row.astype(np.int64),
         component=component.astype(np.int64),

@@ -136,6 +136,7 @@ def arm_deck(
         Links that are not shells, more than one pose or load, values that are not finite, a flat parallelogram, or
         an interface whose ring has no edges.
     """
+    model.without_housings("CalculiX input")
     pose, loads, at = one_pose(model, q, wrench, point)
     if len(loads) != 1:
         raise InputError("loads of a CalculiX input", value=len(loads), allowed="one")

@@ -67,6 +67,7 @@ def compliance_direct(model: ArmModel, q: Array, point: Array | None = None, *, 
     ``condensed=False`` assembles every beam element instead of the superelements. Same units, frame and
     errors as :func:`fem.statics.compliance`, except that a flat parallelogram is not looked for.
     """
+    model.without_housings("direct stiffness method")
     q = as_poses(model.robot, q)
     points = as_points(point, len(q))
     out = np.empty((len(q), 6, 6))
@@ -83,6 +84,7 @@ def deflection_direct(model: ArmModel, q: Array, wrench: Array, point: Array | N
     Same arguments, units and errors as :func:`fem.statics.deflection`, except that a flat parallelogram
     is not looked for.
     """
+    model.without_housings("direct stiffness method")
     q = as_poses(model.robot, q)
     points, loads = as_points(point, len(q)), as_wrenches(wrench, len(q))
     out = np.empty((len(q), 6))

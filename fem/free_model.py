@@ -7,12 +7,16 @@ the poses and loads themselves, and their derivatives are central differences of
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.base import PlacedEffect
+from fem.effects.history import History, plain_history
+from fem.effects.observed import observed
+from fem.free_effects import changed_effects, changed_model, step_of
 from fem.laws import FreeLaw
 from fem.loads import LoadedPoses, placed
 from fem.model import ArmModel
@@ -37,7 +41,8 @@ class FreeModel:
     """A model, the numbers set free, and the loaded poses at which it is asked.
 
     ``laws``: springs over angles whose coefficients are among the parameters. ``walls``: by link, the link's
-    flexibility and its derivative with ln(wall) as functions of the wall (m).
+    flexibility and its derivative with ln(wall) as functions of the wall (m). ``effects``: what the arm has beyond
+    the model, none of it in ``model`` yet; ``history`` of the loaded poses, by default each a loading from zero.
     """
 
     model: ArmModel
@@ -45,8 +50,14 @@ class FreeModel:
     at: LoadedPoses
     laws: tuple[FreeLaw, ...] = ()
     walls: dict[str, Flexibility] = field(default_factory=dict)
+    effects: tuple[PlacedEffect, ...] = ()
+    history: History | None = None
 
     def __post_init__(self) -> None:
+        codes = {e.effect.code for e in self.effects}
+        lost = [p.name for p in self.parameters if p.kind == "effect" and p.place not in codes]
+        if lost:
+            raise InputError("parameter", value=lost[0], allowed=f"effects here: {', '.join(sorted(codes)) or 'none'}")
         seen = [(p.kind, p.place, p.index) for p in self.parameters]
         for k, (p, key) in enumerate(zip(self.parameters, seen, strict=True)):
             if key in seen[:k]:
@@ -74,6 +85,8 @@ class FreeModel:
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Displacements (n, 6) and derivatives (n, 6, p) by the estimator's variables u (p,)."""
+        if self.effects:
+            return self._observed(u), self._differences(u)
         value, J = self._at_ports(u, self.moved(u))
         for k, p in enumerate(self.parameters):
             if p.kind in GEOMETRIC:
@@ -84,11 +97,13 @@ class FreeModel:
 
     def displacement(self, u: Array) -> Array:
         """Displacements (n, 6) alone, at a fraction of the work where angles or points are free."""
+        if self.effects:
+            return self._observed(u)
         return self._at_ports(u, self.moved(u))[0]
 
     def displacements(self, u: Array) -> Array:
         """Displacements (r, n, 6) for many sets of variables u (r, p): as many at once as memory serves best."""
-        if any(p.kind == "wall" for p in self.parameters):
+        if self.effects or any(p.kind == "wall" for p in self.parameters):
             return np.array([self.displacement(one) for one in u]).reshape(len(u), len(self.at), 6)
         out, at = np.empty((len(u), len(self.at), 6)), self.at
         step = max(ROWS // max(len(at), 1), 1)
@@ -99,6 +114,42 @@ class FreeModel:
             value = self._at_ports(each, self._moved(each, tiled))[0]
             out[first : first + step] = value.reshape(len(some), len(at), 6)
         return out
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether displacements are linear in all variables; of a user's own effects that is not known."""
+        return all(p.is_linear for p in self.parameters) and not any(e.effect.own for e in self.effects)
+
+    def take(self, rows: NDArray[np.intp]) -> tuple[FreeModel, NDArray[np.intp]]:
+        """The same at some of the loaded poses (rising numbers), and which of the new ones these are.
+
+        With effects whole load cycles stay: what was read before is what a memory remembers.
+        """
+        kept, history = rows, self.history
+        if self.effects and history is not None:
+            kept = np.flatnonzero(np.isin(history.cycle, history.cycle[rows]))
+            history = history.take(kept)
+        at = LoadedPoses(self.at.q[kept], self.at.wrench[kept], self.at.point[kept])
+        return replace(self, at=at, history=history), np.searchsorted(kept, rows)
+
+    def _observed(self, u: Array) -> Array:
+        """Displacements (n, 6) with effects."""
+        model = changed_model(self.model, self.parameters, self.laws, self.walls, u)
+        effects = changed_effects(self.effects, self.parameters, u)
+        return observed(model, self.moved(u), effects, self.history or plain_history(len(self.at)))
+
+    def _differences(self, u: Array) -> Array:
+        """Derivatives (n, 6, p) with effects: exact by what is linear, else good to some 1e-8."""
+        J = np.zeros((len(self.parameters), len(self.at), 6)).transpose(1, 2, 0)
+        trusted = not any(e.effect.own for e in self.effects)
+        for k, p in enumerate(self.parameters):
+            if p.kind in GEOMETRIC:
+                ends = float(u[k]) - STEP[p.kind], float(u[k]) + STEP[p.kind]
+            else:
+                ends = step_of(p, float(u[k]), exact=p.is_linear and trusted)
+            low, high = (self._observed(_stepped(u, k, end - float(u[k]))) for end in ends)
+            J[:, :, k] = (high - low) / (ends[1] - ends[0])
+        return J
 
     def moved(self, u: Array) -> LoadedPoses:
         """The loaded poses with angles, points and loads as the parameters say."""

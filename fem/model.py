@@ -61,13 +61,15 @@ class JointPart:
 
     ``axial``: law about the joint axis. ``bearing`` (6, 6): constant compliance of the joint frame's translations
     x, y, z (m/N) and rotations x, y, z (rad/(N m)), zero where it is rigid; its last diagonal entry is zero, for
-    that is the axial spring's.
+    that is the axial spring's. ``housing`` (6, 6): the same of what does not turn with the joint: axes of the joint's
+    frame at zero, fixed in the body before it.
     """
 
     name: str
     joint: int
     axial: SpringLaw
     bearing: Array
+    housing: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
     @property
     def other(self) -> Array:
@@ -159,9 +161,25 @@ class ArmModel:
         }
         return replace(self, joints=tuple(replace(j, axial=laws[j.name]) if j.name in laws else j for j in self.joints))
 
+    def without_housings(self, what: str) -> None:
+        """Refuse what knows of no compliance fixed in the body before a joint.
+
+        Raises
+        ------
+        InputError
+            A joint's housing gives way.
+        """
+        for joint in self.joints:
+            if joint.housing.any():
+                raise InputError(
+                    f"{what}: tilt of joint {joint.name} in its housing",
+                    allowed="a tilt that turns with the joint (turning = 1)",
+                    remedy="remove that effect from the model file",
+                )
+
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
-        return replace(self, joints=tuple(replace(j, axial=RIGID, bearing=np.zeros((6, 6))) for j in self.joints))
+        return replace(self, joints=tuple(replace(j, axial=RIGID, bearing=np.zeros((6, 6)), housing=np.zeros((6, 6))) for j in self.joints))
 
 
 def build_model(

@@ -5,29 +5,34 @@ tz (N/m) and rx, ry, rz (N m/rad) in the place's axes; ``PLACE.ROW-ROW`` an entr
 diagonal; ``LINK.modulus`` (Pa) and ``LINK.wall`` (m, a factor of all its walls); ``bar.stiffness`` (N/m);
 ``JOINT.zero`` (rad), ``load.x|y|z`` (m: where the load acts, from the read point, flange axes),
 ``load.tilt_x|tilt_y`` (rad: the load's direction about the base axes), ``point.x|y|z`` (m: read and loaded point,
-flange axes); ``JOINT.law[k]`` the coefficients of ln(stiffness) over joint angles (:mod:`fem.springs`).
+flange axes); ``JOINT.law[k]`` the coefficients of ln(stiffness) over joint angles (:mod:`fem.springs`);
+``CODE.NAME`` a number of an effect that the model has (``backlash:j2.gap``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.base import EffectParameter, PlacedEffect
 from fem.model import ArmModel
 from fem.ports import BASE, ROWS, TOOL
 from robots import InputError
 
 Array = NDArray[np.float64]
 Scale = Literal["compliance", "log", "linear"]
-Kind = Literal["stiffness", "coupling", "modulus", "wall", "zero", "load", "tilt", "point", "law"]
+Kind = Literal["stiffness", "coupling", "modulus", "wall", "zero", "load", "tilt", "point", "law", "effect"]
 
 AXES = ("x", "y", "z")
 GEOMETRIC: tuple[Kind, ...] = ("zero", "load", "tilt", "point")
 # Wider than anything plausible: an estimate that ends there is reported as standing at a bound.
 TURN, SHIFT = (1e3, 1e9), (1e4, 1e12)
+# An effect's number is searched so many times beyond its plausible size.
+BEYOND = 10.0
 
 
 @dataclass(frozen=True)
@@ -86,10 +91,10 @@ class Parameter:
         return replace(self, lower=lower, upper=upper)
 
 
-def parameter(model: ArmModel, name: str) -> Parameter:
+def parameter(model: ArmModel, name: str, effects: Sequence[PlacedEffect] = ()) -> Parameter:
     """The parameter of that name with the model's value and the widest plausible range.
 
-    Coefficients of laws are made by :func:`fem.laws.law_parameters`.
+    Coefficients of laws are made by :func:`fem.laws.law_parameters`; ``effects``: those that the model has.
 
     Raises
     ------
@@ -97,13 +102,13 @@ def parameter(model: ArmModel, name: str) -> Parameter:
         No such place or number in this model.
     """
     place, _, what = name.partition(".")
-    maker = _maker(model, place, what)
+    maker = _maker(model, place, what) or _of_effect(effects, name)
     if maker is None:
-        raise InputError("parameter", value=name, allowed="; ".join(known_parameters(model)))
+        raise InputError("parameter", value=name, allowed="; ".join(known_parameters(model, effects)))
     return replace(maker, name=name)
 
 
-def known_parameters(model: ArmModel) -> list[str]:
+def known_parameters(model: ArmModel, effects: Sequence[PlacedEffect] = ()) -> list[str]:
     """The names that :func:`parameter` takes for this model, in words."""
     joints = model.robot.joint_names
     rows = "|".join(ROWS)
@@ -117,7 +122,33 @@ def known_parameters(model: ArmModel) -> list[str]:
         out.append(f"{{{','.join(link.name for link in model.links)}}}.{{modulus|wall}}")
     if model.bar is not None and model.bar.compliance > 0.0:
         out.append("bar.stiffness")
+    for one in effects:
+        names = [p.name for p in one.effect.parameters]
+        if names:
+            out.append(f"{one.effect.code}.{names[0] if len(names) == 1 else '{' + '|'.join(names) + '}'}")
     return out
+
+
+def _of_effect(effects: Sequence[PlacedEffect], name: str) -> Parameter | None:
+    code, _, what = name.rpartition(".")
+    for one in effects:
+        for k, p in enumerate(one.effect.parameters):
+            if (one.effect.code, p.name) == (code, what):
+                lower, upper, scale = _range_of(p)
+                value = p.value(float(one.values[k]))
+                return Parameter("", "effect", code, (k,), p.si_unit, value, lower, upper, scale)
+    return None
+
+
+def _range_of(p: EffectParameter) -> tuple[float, float, Scale]:
+    """Widest range of an effect's number, and how an estimator moves it."""
+    if p.scale == "compliance":
+        return (*(TURN if p.dimension == "rotational stiffness" else SHIFT), "compliance")
+    if p.role == "shape":
+        # Pure numbers bend or choose a law within their range only.
+        beyond = BEYOND if p.lower > 0.0 and p.dimension != "ratio" else 1.0
+        return p.lower / beyond, p.upper * beyond, "log" if p.lower > 0.0 else "linear"
+    return -BEYOND * p.upper if p.signed else 0.0, BEYOND * p.upper, "linear"
 
 
 def _maker(model: ArmModel, place: str, what: str) -> Parameter | None:

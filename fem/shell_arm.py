@@ -178,6 +178,7 @@ def solve_shell_arm(
     Equals :func:`fem.statics.deflection` to round-off, which walls far stiffer than the springs enlarge to some
     1e-9 (tests/fem/test_shell_arm.py).
     """
+    model.without_housings("solution of the whole shell arm")
     pose, loads, at = one_pose(model, q, wrench, point)
     shells = couple_links(model) if shells is None else shells
     frames = forward_kinematics(model.robot, pose)

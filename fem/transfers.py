@@ -174,6 +174,8 @@ def transfers(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, first:
             yield Transfer(joint.name, compliance, along=_axial(arm, loop, joint.joint), joint=joint.joint)
         if joint.bearing.any():
             yield _bearing(arm, loop, joint.joint, joint.bearing)
+        if joint.housing.any():
+            yield _bearing(arm, loop, joint.joint, joint.housing, turns=False)
     if model.tool.any():
         R_flange = poses_last(frames.R_flange)
         own = poses_last(tool_position(model.robot, frames))
@@ -265,13 +267,18 @@ def _axial(arm: _Arm, loop: _Loop | None, joint: int) -> Along:
     return Along(row, np.ones((1, 1)))
 
 
-def _bearing(arm: _Arm, loop: _Loop | None, joint: int, compliance: Array) -> Transfer:
-    """All six directions of a joint, in the axes of its frame turned with it."""
+def _bearing(arm: _Arm, loop: _Loop | None, joint: int, compliance: Array, *, turns: bool = True) -> Transfer:
+    """All six directions of a joint, in the axes of its frame turned with it, or of its frame at zero."""
     part, robot = arm.model.joints[joint], arm.model.robot
-    R = times_constant(arm.R[joint + 1], robot.R_post[joint].T)
+    if turns:
+        R = times_constant(arm.R[joint + 1], robot.R_post[joint].T)
+    else:
+        R = times_constant(arm.R[joint], robot.T_pre[joint][:3, :3])
     origin = arm.p[joint + 1]
     p = robot.parallelogram
     along = None
     if loop is not None and p is not None and joint in (p.crank_about, p.driven):
         along = loop.at(R, origin)
-    return Transfer(f"{part.name} other directions", compliance, Moved(R, arm.tool - origin), along)
+    return Transfer(
+        f"{part.name} {'other directions' if turns else 'housing'}", compliance, Moved(R, arm.tool - origin), along
+    )

@@ -26,6 +26,7 @@ REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
 _triangles: Any = trimesh.triangles
 
 POOR_ANGLE_DEG = 10.0
+GOOD = "good"
 
 
 @dataclass(frozen=True)
@@ -190,12 +191,21 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
         raise InputError("one interface has no direction to cut along", remedy="give its interface_radius")
 
 
+def quality_words(least_angle_deg: float) -> str:
+    """The verdict on an imported mesh, which is closed, of one body and without folds: only its angle may be poor."""
+    if least_angle_deg >= POOR_ANGLE_DEG:
+        return GOOD
+    return (
+        f"POOR for one reason only, a minimum angle of {least_angle_deg:.1f} deg below {POOR_ANGLE_DEG:g}: stresses "
+        f"near it are not to be trusted, displacements are"
+    )
+
+
 def _quality(nodes: Array, faces: Indices, least: float) -> str:
     mesh = trimesh.Trimesh(nodes, faces, process=False)
-    edge = mesh.edges_unique_length
-    poor = " (POOR: stresses near it are not to be trusted)" if least < POOR_ANGLE_DEG else ""
+    edge = 1e3 * mesh.edges_unique_length
     return (
-        f"quality: {len(faces)} triangles, minimum angle {least:.1f} deg{poor}, edges {1e3 * edge.min():.4g} to "
-        f"{1e3 * edge.max():.4g} mm, watertight {'yes' if mesh.is_watertight else 'NO'}, "
+        f"quality {quality_words(least)}: {len(faces)} triangles, minimum angle {least:.1f} deg, "
+        f"edges {edge.min():.4g} to {edge.max():.4g} mm, watertight {'yes' if mesh.is_watertight else 'NO'}, "
         f"bodies {mesh.body_count}, folds 0, area {mesh.area:.6g} m2"
     )

@@ -58,9 +58,11 @@ class Ring:
 
 
 def choose_rings(
-    interfaces: Mapping[str, Interface], nodes: Array, faces: Indices, size: float
+    interfaces: Mapping[str, Interface], nodes: Array, faces: Indices, size: float, link: str = ""
 ) -> tuple[dict[str, Ring], list[str]]:
     """Nodes of each interface on a surface (n, 3), (m, 3) with elements of ``size`` m; notes of what was shrunk.
+
+    ``link``: for messages.
 
     With an axis: the *seats* around it, flat places at right angles to it, on five eighths of its turn at least;
     of these the nearest to the neighbour's surface, as far as it follows that surface, or without a neighbour the
@@ -78,7 +80,7 @@ def choose_rings(
     """
     normal = np.zeros((len(nodes), 3))
     np.add.at(normal, faces, normals(nodes, faces)[:, None] / 6.0)
-    skin = _Skin(nodes, faces, normal, size)
+    skin = _Skin(nodes, faces, normal, size, f" of link {link}" if link else "")
     notes: list[str] = []
     for share in (1.0, *(SHARE_OF_WAY * SHRINK**i for i in range(MOST_SHRINKS))):
         rings = {name: _ring(name, interfaces, skin, share) for name in interfaces}
@@ -89,19 +91,23 @@ def choose_rings(
         notes = [f"rings of {' and '.join(common)} met: their radii were cut, see below"]
     if common:
         raise InputError(
-            f"interfaces {' and '.join(common)} share nodes", remedy="give smaller interface_radius for both"
+            f"interfaces {' and '.join(common)}{skin.of} share nodes", remedy="give smaller interface_radius for both"
         )
     return rings, notes
 
 
 @dataclass(frozen=True)
 class _Skin:
-    """A surface with its nodes' normals, as long as the area each stands for (m^2), and its element size."""
+    """A surface with its nodes' normals, as long as the area each stands for (m^2), and its element size.
+
+    ``of``: whose it is, for messages.
+    """
 
     nodes: Array
     faces: Indices
     normal: Array
     size: float
+    of: str = ""
 
 
 def _sharing(rings: Mapping[str, Ring]) -> list[str]:
@@ -134,7 +140,7 @@ def _ring(name: str, interfaces: Mapping[str, Interface], skin: _Skin, share: fl
     if found is None or found.nodes.size < LEAST_RING:
         count = 0 if found is None else found.nodes.size
         raise InputError(
-            f"no ring found at interface {name}: {count} nodes around {np.round(here.point, 6).tolist()} m "
+            f"no ring found at interface {name}{skin.of}: {count} nodes around {np.round(here.point, 6).tolist()} m "
             f"within {where}",
             value=f"the nearest node is {distance.min():.4g} m away",
             allowed=f"{LEAST_RING} nodes or more",
@@ -269,5 +275,6 @@ def _disc(ring: Indices, off: Array, sector: Indices, size: float) -> Indices:
     """Cut a seat to the lower quartile of its reach around the axis."""
     reach = [off[ring[sector[ring] == k]].max(initial=0.0) for k in range(SECTORS * FINE)]
     radius = float(np.quantile([r for r in reach if r > 0.0], 0.25))
-    # Half an element more, so that the rim of a round boss is all in.
-    return np.asarray(ring[off[ring] <= radius + 0.5 * size])
+    # Half an element more, so that the rim of a round boss is all in; on coarse meshes as far as a ring needs.
+    least = np.sort(off[ring])[min(LEAST_RING, ring.size) - 1]
+    return np.asarray(ring[off[ring] <= max(radius + 0.5 * size, float(least))])

@@ -105,7 +105,7 @@ def as_it_is(
     skin, cells = remesh(nodes, faces, size)
     _refuse_crossings(name, skin, cells, "crosses itself", "separate the parts in the program it came from")
     report.append(f"remeshed from {len(faces)} to {len(cells)} triangles of {1e3 * size:.4g} mm")
-    rings, shrunk = choose_rings(interfaces, skin, cells, size)
+    rings, shrunk = choose_rings(interfaces, skin, cells, size, name)
     middle, fewer = offset_inward(name, skin, cells, 0.5 * settings.wall)
     _refuse_crossings(name, middle, cells, "has places thinner than the wall", "give the wall's true thickness")
     report.append(f"nodes moved inward by half the wall, {500 * settings.wall:.4g} mm, to the mid-surface")
@@ -139,7 +139,7 @@ def wrapped(
     else:
         method, failed = methods(settings.wrap)[0], ()
         done = _casing(name, nodes, faces, settings.wall, size, settings.opening, method)
-    rings, shrunk = choose_rings(interfaces, done.nodes, done.faces, size)
+    rings, shrunk = choose_rings(interfaces, done.nodes, done.faces, size, name)
     report = [f"closing width {trial}: not taken" for trial in failed]
     report += [*warning(done.off, size), *done.report, *shrunk]
     off = (done.off.middling, done.off.worst)
@@ -168,17 +168,18 @@ def _casing(
 ) -> _Casing:
     """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is further than ``most`` m off."""
     from meshes.surface_trials import TooFar
-    from meshes.surface_wrap import departure, middle_surface, wrap_surface
+    from meshes.surface_wrap import departure, middle_surface, original_seen, wrap_surface
 
     wrap = wrap_surface(name, nodes, faces, size, opening, method)
     _check_room(name, wrap.nodes, wrap.faces, size, wall, wrap.offset)
     fine, notes = middle_surface(name, wrap, wall, size, ATTEMPTS[0][0] * size)
     # Before remeshing, which takes most of the time.
-    off = departure(wrap, nodes[faces], fine, wall, size)
+    original = original_seen(wrap, nodes[faces], size)
+    off = departure(original, fine, wall, size)
     if off.middling > most:
         raise TooFar(name, off, most)
     middle, cells, notes, edges = _remeshed(name, wrap, fine, notes, wall, size)
-    off = departure(wrap, nodes[faces], (middle, cells), wall, size)
+    off = departure(original, (middle, cells), wall, size)
     if off.middling > most:
         raise TooFar(name, off, most)
     report = (

@@ -88,6 +88,7 @@ def by_trial(
                 if not failed and not isinstance(fault, SurfaceFault):
                     raise
                 words = fault.what.removeprefix(f"surface {name}").lstrip(": ")
+                words += f", {fault.value}" if fault.value else ""
                 failed.append(Trial(width, method, words))
     raise InputError(
         f"surface {name}: no closing width by trial gives one casing within two elements ({1e3 * most:.3g} mm) of the "

@@ -33,7 +33,7 @@ METHODS: tuple[Method, ...] = ("auto", "alpha", "grid")
 # Grid steps in an element: the contour has some four triangles for each element that remeshing leaves.
 STEPS = 2.0
 # CGAL's manual advises an offset of a tenth to a thirtieth of alpha.
-ALPHA_OFFSET = 0.1
+ALPHA_OFFSET, LEAST_ALPHA_OFFSET = 0.1, 1.0 / 30.0
 TIMEOUT_S = 300.0
 # Distance of a right-angled corner from the one that is eroded by 1: the square root of 3, and some more.
 CORNER = 1.75
@@ -99,7 +99,8 @@ def wrap_surface(
     check_method(method)
     ball = max(0.5 * opening if opening is not None else 0.0, size)
     if method == "alpha":
-        offset = ALPHA_OFFSET * ball
+        # No further outside than the grid's, if that is not too little for the ball.
+        offset = min(ALPHA_OFFSET * ball, max(size / STEPS, LEAST_ALPHA_OFFSET * ball))
         skin = _alpha_wrapped(name, nodes, faces, ball, offset)
     else:
         offset = size / STEPS
@@ -209,7 +210,8 @@ def middle_surface(
 def _signed_distance(grid: Grid, nodes: Array, faces: Indices, least: float, most: float) -> Array:
     """Distance to a closed surface on the grid, negative inside; exact from ``least`` to ``most`` and a step beyond."""
     reach = 1.5 * grid.step
-    far = distance(grid, sample(nodes[faces], 0.5 * grid.step), max(least - reach, 0.0), most + reach)
+    points = even(sample(nodes[faces], 0.5 * grid.step), 0.1 * grid.step)
+    far = distance(grid, points, max(least - reach, 0.0), most + reach)
     return np.where(enclosed(grid, nodes, faces), -far, far)
 
 
@@ -237,16 +239,37 @@ class Departure:
         )
 
 
-def departure(wrap: Wrap, corners: Array, middle: tuple[Array, Indices], wall: float, size: float) -> Departure:
-    """How far a mid-surface and the original (m, 3, 3) are from being half a wall apart, by samples."""
-    original, ours = sample(corners, size / 3.0), sample(middle[0][middle[1]], size / 3.0)
-    skin = KDTree(sample(wrap.nodes[wrap.faces], size / 3.0))
-    seen = original[skin.query(original, workers=-1)[0] <= wrap.offset + 0.25 * size]
+@dataclass(frozen=True)
+class Original:
+    """Samples of a surface to compare with: a tree of all, and those (p, 3) m that a wrap sees, even over its area."""
+
+    everywhere: KDTree
+    seen: Array
+
+
+def original_seen(wrap: Wrap, corners: Array, size: float) -> Original:
+    """What a wrap sees of the original's triangles (m, 3, 3)."""
+    points = even(sample(corners, size / 3.0), size / 6.0)
+    skin = KDTree(even(sample(wrap.nodes[wrap.faces], size / 3.0), size / 6.0))
+    some = even(points, size / 3.0)
+    near = skin.query(some, workers=-1)[0] <= wrap.offset + 0.25 * size
+    return Original(KDTree(points), some[near])
+
+
+def departure(original: Original, middle: tuple[Array, Indices], wall: float, size: float) -> Departure:
+    """How far a mid-surface and the original are from being half a wall apart, by samples of equal area."""
+    ours = even(sample(middle[0][middle[1]], size / 3.0), size / 6.0)
     bridged, lost = (
-        np.maximum(np.asarray(KDTree(surface).query(points, workers=-1)[0]) - 0.5 * wall, 0.0)
-        if len(points)
-        else np.zeros(1)
-        for points, surface in ((ours, original), (seen, ours))
+        np.maximum(np.asarray(tree.query(points, workers=-1)[0]) - 0.5 * wall, 0.0) if len(points) else np.zeros(1)
+        for points, tree in ((even(ours, size / 3.0), original.everywhere), (original.seen, KDTree(ours)))
     )
-    at = (float(np.percentile(far, 95.0)) for far in (bridged, lost))
-    return Departure(*at, worst=float(max(bridged.max(), lost.max())))
+    worst = float(max(bridged.max(), lost.max()))
+    return Departure(float(np.percentile(bridged, 95.0)), float(np.percentile(lost, 95.0)), worst)
+
+
+def even(points: Array, spacing: float) -> Array:
+    """One of the points (p, 3) in each cube of side ``spacing`` m: triangles share corners, small ones have many."""
+    cube = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
+    shape = cube.max(axis=0) + 1
+    first = np.unique((cube[:, 0] * shape[1] + cube[:, 1]) * shape[2] + cube[:, 2], return_index=True)[1]
+    return np.asarray(points[np.sort(first)])

@@ -14,6 +14,7 @@ from doe.calibration import (
     StageResult,
     leave_one_pose_out,
     readings_of,
+    refuse_cut_cycles,
     run_campaign,
     without_outliers,
 )
@@ -23,7 +24,8 @@ from doe.joined_measurements import files_of
 from doe.lack_of_fit import downweighted
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
-from fem import ArmModel, build_model
+from fem import ArmModel
+from fem.effects import LOAD_PATH, build_plain
 from fem.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
@@ -142,15 +144,16 @@ def calibrate(
         )
     if holdout is not None:
         refuse_seen(table, holdout)
+    refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
     build = _builder(given)
-    found = run_campaign(given.description, build, used, request.campaign, store=store, progress=say)
+    found = run_campaign(given.description, build, used, request.campaign, store=store, progress=say, own=given.own)
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
     if _all_at_once(found):
         error, skipped = stages[0].left_out, stages[0].skipped
     else:
-        error, skipped = left_out(given.description, build, used, request.campaign, found, count)
+        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own)
     remarks = words.remarks(found.stages, request.expected)
     return Calibrated(
         request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,
@@ -159,8 +162,8 @@ def calibrate(
 
 
 def _builder(given: ModelInput) -> Callable[[ModelDescription], ArmModel]:
-    """Models as the given one: unchanged links are found in the cache."""
-    return lambda description: build_model(description, given.model.link_kind, given.model.load_path)
+    """Models as the given one, without effects: unchanged links are found in the cache."""
+    return lambda description: build_plain(description, given.model.link_kind, given.model.load_path)
 
 
 def _all_at_once(found: Calibration) -> bool:
@@ -201,10 +204,12 @@ def _described(
     given: ModelInput, found: Calibration, used: Measurements, request: Request, remarks: tuple[str, ...]
 ) -> ModelDescription:
     """The calibrated description with where it came from."""
+    has_path = any(table.code == LOAD_PATH for table in found.description.effect)
     source = f"global calibration on {used.source}, SHA-256 {used.sha256}"
     changed = found.description.model_copy(
         update={
-            "load_path": given.model.load_path,
+            # With an effect load-path the file keeps the path that it departs from.
+            "load_path": found.description.load_path if has_path else given.model.load_path,
             "sources": {**found.description.sources, SOURCE_KEY: source},
             "calibration": Origin(
                 scheme="global",

@@ -48,7 +48,8 @@ def _curve(s: StageResult, law: FreeLaw) -> LawCurve:
     poses[:, list(columns)] = read
     first = columns[0]
     q = np.zeros((_POINTS if len(columns) == 1 else 0, robot.dof))
-    q[:, first] = np.linspace(*robot.limits[first], len(q))
+    low, high = robot.limits[first]
+    q[:, first] = np.linspace(low, high, len(q))
     return LawCurve(
         law.joint, kind, tuple(robot.coordinates[c] for c in columns),
         np.degrees(q[:, first]), law_band(e, s.certainty, law, q),

@@ -11,7 +11,7 @@ import numpy as np
 from doe import SpringEstimate
 from doe.calibration import StageResult
 from doe.constant import bound_remark
-from doe.lack_of_fit import FLAGGED, LackOfFit
+from doe.lack_of_fit import FLAGGED, LackOfFit, downweighted
 from doe.noise import FEWEST_POSES, Noise, estimable
 from doe.problem import Problem
 from doe.uncertainty import Certainty, ParameterEstimate
@@ -21,6 +21,8 @@ from fem.parameters import TURN, Parameter
 REFUTED = 0.01
 # Residual scatter beyond this many digits of the gauge is not the gauge's.
 BEYOND_GAUGE = 2.0
+# More outliers than this share of the readings are no outliers (assumed).
+MOST_OUTLIERS = 0.1
 # Set-ups that scatter by more than this share of the deflection are suspect (assumed).
 LARGE_SHARE = 0.05
 
@@ -248,9 +250,16 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
     if not np.isnan(e.problem.sigma).any() and not math.isnan(test.chi_p_value):
         found = f"Against the sigmas given: chi-square {test.chi_square:.3g} on {test.chi_dof} degrees of freedom, " \
                 f"p = {test.chi_p_value:.2g}. "  # fmt: skip
-        bad = test.chi_p_value < REFUTED and not e.noise.has_common
-        end = "The model is refuted if these sigmas are right." if bad else "Nothing refutes the model."
-        return ("refuted" if bad else "not refuted"), found + end
+        # Scatter between set-ups is part of the noise in this test, outliers have lost their weight in it.
+        far = downweighted(e)
+        if far > MOST_OUTLIERS * len(e.problem):
+            return "refuted", found + (
+                f"{far} of {len(e.problem)} readings are far off and lost weight, too many to be outliers: these "
+                "sigmas are too small, or the model is refuted."
+            )
+        if test.chi_p_value < REFUTED:
+            return "refuted", found + "The model is refuted if these sigmas are right."
+        return "not refuted", found + "Nothing refutes the model."
     digits = e.noise.white[0] * 1e3 / gauge_mm
     text = "There are no replicates to spare, so the model cannot be tested against their scatter. "
     if digits > BEYOND_GAUGE and (e.problem.component < 3).any():

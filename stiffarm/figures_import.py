@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -24,6 +25,8 @@ RING_COLOURS: Final = (style.OKABE_ITO["blue"], style.OKABE_ITO["vermillion"], s
 _LIGHT: Final = np.array([-0.35, 0.55, 0.76])
 _COLUMNS: Final = 3
 _CELL_IN: Final = (3.6, 3.3)
+# Width of a letter of the title.
+_LETTER_IN: Final = 0.125
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,9 @@ def contact_sheet(links: Sequence[ShownLink], title: str) -> Figure:
             Line2D([], [], color=style.INK, marker="o", markerfacecolor="white", linestyle="none", label="joint")
         )
         figure.legend(handles=marks, loc="outside lower center", ncols=len(marks))
-        figure.suptitle(title, x=0.02, ha="left", weight="bold", size=13)
+        figure.suptitle(
+            textwrap.fill(title, max(int(width / _LETTER_IN), 20)), x=0.02, ha="left", weight="bold", size=13
+        )
     return figure
 
 

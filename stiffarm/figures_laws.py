@@ -53,8 +53,8 @@ def _panel(ax: Axes, curve: LawCurve) -> None:
         inside = (curve.angle_deg >= curve.read_deg.min()) & (curve.angle_deg <= curve.read_deg.max())
         ax.fill_between(curve.angle_deg, curve.band.low, curve.band.high, color=_BLUE, alpha=0.14, linewidth=0)
         where = np.where(inside, curve.band.stiffness, np.nan)
-        ax.plot(curve.angle_deg, curve.band.stiffness, color=_BLUE, linewidth=1.3, linestyle="--", label="beyond")
         ax.plot(curve.angle_deg, where, color=_BLUE, linewidth=2.4, label="law")
+        ax.plot(curve.angle_deg, curve.band.stiffness, color=_BLUE, linewidth=1.3, linestyle="--", label="extrapolated")
     known = np.isfinite(read.stiffness)
     spread = [(read.stiffness - read.low)[known], (read.high - read.stiffness)[known]]
     ax.errorbar(

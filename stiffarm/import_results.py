@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
-from meshes.surface_import import ImportedLink
+from meshes.surface_import import GOOD, ImportedLink, quality_words
 from robots import ModelDescription, save_description
 from robots.quantities import PositiveLength
 from robots.robot import robot_from
@@ -21,6 +21,7 @@ from robots.schema import Link, Surface
 from robots.surface_files import surface_file_name
 from stiffarm.console import say, show_table
 from stiffarm.figures_import import ShownLink, contact_sheet
+from stiffarm.import_checks import TipCompliance, tip_compliances, warnings_of
 from stiffarm.importing import ImportedPart, ImportOptions, OneLink, RobotImport
 from stiffarm.outputs import OutputFolder
 from stiffarm.picture_style import save_png
@@ -32,11 +33,15 @@ SOURCE = "meshes"
 
 def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolder) -> dict[str, Any]:
     """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
-    shown = [_shown(part.name, part.link, part.wall, part.points) for part in result.parts]
     # The model takes copies of the shells with it, under names that tell versions apart.
     with tempfile.TemporaryDirectory() as shells:
         description = as_description(result, options, Path(shells))
-        content = payload(result, options, description)
+        found = tip_compliances(description, tuple(part.name for part in result.parts))
+        warnings = {part.name: warnings_of(part.link, found[part.name]) for part in result.parts}
+        said = [f"link {name}: {line}" for name, lines in warnings.items() for line in lines]
+        description = description.model_copy(update={"notes": (*description.notes, *said)})
+        content = payload(result, options, description, found)
+        shown = [_shown(part.name, part.link, part.wall, part.points, warnings[part.name]) for part in result.parts]
         _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
     return content
 
@@ -50,9 +55,7 @@ def write_link(done: OneLink, given: ModelDescription, source: str, folder: Outp
         "robot": given.name,
         "link": name,
         "file": source,
-        **link_payload(done.shell, done.wall),
     }
-    sheet = contact_sheet([_shown(name, done.shell, done.wall, done.points)], f"{source} as link {name}")
     with tempfile.TemporaryDirectory() as shells:
         surface = written_surface(done.shell, name, done.wall, Path(shells), key)
         data = given.model_dump(by_alias=True, exclude_none=True)
@@ -62,7 +65,10 @@ def write_link(done: OneLink, given: ModelDescription, source: str, folder: Outp
         ]
         description = ModelDescription.model_validate(data)
         check_shells(description)
-        _write(description, content, sheet, folder)
+        found = tip_compliances(description, (name,))[name]
+        content |= link_payload(done.shell, done.wall, found)
+        shown = _shown(name, done.shell, done.wall, done.points, content["warnings"])
+        _write(description, content, contact_sheet([shown], f"{source} as link {name}"), folder)
     return content
 
 
@@ -72,11 +78,14 @@ def _write(description: ModelDescription, content: dict[str, Any], sheet: Figure
     save_png(sheet, folder.path("import.png"))
 
 
-def _shown(name: str, link: ImportedLink, wall: float, points: Array) -> ShownLink:
+def _shown(name: str, link: ImportedLink, wall: float, points: Array, warnings: Sequence[str]) -> ShownLink:
     figures = link.figures
     rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
     how = "wrapped" if figures.wrapped else "as it is"
-    facts = (f"{figures.triangles} triangles, wall {1e3 * wall:g} mm, surface {how}", f"rings: {rings}")
+    mesh = f"{figures.triangles} triangles, wall {1e3 * wall:g} mm, surface {how}"
+    facts: tuple[str, ...] = (mesh, f"rings: {rings}")
+    if warnings:
+        facts = (*facts, f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json")
     return ShownLink(name, link.mesh, points, facts)
 
 
@@ -142,19 +151,21 @@ def check_shells(description: ModelDescription) -> None:
             link_shell_mesh(link, link_beam_mesh(description, robot, link))
 
 
-def payload(result: RobotImport, options: ImportOptions, description: ModelDescription) -> dict[str, Any]:
+def payload(
+    result: RobotImport, options: ImportOptions, description: ModelDescription, found: Mapping[str, TipCompliance]
+) -> dict[str, Any]:
     """What import.json holds of a robot."""
     return {
         "schema": "stiffarm-import/1",
         "robot": result.urdf.description.name,
         "material": options.material,
-        "links": [_payload_of(part) for part in result.parts],
+        "links": [_payload_of(part, found[part.name]) for part in result.parts],
         "rigid": result.rigid,
         "notes": list(description.notes),
     }
 
 
-def _payload_of(part: ImportedPart) -> dict[str, Any]:
+def _payload_of(part: ImportedPart, found: TipCompliance) -> dict[str, Any]:
     section = part.section.section
     return {
         "link": part.name,
@@ -166,11 +177,11 @@ def _payload_of(part: ImportedPart) -> dict[str, Any]:
         "beam_section_mm": {key: _mm(quantity.si) for key, quantity in section if isinstance(quantity, PositiveLength)}
         | {"kind": section.kind},
         "cover": round(part.section.cover, 3),
-        **link_payload(part.link, part.wall),
+        **link_payload(part.link, part.wall, found),
     }
 
 
-def link_payload(link: ImportedLink, wall: float) -> dict[str, Any]:
+def link_payload(link: ImportedLink, wall: float, found: TipCompliance) -> dict[str, Any]:
     """Figures of one imported shell for JSON."""
     figures = link.figures
     return {
@@ -181,21 +192,29 @@ def link_payload(link: ImportedLink, wall: float) -> dict[str, Any]:
         "wrapped": figures.wrapped,
         "triangles": figures.triangles,
         "minimum_angle_deg": round(figures.minimum_angle_deg, 2),
+        "quality": quality_words(figures.minimum_angle_deg),
         "mid_surface_area_m2": round(figures.area_m2, 6),
         "departure_mm": [None if math.isnan(v) else _mm(v) for v in figures.departure_m],
         "rings": {
             name: {"nodes": int(ring.nodes.size), "radius_mm": _mm(ring.radius), "chosen": ring.words}
             for name, ring in figures.rings.items()
         },
+        "tip_compliance_um_per_kN": {"shell": _um_per_kn(found.shell), "beam": _um_per_kn(found.beam)},
+        "tip_compliance_shell_over_beam": round(found.ratio, 3) if math.isfinite(found.ratio) else None,
+        "warnings": warnings_of(link, found),
         "changes": list(link.report),
     }
+
+
+def _um_per_kn(value: float) -> float:
+    return float(f"{1e9 * value:.6g}")
 
 
 def _mm(value: float) -> float:
     return round(1e3 * value, 3)
 
 
-def show(result: RobotImport, notes: Sequence[str]) -> None:
+def show(result: RobotImport, content: Mapping[str, Any]) -> None:
     """Tables of the links for people, then what stays rigid and the remarks."""
     show_table(
         f"Imported: {result.urdf.description.title}",
@@ -204,13 +223,18 @@ def show(result: RobotImport, notes: Sequence[str]) -> None:
     )
     show_table(
         "The links",
-        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "cover (%)"],
-        [_link_row(part) for part in result.parts],
+        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "cover (%)", "shell / beam"],
+        [_link_row(part, link) for part, link in zip(result.parts, content["links"], strict=True)],
     )
     say("off by: 95 % of what is seen of the original is nearer than this to the shell's outer side")
     say("cover: share of the way from root to tip where the casing is")
-    for note in notes:
-        say(f"note: {note}")
+    say("shell / beam: compliance of the tip as a shell over that as a beam")
+    for part in result.parts:
+        words = quality_words(part.link.figures.minimum_angle_deg)
+        if words != GOOD:
+            say(f"quality of {part.name}: {words}")
+    for note in content["notes"]:
+        say(note if ": WARNING: " in note else f"note: {note}")
 
 
 def _mesh_row(part: ImportedPart) -> list[str]:
@@ -222,11 +246,11 @@ def _mesh_row(part: ImportedPart) -> list[str]:
         "wrapped" if figures.wrapped else "as it is",
         f"{figures.triangles}",
         f"{1e3 * figures.size_m:.3g}",
-        f"{figures.minimum_angle_deg:.0f}",
+        f"{figures.minimum_angle_deg:.0f}{'' if quality_words(figures.minimum_angle_deg) == GOOD else ' POOR'}",
     ]
 
 
-def _link_row(part: ImportedPart) -> list[str]:
+def _link_row(part: ImportedPart, link: Mapping[str, Any]) -> list[str]:
     off = part.link.figures.departure_m[0]
     return [
         part.name,
@@ -236,4 +260,5 @@ def _link_row(part: ImportedPart) -> list[str]:
         f"{part.casing_kg:.3g}",
         "-" if part.declared is None else f"{part.declared.si:.4g}",
         f"{100 * part.section.cover:.0f}",
+        "-" if link["tip_compliance_shell_over_beam"] is None else f"{link['tip_compliance_shell_over_beam']:.3g}",
     ]

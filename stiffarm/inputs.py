@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
 from fem import FLANGES, LINK_KINDS, ArmModel, LinkKind
-from fem.effects import Maker, PlacedEffect, build_arm, reading_effects, with_load_path as without_other_path
+from fem.effects import LOAD_PATH, Maker, PlacedEffect, build_arm, reading_effects
+from fem.effects import with_load_path as described_with_load_path
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, load_description
 from robots.robot import robot_from
 from robots.schema import FlangeCoupling
@@ -27,18 +28,27 @@ LARGEST_LOAD = 1e9
 
 @dataclass(frozen=True)
 class ModelInput:
-    """A model as asked for: description, robot, mechanics."""
+    """A model as asked for: description, robot, mechanics.
+
+    ``model`` has the description's effects of stage "model"; ``effects``: the others, on loads, parts and readings;
+    ``own``: laws of the user's own effects.
+    """
 
     description: ModelDescription
     robot: Robot
     model: ArmModel
+    effects: tuple[PlacedEffect, ...] = ()
+    own: tuple[Maker, ...] = ()
 
 
-def read_model(name: str, links: str | None, load_path: str | None) -> ModelInput:
+def read_model(
+    name: str, links: str | None, load_path: str | None, *, own: tuple[Maker, ...] = (), without: str | None = None
+) -> ModelInput:
     """Load and build a model; links default to what it was calibrated with, else beams.
 
     ``shell:distributing`` and ``shell:rigid`` choose how the flanges of all shell links are coupled; the choice goes
-    into the description, so that a calibrated model keeps it.
+    into the description, so that a calibrated model keeps it. ``without``: what the command makes from the linear arm
+    alone ("the map"): effects that this leaves out are named.
     """
     description = load_description(name)
     asked, _, flanges = (links or "").partition(":")
@@ -55,7 +65,20 @@ def read_model(name: str, links: str | None, load_path: str | None) -> ModelInpu
         if load_path not in ("parallelogram", "serial"):
             raise InputError("--load-path", value=load_path, allowed="parallelogram, serial")
         path = "parallelogram" if load_path == "parallelogram" else "serial"
-    return ModelInput(description, robot_from(description), _built(description, kind, path))
+        if any(table.code == LOAD_PATH for table in description.effect):
+            description = described_with_load_path(description, path)
+    model = _built(description, kind, path, own)
+    effects = reading_effects(description, model, own)
+    if effects and without is not None:
+        say(f"note: not in {without}: {', '.join(e.effect.code for e in effects)}")
+    return ModelInput(description, robot_from(description), model, effects, own)
+
+
+def refuse_effects(given: ModelInput, what: str, remedy: str) -> None:
+    """Refuse a model with effects where their part in the springs would be counted twice."""
+    if given.description.effect:
+        codes = ", ".join(table.code for table in given.description.effect)
+        raise InputError(f"{what} of a model with effects", value=codes, allowed="no [[effect]]", remedy=remedy)
 
 
 def with_flanges(description: ModelDescription, coupling: FlangeCoupling) -> ModelDescription:
@@ -69,13 +92,15 @@ def with_flanges(description: ModelDescription, coupling: FlangeCoupling) -> Mod
     return description.model_copy(update={"link": tuple(links), "parallelogram": crank})
 
 
-def _built(description: ModelDescription, kind: LinkKind, path: LoadPath | None) -> ArmModel:
+def _built(
+    description: ModelDescription, kind: LinkKind, path: LoadPath | None, own: tuple[Maker, ...] = ()
+) -> ArmModel:
     """The model; shells take a while, so they are announced."""
     if kind != "shell":
-        return build_model(description, kind, path)
+        return build_arm(description, kind, path, own=own)
     say(f"building shell models of {len(description.link)} links")
     with progress("shell models of links"):
-        return build_model(description, kind, path)
+        return build_arm(description, kind, path, own=own)
 
 
 def with_load_path(given: ModelInput, load_path: LoadPath) -> ModelInput:
@@ -86,12 +111,12 @@ def with_load_path(given: ModelInput, load_path: LoadPath) -> ModelInput:
     if load_path == "serial":
         # The links are the same, and building shells again would take its time.
         return replace(given, model=replace(model, load_path="serial", bar=None))
-    return replace(given, model=_built(given.description, model.link_kind, load_path))
+    return replace(given, model=_built(given.description, model.link_kind, load_path, given.own))
 
 
 def with_links(given: ModelInput, links: LinkKind) -> ModelInput:
     """The same model with another kind of links."""
-    return replace(given, model=_built(given.description, links, given.model.load_path))
+    return replace(given, model=_built(given.description, links, given.model.load_path, given.own))
 
 
 def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
@@ -195,13 +220,13 @@ def parse_pose(robot: Robot, text: str) -> Array:
     return np.asarray(q)
 
 
-def parse_load(text: str) -> Array:
+def parse_load(text: str, option: str = "--load") -> Array:
     """A wrench (6,) from ``fz_N=-650,mx_Nm=10``."""
-    values = parse_pairs(text, "--load", WRENCH_NAMES)
+    values = parse_pairs(text, option, WRENCH_NAMES)
     wrench = np.array([values.get(name, 0.0) for name in WRENCH_NAMES])
     if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
         raise InputError(
-            "--load",
+            option,
             value=text,
             allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
             remedy="give the load in N and N m, as in fz_N=-650",

@@ -45,6 +45,12 @@ Loads = Annotated[
     typer.Option("--loads", help="force magnitudes in N, as in 150,650, or all; default: the scheme's, else all"),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="of the random numbers", min=0)]
+EffectFile = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effect", metavar="FILE.py", help="Python file with effects of your own; it is executed. May be repeated"
+    ),
+]
 SchemeFile = Annotated[
     Path | None, typer.Option("--scheme-file", help="calibration scheme TOML; default: the bundled one")
 ]
@@ -72,10 +78,13 @@ def folder_if(
 
 
 def open_measured(
-    model: str, data: Path | None, links: str | None, load_path: str | None
+    model: str, data: Path | None, links: str | None, load_path: str | None, *, without: str | None = None
 ) -> tuple[ModelInput, Measurements, dict[str, Path | str]]:
-    """What commands that calibrate do first: model, table with remarks, and the hashes of both for run.json."""
-    given = inputs.read_model(model, links, load_path)
+    """What commands that calibrate do first: model, table with remarks, and the hashes of both for run.json.
+
+    ``without``: as of :func:`stiffarm.inputs.read_model`.
+    """
+    given = inputs.read_model(model, links, load_path, without=without)
     files: dict[str, Path | str] = {"model": model_hash(given)}
     return given, open_table(given, model, data, files), files
 

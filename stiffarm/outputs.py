@@ -11,6 +11,7 @@ import shutil
 import sys
 import tempfile
 import time
+import tomllib
 from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -117,11 +118,19 @@ class OutputFolder:
         """Move the files into place; if anything stops that, Ctrl-C too, put back what was moved."""
         backup = _free_name(self.target / "previous", dt.datetime.now(dt.UTC).strftime("%Y%m%d-%H%M%S"))
         moves: list[tuple[Path, Path]] = []
+        copies: list[Path] = []
         try:
             for new in sorted(p for p in self.stage.rglob("*") if p.is_file()):
                 name = new.relative_to(self.stage)
                 place = self.target / name
                 if place.exists():
+                    for file in _files_named_in(place):
+                        # Those that the new run replaces come by being moved.
+                        copy = backup / name.parent / file
+                        if not copy.exists():
+                            copies.append(copy)
+                            self._make(copy.parent)
+                            shutil.copy2(place.parent / file, copy)
                     moves.append((place, backup / name))
                     self._move(*moves[-1])
                 moves.append((new, place))
@@ -130,6 +139,8 @@ class OutputFolder:
             for source, place in reversed(moves):
                 if place.exists() and not source.exists():
                     place.replace(source)
+            for copy in copies:
+                copy.unlink(missing_ok=True)
             if isinstance(error, OSError):
                 raise InputError(
                     f"output folder {self.target} cannot take the results ({error})",
@@ -157,6 +168,18 @@ class OutputFolder:
         for folder in sorted(self._made, key=lambda p: len(p.parts), reverse=True):
             with contextlib.suppress(OSError):
                 folder.rmdir()
+
+
+def _files_named_in(path: Path) -> list[Path]:
+    """Surface files beside a model file that it refers to; they go where it goes, or it cannot be read there."""
+    if path.suffix != ".toml":
+        return []
+    try:
+        links = tomllib.loads(path.read_text(encoding="utf-8")).get("link", [])
+        files = [Path(link["surface"]["file"]) for link in links if "surface" in link]
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):  # somebody's own file
+        return []
+    return [f for f in files if not f.is_absolute() and ".." not in f.parts and (path.parent / f).is_file()]
 
 
 def _free_name(folder: Path, stem: str) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from doe import Measurements
 from doe.calibration import Calibration, run_campaign, undetermined
 from doe.campaign import Campaign
+from doe.load_history import history_of
 from doe.problem import Problem, problem
 from doe.readings import rms_mm
 from fem import ArmModel
+from fem.effects import History, Maker, PlacedEffect
 from robots import InputError, ModelDescription
 
 Array = NDArray[np.float64]
@@ -48,9 +50,10 @@ def left_out(
     campaign: Campaign,
     found: Calibration,
     count: Count | None,
+    own: Sequence[Maker] = (),
 ) -> tuple[Array, dict[str, str]]:
     """Errors (m,) of each pose predicted by all stages run again without it."""
-    whole, labels = found.overall, np.array(used.pose, dtype=str)
+    whole, labels, history = found.overall, np.array(used.pose, dtype=str), history_of(used)
     error, reasons = np.full(len(whole), np.nan), {}
     for k, label in enumerate(whole.poses):
         if count is not None:
@@ -62,7 +65,8 @@ def left_out(
             continue
         without = campaign.model_copy(update={"stage": tuple(fewer)})
         try:
-            rest = run_campaign(description, build, used.select(labels != label), without)
+            then = history.take(np.flatnonzero(labels != label))
+            rest = run_campaign(description, build, used.select(labels != label), without, own=own, history=then)
         except InputError as reason:
             reasons[label] = str(reason)
             continue
@@ -71,13 +75,16 @@ def left_out(
         if blind:
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
             continue
-        error[whole.pose == k] = _error(rest.model, mine)[0]
+        then = history.take(np.flatnonzero(labels == label))
+        error[whole.pose == k] = prediction_error(rest.model, mine, rest.effects, then)[0]
     return error, reasons
 
 
-def _error(model: ArmModel, data: Measurements) -> tuple[Array, Problem]:
-    """Read minus predicted (m,)."""
-    system = problem(model, data, ())
+def prediction_error(
+    model: ArmModel, data: Measurements, effects: Sequence[PlacedEffect] = (), history: History | None = None
+) -> tuple[Array, Problem]:
+    """Errors (m,) read minus predicted of all readings, and the readings; ``history``: by default the table's."""
+    system = problem(model, data, (), effects=effects, history=history)
     return system.value - system.evaluate(np.zeros(0))[0], system
 
 
@@ -86,14 +93,14 @@ def _blind(found: Calibration, data: Measurements) -> list[str]:
     out: list[str] = []
     for stage in found.stages:
         free = stage.estimate.problem.free
-        there = problem(free.model, data, free.parameters, free.laws, free.walls)
+        there = problem(free.model, data, free.parameters, free.laws, free.walls, free.effects)
         out += undetermined(stage.estimate, there.evaluate(stage.estimate.u)[1])
     return out
 
 
 def held_out(found: Calibration, data: Measurements) -> Holdout:
     """Predict readings that the calibration has not seen; poses that hang on what it does not determine are named."""
-    error, system = _error(found.model, data)
+    error, system = prediction_error(found.model, data, found.effects)
     blind = {}
     for k, label in enumerate(system.poses):
         names = _blind(found, data.select(np.array(data.pose, dtype=str) == label))

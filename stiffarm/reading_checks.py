@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 # Stiffness at an arm's tool, N/mm: small cobots some ten, the largest arms some thousand. A thousand times off lies
 # outside, a good robot in a stiff pose does not.
 PLAUSIBLE_N_PER_MM = (1.0, 5e4)
-FEWEST = 3
+FEWEST, LISTED = 3, 10
 
 
 def refuse_implausible(data: Measurements) -> None:
@@ -22,7 +22,7 @@ def refuse_implausible(data: Measurements) -> None:
     Only readings in every direction that is loaded tell: the work of the load is known there. A passive arm never
     moves against a load as a whole, so a calibration would drive every spring to its rigid end and look calm.
     """
-    work, force = _work(data)
+    work, force, _ = _work(data)
     if len(work) < FEWEST:
         return
     against = int((work < 0.0).sum())
@@ -43,9 +43,22 @@ def refuse_implausible(data: Measurements) -> None:
         )
 
 
-def _work(data: Measurements) -> tuple[Array, Array]:
-    """Force times displacement (k,) and force (k,) of the readings whose loaded directions were all read."""
+def against_load(data: Measurements) -> str | None:
+    """A remark on readings that move against their load by more than a gauge's noise would; None if none do.
+
+    Few of them may be slips of the pen; a calibration gives them little weight if it can.
+    """
+    work, force, told = _work(data)
+    odd = np.flatnonzero(told)[(work < 0.0) & (1e-3 * force**2 <= PLAUSIBLE_N_PER_MM[1] * np.abs(work))]
+    if not odd.size:
+        return None
+    rows = ", ".join(str(data.row_numbers[i]) for i in odd[:LISTED]) + (" ..." if odd.size > LISTED else "")
+    return f"{data.source}: {odd.size} of {len(work)} readings move against their load: the sign? Rows {rows}"
+
+
+def _work(data: Measurements) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Force times displacement (k,), force (k,) and which (n,) of the readings had their loaded directions all read."""
     force = data.wrench[:, :3]
     work = np.where(force != 0.0, force * data.displacement[:, :3], 0.0).sum(axis=1)
     told = (force != 0.0).any(axis=1) & np.isfinite(work) & (work != 0.0)
-    return work[told], data.loads_N[told]
+    return work[told], data.loads_N[told], told

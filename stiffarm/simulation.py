@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements
-from fem import ArmModel, deflection, deflection_by_part
+from doe.load_history import history_of
+from fem import ArmModel, deflection_by_part
+from fem.effects import History, observed
+from fem.effects.base import STAGES
+from fem.loads import LoadedPoses
 from robots import InputError
 from stiffarm import steps
 from stiffarm.console import say, show_table
+from stiffarm.effect_words import history_notes
 from stiffarm.inputs import WRENCH_NAMES, ModelInput
 from stiffarm.outputs import OutputFolder
 from stiffarm.payloads import number
@@ -21,23 +26,35 @@ Array = NDArray[np.float64]
 
 NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 
+NO_LINKS = "no links described: all bodies rigid"
+
 
 def _head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
+    codes = [table.code for table in given.description.effect]
+    effects = {"effects": [] if rigid_joints else codes} if codes else {}
     rigid = [j.name for j in model.joints if not j.axial.compliance(np.zeros((1, model.robot.dof))).any()]
     return {
         "robot": given.robot.name,
-        "links": model.link_kind,
+        "links": model.link_kind if model.links or model.link_kind == "rigid" else NO_LINKS,
         "load_path": model.load_path,
         "rigid_joints": rigid_joints,
         "joints_without_spring": rigid,
-    }
+    } | effects
 
 
-def of_pose(given: ModelInput, q: Array, wrench: Array, rigid_joints: bool) -> dict[str, Any]:
-    """Displacement and directional stiffness at one pose, split by part."""
+def of_pose(
+    given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, unload_from: Array | None = None
+) -> dict[str, Any]:
+    """Displacement and directional stiffness at one pose, split by part.
+
+    The load is put on from zero, or reached by taking load off from ``unload_from`` (6,): effects with a memory tell
+    the two apart. With rigid joints effects are left out.
+    """
     model = given.model.with_rigid_joints() if rigid_joints else given.model
-    d = deflection(model, q[None], wrench)[0]
     parts = deflection_by_part(model, q[None], wrench)
+    if not rigid_joints:
+        parts |= _by_effect(given, q, wrench, unload_from)
+    d = np.sum([part[0] for part in parts.values()], axis=0) if parts else np.zeros(6)
     force = wrench[:3]
     along = float(d[:3] @ force) / float(force @ force) if force.any() else float("nan")
     return _head(given, model, rigid_joints) | {
@@ -51,8 +68,32 @@ def of_pose(given: ModelInput, q: Array, wrench: Array, rigid_joints: bool) -> d
     }
 
 
+def _by_effect(given: ModelInput, q: Array, wrench: Array, unload_from: Array | None) -> dict[str, Array]:
+    """What each effect beyond the linear arm adds (1, 6), one after the other in the order in which they act."""
+    if not given.effects:
+        return {}
+    steps_to = [wrench] if unload_from is None else [unload_from, wrench]
+    n = len(steps_to)
+    tool = np.broadcast_to(given.robot.T_flange_tool[:3, 3], (n, 3))
+    at = LoadedPoses(np.tile(q, (n, 1)), np.array(steps_to), tool)
+    then = History(np.zeros(n, dtype=np.intp), np.arange(n), np.full(n, np.nan), is_known=True)
+    before, out = observed(given.model, at, (), then)[-1:], {}
+    order = sorted(given.effects, key=lambda e: STAGES.index(e.effect.stage))
+    for k, effect in enumerate(order, start=1):
+        after = observed(given.model, at, order[:k], then)[-1:]
+        out[effect.effect.code] = after - before
+        before = after
+    return out
+
+
 def check_request(
-    pose: str | None, data: Path | None, load: str | None, out: Path | None, field: bool, scale: float | None
+    pose: str | None,
+    data: Path | None,
+    load: str | None,
+    out: Path | None,
+    field: bool,
+    scale: float | None,
+    unload_from: str | None = None,
 ) -> None:
     """Refuse options that do not go together, before anything is built.
 
@@ -78,6 +119,8 @@ def check_request(
         raise InputError("--scale", value=scale, allowed="greater than 0", remedy="1 draws motion at its true size")
     if load is not None and pose is None:
         raise InputError("--load", value=load, allowed="only with --pose: a measurement table has its own loads")
+    if unload_from is not None and pose is None:
+        raise InputError("--unload-from", value=unload_from, allowed="only with --pose: a table says its own phases")
 
 
 def field_of_pose(
@@ -96,7 +139,11 @@ def field_of_pose(
 def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
     """Simulated against measured for every reading."""
     model = given.model.with_rigid_joints() if rigid_joints else given.model
-    d = steps.simulate(model, data)
+    history = history_of(data)
+    d = steps.simulate(model, data, () if rigid_joints else given.effects, history)
+    notes = [] if rigid_joints else history_notes(given.effects, history)
+    for note in notes:
+        say(f"note: {note}")
     rows: list[dict[str, Any]] = []
     for i in range(data.n):
         row: dict[str, Any] = {
@@ -110,7 +157,7 @@ def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[
         rows.append(row)
     error = (d - data.displacement) * 1e3
     return _head(given, model, rigid_joints) | {
-        "notes": list(data.notes),
+        "notes": [*data.notes, *notes],
         "rms_mm": _rms(error[:, :3][data.used[:, :3]]),
         "rms_mrad": _rms(error[:, 3:][data.used[:, 3:]]),
         "readings": rows,
@@ -123,8 +170,12 @@ def _rms(error: Array) -> float | None:
 
 def show(result: dict[str, Any]) -> None:
     """Tables for people."""
+    if result.get("effects"):
+        say(f"with effects: {', '.join(result['effects'])}")
     if result["joints_without_spring"] and not result["rigid_joints"]:
         say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid (calibrate first?)")
+    if result["links"] == NO_LINKS:
+        say(f"note: {NO_LINKS} (`stiffarm import` makes links of a URDF's meshes)")
     if "readings" in result:
         columns = list(dict.fromkeys(key for row in result["readings"] for key in row))
         rms = [f"{result[k]:.3f} {k.removeprefix('rms_')}" for k in ("rms_mm", "rms_mrad") if result[k] is not None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +31,9 @@ from doe import (
     with_constant_springs,
     with_spring_laws,
 )
-from fem import ArmModel, LinkKind, deflection, directional_stiffness
+from doe.load_history import history_of
+from fem import ArmModel, LinkKind, directional_stiffness
+from fem.effects import History, PlacedEffect, observed, reading_effects
 from fem.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
 from stiffarm.inputs import ModelInput
@@ -240,9 +242,15 @@ def learn(
         degree=degree,
         order=order,
         runs=runs,
-        notes=(f"{model.link_kind} links, {model.load_path} load path",),
+        notes=(f"{model.link_kind} links, {model.load_path} load path", *_left_out(description, model)),
         progress=progress,
     )
+
+
+def _left_out(description: ModelDescription, model: ArmModel) -> tuple[str, ...]:
+    """What a surrogate does not know of the model: a linear arm has none of it."""
+    codes = [e.effect.code for e in reading_effects(description, model)]
+    return (f"without {', '.join(codes)}",) if codes else ()
 
 
 def default_inputs(model: ArmModel) -> tuple[str, ...]:
@@ -315,7 +323,9 @@ def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> 
     )
 
 
-def simulate(model: ArmModel, data: Measurements) -> Array:
-    """Simulated displacement (n, 6) of every reading."""
+def simulate(
+    model: ArmModel, data: Measurements, effects: Sequence[PlacedEffect] = (), history: History | None = None
+) -> Array:
+    """Simulated displacement (n, 6) of every reading; ``history``: by default what the table says of it."""
     at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
-    return deflection(model, at.q, at.wrench, at.point)
+    return observed(model, at, effects, history or history_of(data))

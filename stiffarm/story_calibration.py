@@ -9,8 +9,10 @@ from doe import PoseFit, SpringEstimate
 from stiffarm import figures_data, figures_match, figures_springs
 from stiffarm.figures_data import Doubt
 from stiffarm.figures_sensitivity import sensitivity_figure
+from stiffarm.held_out import sentences
 from stiffarm.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.spring_words import bound_of, mega
+from stiffarm.steps import Variant
 from stiffarm.story_blocks import Pictures, is_published_data, springs_text
 from stiffarm.workflow import Findings
 
@@ -194,7 +196,8 @@ def _stage_row(stage: str, fit: PoseFit) -> tuple[str, ...]:
 def comparison_section(f: Findings, pictures: Pictures) -> Section:
     """All variants side by side: parameters, fit, prediction, springs."""
     rows = tuple(
-        (v.name, str(v.parameters), f"{v.rms_mm:.3f}", f"{v.left_out.rms_mm:.3f}", springs_text(v)) for v in f.variants
+        (v.name, str(v.parameters), f"{v.rms_mm:.3f}", f"{v.left_out.rms_mm:.3f}", *_held_out(f, v), springs_text(v))
+        for v in f.variants
     )
     bars = [figures_match.VariantRow(v.name, v.parameters, v.rms_mm, v.left_out.rms_mm) for v in f.variants]
     system = f.variants[0].system
@@ -223,12 +226,14 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
                     "parameters",
                     "RMS (mm)",
                     "left-out RMS (mm)",
+                    *(() if f.held_out is None else ("held-out RMS (mm)",)),
                     "springs (1e6 N m/rad, 95 % interval)",
                 ),
                 rows,
-                text_columns=(0, 4),
+                text_columns=(0, 4 if f.held_out is None else 5),
                 best=list(f.variants).index(f.best),
             ),
+            *(() if f.held_out is None else (Bullets(sentences(f.held_out)),)),
             pictures.add(
                 figures_match.comparison_figure(bars),
                 "comparison",
@@ -248,6 +253,10 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
             Note(_identifiability(f)),
         ),
     )
+
+
+def _held_out(f: Findings, v: Variant) -> tuple[str, ...]:
+    return () if f.held_out is None else (f"{f.held_out.rms_mm[v.name]:.3f}",)
 
 
 def _identifiability(f: Findings) -> str:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from doe import Measurements, PoseEffects, Scheme, select_loads
 from fem import deflection_by_part
 from robots import save_description
-from stiffarm import inputs, learning, link_models, maps, payloads, steps
+from stiffarm import held_out, inputs, learning, link_models, maps, payloads, steps
 from stiffarm.console import progress, say
+from stiffarm.held_out import HeldOut
 from stiffarm.inputs import ModelInput
 from stiffarm.link_models import LinkModels
 from stiffarm.options import open_measured
@@ -43,6 +44,7 @@ class Findings:
     budget_poses: tuple[str, ...]
     pose_check: tuple[list[str], Array, Array]
     seed: int
+    held_out: HeldOut | None = None
 
     @property
     def variants(self) -> tuple[Variant, ...]:
@@ -64,16 +66,26 @@ def run_all(
     points: int,
     seed: int,
     command: list[str],
+    holdout: Path | None = None,
 ) -> dict[str, Any]:
-    """Run every step and write models, surrogates, maps, pictures and the report into ``out``."""
+    """Run every step and write models, surrogates, maps, pictures and the report into ``out``.
+
+    ``holdout``: table of poses that no calibration sees, to judge the variants by.
+    """
     given, table, files = open_measured(model, data, links, None)
+    remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
+    inputs.refuse_effects(given, "the whole chain", remedy)
     scheme = inputs.read_scheme(given.robot, scheme_file)
     if scheme_file is not None:
         files["scheme"] = scheme_file
+    kept = None if holdout is None else held_out.read(holdout, given.robot, table)
+    if holdout is not None:
+        files["holdout"] = holdout
     with OutputFolder(out, command, files, seed) as folder:
         with folder.timed("calibration"):
             rigid, effects, compared = _calibrations(given, table, scheme)
-        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder)
+        judged = None if kept is None else held_out.judge(compared.own.variants, kept)
+        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder, judged)
         with folder.timed("map"), progress("stiffness map") as bar:
             made = steps.stiffness_map(
                 findings.best.description, findings.best.model, points, findings.surrogate, progress=bar
@@ -137,6 +149,7 @@ def _learned(
     compared: LinkModels,
     seed: int,
     folder: OutputFolder,
+    judged: HeldOut | None,
 ) -> Findings:
     variants = compared.own.variants
     best = steps.recommended(list(variants))
@@ -174,6 +187,7 @@ def _learned(
         budget_poses=used.pose,
         pose_check=steps.nine_pose_check(trained[best.name].best, best.model, used),
         seed=seed,
+        held_out=judged,
     )
 
 
@@ -205,6 +219,8 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         ],
         "map": drawn,
     }
+    if findings.held_out is not None:
+        content["holdout"] = held_out.payload(findings.held_out)
     folder.write_json("results.json", content)
     return content
 

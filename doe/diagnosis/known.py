@@ -36,8 +36,14 @@ def _springs(s: Setting) -> tuple[Array, Array, Array, Array]:
 
 
 def _errors(s: Setting) -> tuple[Array, Array, Array, Array]:
-    n = s.errors.shape[1]
-    return s.errors, np.zeros(n), np.ones(n), np.full(n, -np.inf)
+    columns = np.hstack([s.errors, s.doubts])
+    n = columns.shape[1]
+    return columns, np.zeros(n), np.ones(n), np.full(n, -np.inf)
+
+
+def error_count(s: Setting) -> int:
+    """How many of the base's columns, after the springs', are errors of the model and doubts about laws."""
+    return s.errors.shape[1] + s.doubts.shape[1]
 
 
 def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:
@@ -45,7 +51,10 @@ def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:
     for number, placed in enumerate(s.accepted):
         for k, p in free_numbers(placed):
             m, spread = _prior_of(p, placed)
-            columns.append(_slope(s, number, k, 0.05 * spread))
+            value = abs(float(placed.values[k]))
+            columns.append(
+                _slope(s, number, k, min(0.05 * spread, 0.2 * value) if p.role == "shape" else 0.05 * spread)
+            )
             mean.append(m - placed.values[k])
             sd.append(spread)
             floor.append(-np.inf if p.signed or p.role == "shape" else -placed.values[k])

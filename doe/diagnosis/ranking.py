@@ -19,23 +19,28 @@ from doe.diagnosis.held_out import LeftOut, extended, leave_one_pose_out
 from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, typical_size, with_setup
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.signatures import Signature, signatures
+from doe.diagnosis.signatures import Signature, shape_count, signatures
 from doe.diagnosis.unknown import discrepancies
 from doe.noise import Noise
 from doe.readings import rms_mm
+from fem.effects.base import Effect
 
 Array = NDArray[np.float64]
 
 NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing and of something that the catalogue does not know; the rest is shared by
 # the families of effects that the readings can see, and within a family by its members.
-PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.05
+PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1
+# A ripple fits any scatter between poses, if its number of teeth is free: it is believed less easily.
+LESS = {"gear-ripple": 0.1}
 # Set-ups may scatter this much where something unknown acts on them.
 WILD = 0.08
 # Candidates whose own noise joins the set.
 LEADERS = 6
 # An effect of usual size must raise chi-square by this to be seen at all, and by this to be told by name.
 SEEN, TESTABLE = 2.0, 30.0
+# Laws with more shapes than this keep only the best few of them at each of a few noises.
+MANY, KEPT = 40, 8
 
 
 @dataclass(frozen=True)
@@ -98,19 +103,20 @@ class Ranking:
         return tuple(out)
 
 
-def rank(s: Setting, weight: Array, options: Options = Options(), skip: Sequence[str] = ()) -> Ranking:  # noqa: B008
+def rank(s: Setting, weight: Array, options: Options = Options(), skip: Sequence[str] = ()) -> Ranking:
     """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers; ``skip``: codes left out."""
     base = base_of(s)
     taken = {e.effect.code for e in s.accepted} | set(skip)
     candidates: dict[str, list[Signature]] = {
         code: signatures(s, effect)
         for code, effect in s.known.items()
-        if code not in taken and (s.history.is_known or not effect.needs_history) and _can(s, code)
+        if code not in taken and impossible(s, effect) is None
     }
     first = fitted_noise(s, base.columns, weight)
     hidden, usual = _hidden(s, base, weight, first, candidates)
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
     noises = _noises(s, base, weight, first, options)
+    candidates = _pruned(s, base, weight, noises, candidates)
     table = [_at_noise(s, base, weight, noise, candidates, options) for noise in noises]
     # The noise that goes with each leader, where the base alone would call its effect scatter.
     for _ in range(1):
@@ -120,14 +126,42 @@ def rank(s: Setting, weight: Array, options: Options = Options(), skip: Sequence
         noises += more
         table += [_at_noise(s, base, weight, noise, candidates, options) for noise in more]
     wild = Options(options.pose_term, options.priors, options.by, options.prior_none, NoisePrior(WILD))
-    unknown = [_unknown_at(s, base, weight, n, wild) for n in _calm_and_wild(noises, table)]
+    smooth = [_unknown_at(s, base, weight, n, wild) for n in _calm_and_wild(noises, table)]
+    unknown = [*smooth, *(_rough_at(s, base, row, wild, options) for row in table)]
     return _ranked(s, base, weight, table, unknown, candidates, hidden, usual, options)
 
 
-def _can(s: Setting, code: str) -> bool:
-    if code == "drift":
-        return bool(np.isfinite(s.history.clock).all())
-    return True
+def _pruned(
+    s: Setting, base: Base, weight: Array, noises: Sequence[Noise], candidates: dict[str, list[Signature]]
+) -> dict[str, list[Signature]]:
+    """Candidates of many shapes with those only that count for something, by a few of the noises.
+
+    The evidence stays an average over all shapes: what is left out adds next to nothing to it.
+    """
+    many = [code for code, some in candidates.items() if len(some) > MANY]
+    kept: dict[str, set[int]] = {code: set() for code in many}
+    flat = [c for code in many for c in candidates[code]]
+    for noise in (noises[0], noises[len(noises) // 2], noises[-1]) if many else ():
+        fits = iter(fit_all(Whitened(base, covariance(s, noise, weight)), flat))
+        for code in many:
+            z = np.array([next(fits).log_evidence for _ in candidates[code]])
+            kept[code] |= set(np.argsort(-z)[:KEPT].tolist())
+    return {
+        code: [c for i, c in enumerate(some) if code not in kept or i in kept[code]]
+        for code, some in candidates.items()
+    }
+
+
+def impossible(s: Setting, effect: Effect) -> str | None:
+    """Why these readings can say nothing about an effect, whatever its size; None if they might."""
+    kind, _, joint = effect.code.partition(":")
+    if effect.needs_history and not s.history.is_known:
+        return "the readings do not tell loading from unloading: give them a phase or a step"
+    if kind == "drift" and not np.isfinite(s.history.clock).all():
+        return "the readings do not say in which order they were taken: number them in the column step"
+    if kind == "joint-compliance" and joint in s.free:
+        return "the joint's spring is fitted already"
+    return None
 
 
 def _noises(s: Setting, base: Base, weight: Array, first: Noise, options: Options) -> list[Noise]:
@@ -183,8 +217,13 @@ def _at_noise(
         top = int(np.argmax(z))
         numbers = len(some[0].effect.parameters)
         bic = plain + 0.5 * max(f.excess for f in found) - 0.5 * numbers * math.log(m)
-        best[code] = (float(logsumexp(z) - math.log(len(z))) + density, bic, some[top], found[top])
+        best[code] = (_log_sum(z) - math.log(shape_count(some[0].effect)) + density, bic, some[top], found[top])
     return _Row(noise, w.log_evidence + density, plain, best)
+
+
+def _log_sum(z: Array) -> float:
+    most = float(z.max())
+    return most + math.log(float(np.exp(z - most).sum()))
 
 
 def _with_springs(s: Setting, base: Base, c: Signature) -> Base:
@@ -213,6 +252,13 @@ def _unknown_at(s: Setting, base: Base, weight: Array, noise: Noise, options: Op
     z = np.array([one[0] for one in out])
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0
     return noise, float(logsumexp(z) - math.log(len(z))) + density, out[int(np.argmax(z))][1]
+
+
+def _rough_at(s: Setting, base: Base, row: _Row, wild: Options, options: Options) -> tuple[Noise, float, Base]:
+    """Log evidence of set-ups that scatter more than set-ups do: something unknown, however rough over the poses."""
+    size = typical_size(s)
+    change = wild.noise.log_density(row.noise, size) - options.noise.log_density(row.noise, size)
+    return row.noise, row.none + (change if options.priors else 0.0), base
 
 
 def _calm_and_wild(noises: list[Noise], table: list[_Row]) -> list[Noise]:
@@ -282,8 +328,8 @@ def _ranked(
     w = Whitened(wide, V)
     numbers = float(np.trace(w.inverse @ (w.W.T @ w.W))) - len(s.free)
     unknown_bic = -0.5 * (V.log_det + w.square) - 0.5 * numbers * math.log(len(s.data))
-    # The set of noises is as wide as the others': what is missing from it is less probable.
-    lines.append((UNKNOWN, float(logsumexp(z)) - n, unknown_bic, noise, wide, None, None))
+    # Smooth and rough count half each. Where a smooth one was not worked out, at poor noises, it adds nothing.
+    lines.append((UNKNOWN, float(logsumexp(z)) - n - math.log(2.0), unknown_bic, noise, wide, None, None))
     return _with_probabilities(s, base, weight, lines, hidden, usual, options)
 
 
@@ -322,5 +368,5 @@ def log_priors(s: Setting, codes: Sequence[str], options: Options) -> dict[str, 
     out = {NONE: math.log(options.prior_none), UNKNOWN: math.log(PRIOR_UNKNOWN)}
     for members in families.values():
         for code in members:
-            out[code] = math.log(rest / len(families) / len(members))
+            out[code] = math.log(LESS.get(s.known[code].family, 1.0) * rest / len(families) / len(members))
     return out

@@ -14,9 +14,9 @@ from doe.noise import Noise, fit_noise
 
 Array = NDArray[np.float64]
 
-# Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 2 % or less, seldom more.
+# Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 1 %, seldom by 2.
 READING, READING_FACTOR = 0.03, math.log(2.5)
-SETUP = 0.012
+SETUP = 0.008
 # Resolution below which no gauge is believed, m and rad.
 FLOOR = (5e-7, 5e-7)
 

@@ -23,6 +23,11 @@ from robots import InputError, ModelDescription
 
 Array = NDArray[np.float64]
 
+# What the law of an accepted effect may be off by, as a share of the effect (one standard deviation each way).
+DOUBT = 0.1
+# Effects whose law hangs on the joint's angle, not on the torque.
+VARYING = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -58,7 +63,7 @@ class Setting:
         for step in range(int(self.history.order.max(initial=-1)) + 1):
             now = np.flatnonzero(self.history.order == step)
             mine = self.history.cycle[now]
-            out[now] = (size[now] < most[mine] - 1e-9)
+            out[now] = size[now] < most[mine] - 1e-9
             np.maximum.at(most, mine, size[now])
         return out
 
@@ -76,6 +81,43 @@ class Setting:
     def prediction(self) -> Array:
         """Readings (m,) predicted with what is accepted."""
         return self.read(self.arm, self.accepted)
+
+    @cached_property
+    def doubts(self) -> Array:
+        """Change of the readings (m, d) by one standard deviation of what accepted effects' laws are off by.
+
+        No law is exact: each accepted effect's own share of the readings may be off by :data:`DOUBT` of itself, in a
+        way that is smooth in the torque (or load) it acts on, and another on the way down.
+        """
+        columns = [np.zeros((len(self.data), 0))]
+        for number, placed in enumerate(self.accepted):
+            if not placed.effect.amplitudes:
+                continue
+            rest = [e for k, e in enumerate(self.accepted) if k != number]
+            own = self.prediction - self.read(self.arm, rest)
+            columns.append(DOUBT * own[:, None] * self._bends(placed))
+        return np.hstack(columns)
+
+    def _bends(self, placed: PlacedEffect) -> Array:
+        """Smooth functions (m, d) of what an effect's law hangs on: torque and phase, the joint's angle, the clock."""
+        p, code = self.data, placed.effect.code
+        joint = code.partition(":")[2]
+        if code.startswith(VARYING):
+            q = p.free.at.q[p.row, self.model.robot.joint_names.index(joint)]
+            return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.cos, np.sin)], axis=1)
+        if code.partition(":")[0] == "drift":
+            t = np.nan_to_num(self.history.clock)[p.row]
+            return np.stack([np.cos(np.pi * k * t) for k in range(1, 5)], axis=1)
+        if joint in self.model.robot.joint_names:
+            x = np.abs(self.situation.torque(joint))[p.row]
+        else:
+            x = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
+        u = 2.0 * x / max(float(x.max(initial=0.0)), 1e-12) - 1.0
+        powers = np.stack([u**k for k in range(4)], axis=1)
+        if not (self.history.is_known and placed.effect.needs_history):
+            return powers[:, 1:]
+        way = np.where(self.unloading[p.row], 1.0, -1.0)
+        return np.hstack([powers[:, 1:], way[:, None] * powers[:, :3]])
 
     @property
     def residual(self) -> Array:
@@ -106,7 +148,9 @@ class Setting:
 
 def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) -> ArmModel:
     """The model with other compliances (s,) rad/(N m) about some joints' axes; 0 is rigid."""
-    return model.with_springs({name: 1.0 / c if c > 0.0 else np.inf for name, c in zip(joints, compliance, strict=True)})
+    return model.with_springs(
+        {name: 1.0 / c if c > 0.0 else np.inf for name, c in zip(joints, compliance, strict=True)}
+    )
 
 
 def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -49,6 +50,11 @@ def shapes(effect: Effect) -> Iterator[Array]:
     choices = [p.grid if p.role == "shape" else (prior(p)[0],) for p in effect.parameters]
     for values in product(*choices):
         yield np.array(values, dtype=np.float64)
+
+
+def shape_count(effect: Effect) -> int:
+    """Number of points on the shapes' grid."""
+    return math.prod(len(p.grid) for p in effect.parameters if p.role == "shape")
 
 
 def signatures(s: Setting, effect: Effect) -> list[Signature]:

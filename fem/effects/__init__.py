@@ -3,6 +3,7 @@
 from fem.effects.base import Effect, EffectParameter, PlacedEffect, Stage
 from fem.effects.catalogue import catalogue, effect_of, family_of
 from fem.effects.described import (
+    LOAD_PATH,
     build_arm,
     build_plain,
     described_effects,
@@ -20,6 +21,7 @@ from fem.effects.own import Maker, checked_maker
 from fem.effects.situation import Situation
 
 __all__ = [
+    "LOAD_PATH",
     "Effect",
     "EffectParameter",
     "History",

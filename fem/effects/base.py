@@ -57,9 +57,7 @@ class EffectParameter:
 
     def __post_init__(self) -> None:
         if self.dimension not in UNITS:
-            raise InputError(
-                f"effect parameter {self.name}: dimension", value=self.dimension, allowed=", ".join(UNITS)
-            )
+            raise InputError(f"effect parameter {self.name}: dimension", value=self.dimension, allowed=", ".join(UNITS))
         try:
             factor(self.dimension, self.unit)
         except ValueError as error:

@@ -14,6 +14,8 @@ from fem.effects.torque_laws import torque_laws
 from fem.model import ArmModel, build_model
 from robots import InputError, ModelDescription
 
+__all__ = ["Maker", "catalogue", "effect_of", "family_of"]
+
 
 def catalogue(
     model: ArmModel, description: ModelDescription | None = None, own: Sequence[Maker] = ()

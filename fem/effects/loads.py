@@ -31,9 +31,7 @@ def load_effects(model: ArmModel) -> Iterator[Effect]:
         EffectParameter(a, "angle", "deg", np.radians(0.5), np.radians(5.0), ASSUMED, signed=True)
         for a in ("tilt_x", "tilt_y")
     ]
-    yield Effect(
-        "load-misalignment", "the load's direction is off", "load", tuple(tilt), _tilt, "load-misalignment"
-    )
+    yield Effect("load-misalignment", "the load's direction is off", "load", tuple(tilt), _tilt, "load-misalignment")
     for index, name in enumerate(model.robot.joint_names):
         yield _zero(index, name)
 

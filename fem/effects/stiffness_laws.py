@@ -17,8 +17,8 @@ from robots.kinematics import forward_kinematics
 
 Array = NDArray[np.float64]
 
-# Teeth and pins of a gear over a turn of its joint.
-TEETH = tuple(float(n) for n in range(6, 121))
+# Pins of the gear, or turns of its input, over a turn of the joint.
+TEETH = tuple(float(n) for n in range(6, 241))
 
 
 def share(name: str, lower: float, upper: float, source: str = ASSUMED, *, signed: bool = True) -> EffectParameter:

@@ -78,15 +78,24 @@ def _joint_compliance(joint: JointPart) -> Effect:
 
 
 def _joint_tilt(joint: JointPart) -> Effect:
+    """Tilt about the two axes across, fixed in the part before the joint (its housing) or in the one behind it.
+
+    The two differ where the two stiffnesses do.
+    """
+
     def law(model: ArmModel, _: object, v: Array) -> ArmModel:
         old = model.joints[joint.joint]
-        bearing = old.bearing.copy()
-        bearing[[3, 4], [3, 4]] += v
-        return with_joint(model, replace(old, bearing=bearing))
+        place = "bearing" if v[2] >= 0.5 else "housing"
+        C = getattr(old, place).copy()
+        C[[3, 4], [3, 4]] += v[:2]
+        return with_joint(model, replace(old, **{place: C}))
 
+    # Behind a vertical first axis the base's tilt and the joint's are one.
+    family = "base-tilt" if joint.joint == 0 else "joint-tilt"
+    behind = EffectParameter("turning", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0))
     return Effect(
         f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
-        (rotational("stiffness_x", 5e5, 5e6, CLASS), rotational("stiffness_y", 5e5, 5e6, CLASS)), law, "joint-tilt",
+        (rotational("stiffness_x", 5e5, 5e6, CLASS), rotational("stiffness_y", 5e5, 5e6, CLASS), behind), law, family,
     )  # fmt: skip
 
 
@@ -144,7 +153,7 @@ def softer(part: LinkPart, factor: float) -> LinkPart:
     if shell is not None:
         shell = replace(shell, youngs_modulus=shell.youngs_modulus / factor)
     mesh = replace(part.mesh, youngs_modulus=part.mesh.youngs_modulus / factor)
-    return replace(part, element=element, mesh=mesh, shell=shell)
+    return LinkPart(part.name, part.body, element, mesh, shell, part.flanges)
 
 
 def load_path(other: ArmModel) -> Effect:
@@ -175,5 +184,3 @@ def wrist_coupling(model: ArmModel) -> Iterator[Effect]:
     entry = EffectParameter("coupling", "compliance", "rad/(N m)", 1e-7, 3e-6, CLASS, signed=True)
     words = f"torque about {first} turns {second}, and back"
     yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling")
-
-

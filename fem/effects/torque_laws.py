@@ -32,16 +32,19 @@ def _torque(name: str, lower: float, upper: float, points: int, source: str = AS
 
 
 def _hardening(joint: JointPart) -> Effect:
-    """``theta = c (tau - a (|tau| - t tanh(|tau|/t)) sgn tau)``: beyond the knee t the compliance is c (1 - a)."""
+    """``theta = c (tau - a (tau - t g(tau / t)))``: g = tanh bends at the knee t, beyond which the compliance is
+    c (1 - a); with a power below one, g = sgn |tau / t|^power bends all the way, as contact that grows does.
+    """
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau, knee = s.torque(joint.name), v[1]
-        beyond = tau - knee * np.tanh(tau / knee)
-        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * beyond)
+        bent = np.tanh(tau / knee) if v[2] >= 1.0 else np.sign(tau) * np.abs(tau / knee) ** v[2]
+        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * (tau - knee * bent))
 
+    power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65))
     return Effect(
         f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
-        (share("share", 0.1, 0.7, signed=False), _torque("knee", 30.0, 1500.0, 8)), law, "hardening",
+        (share("share", 0.1, 0.9, signed=False), _torque("knee", 60.0, 1500.0, 7), power), law, "hardening",
     )  # fmt: skip
 
 
@@ -75,7 +78,7 @@ def _backlash(joint: JointPart) -> Effect:
     preload = EffectParameter("preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0))
     return Effect(
         f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
-        (gap, _torque("crossing", 3.0, 150.0, 5), preload), law, "backlash",
+        (gap, _torque("crossing", 3.0, 60.0, 4), preload), law, "backlash",
     )  # fmt: skip
 
 

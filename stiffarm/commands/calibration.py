@@ -9,12 +9,15 @@ from typing import Annotated, Any
 import typer
 
 from doe import Measurements, Scheme, bundled_scheme
+from doe.load_history import history_of
 from robots import InputError, save_description
 from stiffarm import calibration_payload, calibration_tables, general_calibration, inputs, payloads, steps, tables
 from stiffarm.console import emit_json, say, user_errors
+from stiffarm.effect_words import history_notes
 from stiffarm.general_calibration import MOST_DRAWS, Options
 from stiffarm.options import (
     Debug,
+    EffectFile,
     Joints,
     Json,
     Links,
@@ -27,16 +30,16 @@ from stiffarm.options import (
     folder_if,
     model_hash,
     open_tables,
+    say_notes,
 )
 from stiffarm.outputs import OutputFolder
+from stiffarm.own_effects import own_effects, own_files
 from stiffarm.plan_options import parse_parameters
-from stiffarm.reading_checks import refuse_implausible
+from stiffarm.reading_checks import against_load, refuse_implausible
 
 TablesArg = Annotated[
     list[Path] | None,
-    typer.Argument(
-        metavar="[DATA]...", help="measurement tables, CSV or XLSX; default, or by the word bundled: its own"
-    ),
+    typer.Argument(metavar="DATA", help="measurement tables, CSV or XLSX; default, and by the name bundled: its own"),
 ]
 Free = Annotated[
     str | None,
@@ -56,6 +59,7 @@ def calibrate(
     campaign: Annotated[
         Path | None, typer.Option("--campaign", help="calibration TOML: free numbers, ranges, priors, laws, stages")
     ] = None,
+    effect: EffectFile = None,
     loads: Loads = None,
     spacing: Annotated[
         str | None, typer.Option("--spacing", help="of the levels (staged): log or linear; default: log")
@@ -94,10 +98,16 @@ def calibrate(
         _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
         _refuse_both({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = inputs.parse_loads(loads)
-        given = inputs.read_model(model, links, load_path)
-        files: dict[str, Path | str] = {"model": model_hash(given)}
-        table = open_tables(given, model, data or (), files, check=refuse_implausible)
+        own, files = own_effects(effect), own_files(effect)
+        given = inputs.read_model(model, links, load_path, own=own)
+        files["model"] = model_hash(given)
+        table = open_tables(given, model, data or (), files, check=_check)
         staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
+        if staged:
+            inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
+        elif given.description.effect:
+            codes = ", ".join(described.code for described in given.description.effect)
+            say_notes((f"with effects: {codes}", *history_notes(given.effects, history_of(table))))
         _refuse(global_only if staged else staged_only, "staged" if staged else "global")
         for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
             if file is not None:
@@ -123,11 +133,20 @@ def calibrate(
             show()
 
 
+def _check(table: Measurements) -> None:
+    refuse_implausible(table)
+    remark = against_load(table)
+    if remark is not None:
+        say(f"note: {remark}")
+
+
 def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
     """The published scheme where one is known and nothing says otherwise."""
     if scheme is not None:
         return scheme == "staged"
-    return not named and (scheme_file is not None or bundled_scheme(given.robot.name) is not None)
+    if named or given.description.effect:
+        return False
+    return scheme_file is not None or bundled_scheme(given.robot.name) is not None
 
 
 def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Scheme | None:

@@ -23,6 +23,9 @@ def run(
     model: Annotated[str, typer.Argument(metavar="[MODEL]", help="a robot with a bundled or given scheme")] = "xr701",
     data: DataArg = None,
     scheme_file: SchemeFile = None,
+    holdout: Annotated[
+        Path | None, typer.Option("--holdout", help="table of other poses, to judge every variant's prediction")
+    ] = None,
     links: Links = None,
     out: Annotated[Path, typer.Option("--out", help="folder for results")] = Path("out"),
     points: Annotated[int, typer.Option(help="values of each swept coordinate of the map", min=2, max=200)] = 21,
@@ -34,6 +37,6 @@ def run(
     with user_errors(debug):
         from stiffarm.workflow import run_all
 
-        content = run_all(model, data, scheme_file, links, out, points, seed, command_line())
+        content = run_all(model, data, scheme_file, links, out, points, seed, command_line(), holdout)
         if as_json:
             emit_json(content)

@@ -49,7 +49,7 @@ def export(
                 remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",
             )
         wrench = inputs.parse_load(load)
-        given = inputs.read_model(model, links, load_path)
+        given = inputs.read_model(model, links, load_path, without="the export")
         q = inputs.parse_pose(given.robot, pose[0])
         with output_folder(out, {"model": model_hash(given)}) as folder:
             from fem.calculix import arm_deck

@@ -27,7 +27,8 @@ def import_command(
         float | None, typer.Option("--size-mm", help="element size; default: some 10,000 elements a link")
     ] = None,
     close_mm: Annotated[
-        float | None, typer.Option("--close-mm", help="width of openings to close by wrapping; default: two elements")
+        float | None,
+        typer.Option("--close-mm", help="width of openings to close; default: by trial"),
     ] = None,
     material: Annotated[
         str | None, typer.Option("--material", help="steel (default), aluminium or cast-iron; one link has its model's")
@@ -45,7 +46,7 @@ def import_command(
         str | None, typer.Option("--radius", help="radius of the interface discs by link in mm, as in forearm=80")
     ] = None,
     repair: Annotated[str, typer.Option("--repair", help="auto, none (only clean surfaces) or wrap (always)")] = "auto",
-    wrap: Annotated[str, typer.Option("--wrap", help="auto, grid or alpha (needs pymeshlab)")] = "auto",
+    wrap: Annotated[str, typer.Option("--wrap", help="auto, grid or alpha (the extra `wrap`)")] = "auto",
     model: Annotated[str | None, typer.Option("--model", help="for one link: the model it belongs to")] = None,
     link: Annotated[str | None, typer.Option("--link", help="for one link: its name in the model")] = None,
     scale: Annotated[
@@ -88,7 +89,7 @@ def import_command(
                 with progress("links") as bar, folder.timed("links"):
                     result = importing.import_robot(urdf, options, bar)
                 content = import_results.write_robot(result, options, folder)
-            import_results.show(result, content["notes"])
+            import_results.show(result, content)
         else:
             robot_only: dict[str, Any] = {"--tip": tip, "--base": base, "--rigid": rigid, "--wall": wall}
             robot_only |= {"--radius": radius, "--material": material, "--youngs-modulus-GPa": youngs_modulus}
@@ -103,7 +104,7 @@ def import_command(
             with output_folder(out, {"source": source, "model": content_hash(given)}) as folder:
                 done = importing.import_into_model(source, given, link, options, scale, _metres(wall_mm))
                 content = import_results.write_link(done, given, source.name, folder)
-            for line in done.shell.report:
+            for line in (*done.shell.report, *(w for w in content["warnings"] if w not in done.shell.report)):
                 say(line)
         say(f"written: {out / 'model.toml'}, {out / 'import.json'}, {out / 'import.png'}")
         if as_json:

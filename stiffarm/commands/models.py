@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -15,6 +14,7 @@ from stiffarm.console import emit_json, show_table, user_errors
 from stiffarm.options import (
     DataArg,
     Debug,
+    EffectFile,
     Json,
     Links,
     LoadPathOpt,
@@ -24,6 +24,7 @@ from stiffarm.options import (
     model_hash,
     open_table,
 )
+from stiffarm.own_effects import own_effects, own_files
 from stiffarm.payloads import number
 
 
@@ -85,7 +86,14 @@ def simulate(
         str | None,
         typer.Option("--load", help="wrench at the tool point for --pose, as in fz_N=-650 (the default)"),
     ] = None,
-    rigid_joints: Annotated[bool, typer.Option("--rigid-joints", help="only the links give way")] = False,
+    unload_from: Annotated[
+        str | None,
+        typer.Option("--unload-from", help="with --pose: --load is reached by taking load off, as in fz_N=-1300"),
+    ] = None,
+    rigid_joints: Annotated[
+        bool, typer.Option("--rigid-joints", help="only the links give way (and no effect acts)")
+    ] = False,
+    effect: EffectFile = None,
     field: Annotated[
         bool,
         typer.Option("--field", help="with --pose and --out: the deformed arm (.vtu, .png) and who gives how much"),
@@ -104,18 +112,21 @@ def simulate(
     with user_errors(debug):
         from stiffarm import field_results, simulation
 
-        simulation.check_request(pose, data, load, out, field, scale)
-        given = inputs.read_model(model, field_results.field_links(model, links) if field else links, load_path)
-        files: dict[str, Path | str] = {"model": model_hash(given)}
+        simulation.check_request(pose, data, load, out, field, scale, unload_from)
+        own, files = own_effects(effect), own_files(effect)
+        asked = field_results.field_links(model, links) if field else links
+        given = inputs.read_model(model, asked, load_path, own=own, without="the fields" if field else None)
+        files["model"] = model_hash(given)
         if pose is not None:
             q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
+            before = None if unload_from is None else inputs.parse_load(unload_from, "--unload-from")
         else:
             table = open_table(given, model, data, files)
         with folder_if(out, files) as folder:
             result = (
                 simulation.of_table(given, table, rigid_joints)
                 if pose is None
-                else simulation.of_pose(given, q, wrench, rigid_joints)
+                else simulation.of_pose(given, q, wrench, rigid_joints, before)
             )
             if field and folder is not None:
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)

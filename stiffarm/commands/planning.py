@@ -117,7 +117,7 @@ def plan(
     """Which poses, loads and directions to measure next; writes a sheet that can be filled in and read back."""
     with user_errors(debug):
         _check_kind(poses, design_only, iso)
-        given = inputs.read_model(model, links, load_path)
+        given = inputs.read_model(model, links, load_path, without="the plan")
         zone = plan_options.parse_zone(given.description, floor, keep_out or (), clearance)
         files: dict[str, Path | str] = {"model": model_hash(given)}
         if iso:

@@ -84,7 +84,7 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parse_parameters(free)
-        given, table, files = open_measured(model, data, links, load_path)
+        given, table, files = open_measured(model, data, links, load_path, without="the sensitivities")
         if campaign is not None and campaign.is_file():
             files["campaign"] = campaign
         scheme = bundled_scheme(given.robot.name)

@@ -52,7 +52,7 @@ def fit(
             raise InputError(
                 "--basis", value=basis, allowed="best, polynomial, trigonometric", remedy="choose one of them"
             )
-        given = inputs.read_model(model, links, load_path)
+        given = inputs.read_model(model, links, load_path, without="the surrogate")
         names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
         others = inputs.fixed_coordinates(given.robot, names, fixed)
         along = inputs.parse_direction(direction)
@@ -145,7 +145,7 @@ def map_command(
     with user_errors(debug):
         from stiffarm import maps
 
-        given = inputs.read_model(model, links, load_path)
+        given = inputs.read_model(model, links, load_path, without="the map")
         learned = None if surrogate_file is None else inputs.read_surrogate_for_map(given, surrogate_file)
         if learned is not None and learned.model_hash != model_hash(given):
             say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")

@@ -16,7 +16,10 @@ LOAD = 0.005  # standard deviation of the scale of all loads (a load cell's)
 
 
 def draw(arm: Arm, rng: np.random.Generator, weight: float) -> dict[str, Any]:
-    """Plain values; ``weight`` is each weight's own standard deviation beside the common scale; lengths in the order of ``Arm.translations``, ``shifts`` and ``flange``."""
+    """Plain values; lengths in the order of ``Arm.translations``, ``shifts`` and ``flange``.
+
+    ``weight`` is the standard deviation of each weight's own error, beside the scale that all share.
+    """
     return {
         "modulus": {link.name: float(1 + rng.uniform(-MODULUS, MODULUS)) for link in arm.links},
         "translations_m": (rng.normal(0, LENGTH_M, (6, 3)) * (arm.translations != 0)).tolist(),

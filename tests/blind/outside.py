@@ -24,18 +24,26 @@ def unit(truth: Truth, q: Array, joint: int) -> Array:
 def draw_cable(c: Context) -> dict[str, Any]:
     return {
         "law": "cable-package",
-        "force_N": c.between(120, 260),
+        "force_N": c.between(60, 160),
         "angle_rad": c.angle(),
         "full_at_N": c.between(150, 400),
     }
 
 
 def draw_product(c: Context) -> dict[str, Any]:
-    return {"law": "two-joint-stiffness", "amplitude": c.between(0.35, 0.6), "phase_rad": c.angle()}
+    # The parallelogram leaves joint 2 little to do: there it is joint 3, with q2 in place of q3.
+    joint, other = (2, 1) if c.arm.name == "xr701" else (1, 2)
+    return {
+        "law": "two-joint-stiffness",
+        "joint": joint,
+        "other": other,
+        "amplitude": c.between(0.15, 0.4),
+        "phase_rad": c.angle(),
+    }
 
 
 def draw_stop(c: Context) -> dict[str, Any]:
-    return {"law": "stop-contact", "from_N": c.between(0.25, 0.45), "kept": c.between(0.2, 0.45), "side": c.sign()}
+    return {"law": "stop-contact", "from_N": c.between(0.25, 0.45), "kept": c.between(0.5, 0.8), "side": c.sign()}
 
 
 def draw_warm(c: Context) -> dict[str, Any]:
@@ -47,7 +55,7 @@ def draw_reach(c: Context) -> dict[str, Any]:
 
 
 def draw_column(c: Context) -> dict[str, Any]:
-    return {"law": "compressed-forearm", "at_N": c.between(900, 1800)}
+    return {"law": "compressed-forearm", "at_N": c.between(1500, 3500)}
 
 
 KINDS = {
@@ -73,10 +81,11 @@ def wrench(truth: Truth, r: Readings, at: Frames, w: Array) -> Array:
 
 
 def factors(truth: Truth, r: Readings, tau: Array) -> Array:
-    """Products of joints (on joint 2) and warmth left by the moves and work before (on all springs)."""
+    """A product of two other joints' angles, and warmth left by the moves and work before (on all springs)."""
     f = np.ones((len(r), 6))
     for e in truth.of("two-joint-stiffness"):
-        f[:, 1] *= 1 + e["amplitude"] * np.sin(np.pi / 2 * unit(truth, r.q, 2)) * np.cos(2 * r.q[:, 3] - e["phase_rad"])
+        other = np.sin(np.pi / 2 * unit(truth, r.q, e["other"]))
+        f[:, e["joint"]] *= 1 + e["amplitude"] * other * np.cos(2 * r.q[:, 3] - e["phase_rad"])
     for e in truth.of("warming-springs"):
         f *= 1 + e["gain"] * warmth(r, e["memory"])[:, None]
     return f

@@ -17,6 +17,7 @@ from .design import campaign
 from .effects import DRAWS, Context
 from .evaluate import Truth, exact
 from .excess import excess_chi2
+from .imitation import best_imitation
 from .kinematics import frames
 from .model_files import free_joints, model_parallelogram, model_toml
 from .noise import Noise
@@ -109,6 +110,10 @@ def judged(spec: SetSpec, truth: Truth, r: Readings, noise: Noise) -> dict[str, 
     if len(truth.effects) > 1:
         out["excess_chi2_each"] = {e["code"]: round(alone(spec, clean, e, r, noise), 2) for e in truth.effects}
     read = spec.reads
+    if any(e["kind"] in outside.KINDS for e in truth.effects):
+        axes = ["xyz".index(axis) for axis in read]
+        code, left = best_imitation(model, free, spec.links, r, exact(clean, r), noise, axes)
+        out["best_imitation"] = {"code": code, "excess_chi2_left": round(left, 2)}
     out["excess_chi2"] = out[f"excess_chi2_{read}"]
     out["detectable"] = out["excess_chi2"] >= DETECTABLE
     out["detectable_z"] = out["excess_chi2_z"] >= DETECTABLE
@@ -162,7 +167,8 @@ def more(spec: SetSpec, seed: int, sheet: str, salt: int = 1, taken: int = 0) ->
     """A proposed measurement sheet (CSV text) with readings of the same hidden truth filled in.
 
     Every pose is set up anew, noise is fresh (``salt`` numbers the visit), and the clock goes on after ``taken``
-    extra readings. Joint columns, loads, ``phase``, ``repeat`` and ``step`` are honoured as the sheet has them.
+    extra readings. Joint columns, loads, ``phase``, ``repeat`` and ``step`` are honoured as the sheet has them
+    (see ``table.from_sheet``); the axes read are those the sheet has columns for, else the set's.
     """
     truth, r, noise = hidden(spec, seed)
     rows, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1)

@@ -45,6 +45,9 @@ def from_sheet(arm: Arm, text: str, first_setup: int) -> tuple[list[dict[str, st
     """
     sample = text.splitlines()[0] if text.strip() else ""
     rows = list(csv.DictReader(io.StringIO(text), delimiter=";" if ";" in sample else ","))
+    for name in ("mx_Nm", "my_Nm", "mz_Nm", "px_mm", "py_mm", "pz_mm"):
+        if any(number(row, name) for row in rows):
+            raise ValueError(f"{name} is not 0: the hidden arm is loaded by forces at its tool point only")
     stated = [bool((row.get("step") or "").strip()) for row in rows]
     order = sorted(range(len(rows)), key=lambda k: number(rows[k], "step")) if rows and all(stated) else None
     order = list(range(len(rows))) if order is None else order
@@ -69,7 +72,8 @@ def from_sheet(arm: Arm, text: str, first_setup: int) -> tuple[list[dict[str, st
 
 
 def fill(rows: list[dict[str, str]], order: list[int], d: Array, reads: str) -> str:
-    """The sheet with its readings filled in, rows where they stood."""
+    """The sheet with its readings filled in, rows where they stood: the axes it has columns for, else ``reads``."""
+    reads = "".join(axis for axis in AXES if f"d{axis}_mm" in rows[0]) or reads
     names = list(rows[0]) + [f"d{axis}_mm" for axis in reads if f"d{axis}_mm" not in rows[0]]
     for place, k in enumerate(order):
         for axis in reads:

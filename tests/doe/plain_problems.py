@@ -23,6 +23,7 @@ class PlainModel:
 
     def __init__(self, parameters: Sequence[Parameter], start: Array, work: Evaluate) -> None:
         self.parameters, self.start, self._work = tuple(parameters), start, work
+        self.is_linear = all(p.is_linear for p in parameters)
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         f, J = self._work(u)

@@ -16,7 +16,7 @@ from meshes.surface_checks import SurfaceFault, crossings
 from meshes.surface_import import prepare_link
 from meshes.surface_rings import Interface
 from meshes.surface_routes import ImportSettings, usual_size
-from meshes.surface_wrap import Wrap, departure, middle_surface, wrap_surface
+from meshes.surface_wrap import Wrap, departure, middle_surface, original_seen, wrap_surface
 from robots import InputError
 
 SIZE_M, WALL_M, RADIUS_M = 0.02, 0.006, 0.15
@@ -74,8 +74,8 @@ def test_the_offset_of_the_wrap_is_taken_off_again(method: str, ball: trimesh.Tr
     assert depth.mean() == pytest.approx(WALL_M / 2, abs=0.5e-3)
     assert np.ptp(depth) < 4e-3  # measured 0.9 mm by the grid, 3.3 mm on the alpha wrap
     assert trimesh.Trimesh(nodes, faces, process=False).is_watertight
-    middling, worst = departure(wrap, ball.triangles, (nodes, faces), WALL_M, SIZE_M)
-    assert middling <= worst < 3e-3  # an element and its alpha wrap follow the ball by chords
+    off = departure(original_seen(wrap, ball.triangles, SIZE_M), (nodes, faces), WALL_M, SIZE_M)
+    assert off.middling <= off.worst < 3e-3  # an element and its alpha wrap follow the ball by chords
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,8 @@ def test_fins_thinner_than_the_wall_are_left_out_and_that_is_said() -> None:
     fin = trimesh.creation.box((0.2, 0.004, 0.3)).apply_translation([0.15, 0, 0])
     points = {"root": Interface(-0.2 * Z, Z), "tip": Interface(0.2 * Z, Z)}
     both = trimesh.util.concatenate([box, fin])
-    link = prepare_link("finned", *arrays(both), points, settings(target_size=SIZE_M))
+    link = prepare_link("finned", *arrays(both), points, settings(target_size=SIZE_M, opening=2 * SIZE_M))
+    assert any(line.startswith("WARNING: off by") for line in link.report)
     # The fin reached to 0.25 m; what the ball of 20 mm cannot reach beside it stays as a ridge.
     assert link.mesh.nodes[:, 0].max() < 0.125
     assert link.figures.departure_m[1] > 0.1
@@ -183,8 +184,9 @@ def test_a_pot_is_closed_by_a_wider_opening_only() -> None:
     points = {"root": Interface(-0.2 * Z, Z), "tip": Interface(0.2 * Z, Z)}
     pot = arrays(both_sides())
     with pytest.raises(InputError, match="wider opening"):
-        prepare_link("pot", *pot, points, settings(target_size=0.02, wall=0.02))
-    link = prepare_link("pot", *pot, points, settings(target_size=0.02, wall=0.02, opening=0.2))
+        prepare_link("pot", *pot, points, settings(target_size=0.02, wall=0.02, opening=0.04))
+    link = prepare_link("pot", *pot, points, settings(target_size=0.02, wall=0.02, wrap="grid"))
+    assert any("closing width 120 mm (grid)" in line for line in link.report)
     body = trimesh.Trimesh(link.mesh.nodes, link.mesh.triangles, process=False)
     assert body.volume > 0.8 * np.pi * 0.09**2 * 0.38
 
@@ -196,14 +198,15 @@ def two_bodies() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_two_bodies_are_refused() -> None:
-    with pytest.raises(InputError, match="2 separate bodies, further apart than 60 mm"):
-        prepare_link("two", *two_bodies(), ends(0.7), settings(target_size=0.03))
+    with pytest.raises(InputError, match=r"2 separate bodies, further apart than 60 mm.*--close-mm above 60"):
+        prepare_link("two", *two_bodies(), ends(0.7), settings(target_size=0.03, opening=0.06))
 
 
 @pytest.mark.slow
 def test_two_bodies_are_one_when_the_gap_is_closed() -> None:
     both = two_bodies()
-    closed = prepare_link("two", *both, ends(0.7), settings(target_size=0.03, opening=0.15))
+    closed = prepare_link("two", *both, ends(0.7), settings(target_size=0.03))
+    assert any("closing width 60 mm (grid): 2 separate bodies" in line for line in closed.report)
     assert trimesh.Trimesh(closed.mesh.nodes, closed.mesh.triangles, process=False).body_count == 1
 
 

@@ -235,7 +235,7 @@ def test_stages_are_resumed_and_give_the_same_again(
         ("few", ("1 reading(s) cannot determine 3 parameters", "measure more poses")),
         ("angles", ("the label stands for other joint angles before", "correct the angles")),
         ("values", ("contradicts that of row 2", "column repeat")),
-        ("no load", ("the load is zero in every component", "remove the row")),
+        ("no load", ("1 problem(s)", "the load is zero in every component, here and in every row", "remove the row")),
         ("load's sign", ("64 of 64 readings move against the load", "check the sign")),
         ("metres", ("stiffness at the tool", "check the units")),
         ("micrometres", ("stiffness at the tool", "check the units")),

@@ -303,3 +303,51 @@ def test_two_runs_at_once_into_one_folder(tmp_path: Path) -> None:
     kept = [f for f in folders if (f / "model.toml").is_file()]
     assert len(kept) >= 2
     assert len({(f / "model.toml").read_bytes() for f in kept}) == 1
+
+
+def test_a_backed_up_model_keeps_the_meshes_it_refers_to(tmp_path: Path) -> None:
+    model = '[[link]]\nname = "arm"\n[link.surface]\nfile = "meshes/{0}.npz"\n[[link]]\nname = "beam"\n'
+    for text in ("first", "second", "third"):
+        with folder(tmp_path) as out:
+            out.write_text("model.toml", model.format(text))
+            out.write_text(f"meshes/{text}.npz", text)
+    kept = sorted((tmp_path / "previous").iterdir())
+    assert len(kept) == 2
+    found = set()
+    for backup in kept:
+        (mesh,) = (backup / "meshes").iterdir()
+        assert f"meshes/{mesh.name}" in (backup / "model.toml").read_text(encoding="utf-8")
+        found.add(mesh.read_text(encoding="utf-8"))
+    assert found == {"first", "second"}
+    # A mesh of the same name that the new run writes anew: the backup has the old one.
+    with folder(tmp_path) as out:
+        out.write_text("model.toml", model.format("third"))
+        out.write_text("meshes/third.npz", "third again")
+    (latest,) = set((tmp_path / "previous").iterdir()) - set(kept)
+    assert (latest / "meshes" / "third.npz").read_text(encoding="utf-8") == "third"
+
+
+@pytest.mark.parametrize("file", ["../secret.npz", "/etc/hostname", "lost.npz"])
+def test_a_backup_takes_no_files_from_elsewhere(file: str, tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    (tmp_path / "secret.npz").touch()
+    (target / "model.toml").write_text(f'[[link]]\n[link.surface]\nfile = "{file}"\n', encoding="utf-8")
+    (target / "plan.toml").write_text("link = 3", encoding="utf-8")
+    with folder(target) as out:
+        out.write_text("model.toml", "")
+        out.write_text("plan.toml", "not toml [")
+    (backup,) = (target / "previous").iterdir()
+    assert set(tree(backup)) == {"model.toml", "plan.toml"}
+
+
+def test_a_failure_takes_the_copies_for_the_backup_away_again(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "old.npz").touch()
+    (tmp_path / "model.toml").write_text('[[link]]\n[link.surface]\nfile = "meshes/old.npz"\n', encoding="utf-8")
+    (tmp_path / "z").write_text("a file where a folder belongs", encoding="utf-8")
+    before = tree(tmp_path)
+    with pytest.raises(InputError, match="cannot take the results"), folder(tmp_path) as out:  # noqa: PT012
+        out.write_text("model.toml", "")
+        out.write_text("z/picture.png", "")
+    assert tree(tmp_path) == before

@@ -1,0 +1,213 @@
+"""The whole diagnosis: rank, accept, look again, and judge what was found on poses left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.diagnosis.decide import Decision, decide
+from doe.diagnosis.held_out import leave_one_pose_out
+from doe.diagnosis.known import base_of
+from doe.diagnosis.outset import replicate_weights
+from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Options, Ranking, rank
+from doe.diagnosis.refit import Refit, accept, refit
+from doe.diagnosis.scatter import covariance
+from doe.diagnosis.setting import Setting
+from doe.diagnosis.testable import not_testable, twins
+from doe.noise import Noise
+from doe.readings import rms_mm
+from fem.effects.base import PlacedEffect
+
+Array = NDArray[np.float64]
+Verdict = Literal["named", "ambiguous", "unknown", "none"]
+Progress = Callable[[str], None]
+
+# Effects looked for one after the other.
+MOST = 3
+# A further effect must explain at least this share of what the first one did: less is the first one's law being not
+# quite right.
+FURTHER = 0.007
+# What a name leaves to the unknown may be this share of what there was to explain; more is something else.
+LEFT_OVER = 0.2
+
+
+@dataclass(frozen=True)
+class Found:
+    """An accepted effect: its numbers, their standard deviations by name (of amplitudes and free shapes), and how
+    probable it was when it was accepted.
+    """
+
+    placed: PlacedEffect
+    sd: dict[str, float]
+    probability: float
+    log_gain: float
+
+    @property
+    def code(self) -> str:
+        """Code of the effect."""
+        return self.placed.effect.code
+
+
+@dataclass(frozen=True)
+class State:
+    """A model on the readings: fitted numbers, and how far off it is, also on poses left out (mm)."""
+
+    refit: Refit
+    residual: Array
+    left_out: Array
+    fit_rms_mm: float
+    left_out_rms_mm: float
+    noise_floor_mm: float
+
+    @property
+    def setting(self) -> Setting:
+        """The setting with its numbers."""
+        return self.refit.setting
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is missing from a model, by these readings.
+
+    ``rankings``: one for each look, the first with nothing accepted; ``decisions`` go with them. ``before`` and
+    ``after``: the model without and with the effects found (the most probable one where the verdict is ambiguous);
+    ``start``: the setting that was ranked first. ``provisional``: effects taken up that are not sure.
+    """
+
+    verdict: Verdict
+    reason: str
+    effects: tuple[Found, ...]
+    provisional: tuple[Found, ...]
+    rankings: tuple[Ranking, ...]
+    decisions: tuple[Decision, ...]
+    before: State
+    after: State
+    start: Setting = field(repr=False)
+    weight: Array = field(repr=False)
+
+    def not_testable(self) -> dict[str, str]:
+        """Codes that these readings cannot judge, with the reason."""
+        found = [f.code for f in (*self.effects, *self.provisional)]
+        return not_testable(self.before.setting, self.rankings[0], found)
+
+    def twins(self, codes: Sequence[str] | None = None) -> dict[str, tuple[str, ...]]:
+        """For each code (of ``codes``), those that these readings could not tell from it."""
+        return twins(self.start, self.rankings[0], self.weight, codes)
+
+    @property
+    def ranking(self) -> Ranking:
+        """The ranking that the verdict rests on: the last one that found something, or the first."""
+        return self.rankings[max(len(self.effects) - 1, 0)]
+
+
+def diagnose(s: Setting, options: Options = Options(), progress: Progress | None = None) -> Diagnosis:  # noqa: B008
+    """Find what is missing from a model whose springs are fitted."""
+    say = progress or (lambda text: None)
+    weight = replicate_weights(s.data)
+    say(f"{len(s.data)} readings in {len(s.data.poses)} poses, {len(s.known)} candidates")
+    rankings, decisions = [], []
+    found: list[_Pick] = []
+    here, total = s, 0.0
+    for look in range(MOST + 1):
+        r = rank(here, weight, options)
+        d = decide(r, further=bool(found))
+        rankings.append(r)
+        decisions.append(d)
+        say(f"look {look + 1}: {_words(r)}")
+        if d.hypothesis is None or look == MOST or (found and d.kind != "named"):
+            break
+        gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
+        if gain < FURTHER * total:
+            break
+        total = max(total, gain)
+        here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
+        found.append(_Pick(d.hypothesis, gain, d.kind == "named"))
+        if len(found) == 2:
+            here, found = _swapped(s, here, found, weight, options, say)
+    before = state_of(s, rankings[0].of(NONE).noise, weight)
+    after = before
+    all_found: tuple[Found, ...] = ()
+    if found:
+        after = state_of(here, rankings[min(len(found), len(rankings) - 1)].of(NONE).noise, weight)
+        all_found = tuple(_found(after.refit, k, pick) for k, pick in enumerate(found))
+    verdict, reason = _verdict(rankings, decisions, found)
+    certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
+    # A name that leaves most unexplained is no name: what it took up may not be it.
+    rest = tuple(f for f in all_found if f not in certain)
+    return Diagnosis(verdict, reason, certain, rest, tuple(rankings), tuple(decisions), before, after, s, weight)
+
+
+@dataclass(frozen=True)
+class _Pick:
+    """A hypothesis taken up, the log evidence it gained, and whether no other explains as much."""
+
+    hypothesis: Hypothesis
+    gain: float
+    named: bool
+
+
+def _words(r: Ranking) -> str:
+    return ", ".join(f"{h.code} {100.0 * h.probability:.0f} %" for h in r.hypotheses[:3])
+
+
+def _swapped(
+    s: Setting, here: Setting, found: list[_Pick], weight: Array, options: Options, say: Progress
+) -> tuple[Setting, list[_Pick]]:
+    """Look at the first effect again now that the second is there: alone it may have stood for both."""
+    first, second = found
+    alone = refit(s.moved(here.springs, here.accepted[1:]), second.hypothesis.noise, weight).setting
+    r = rank(alone, weight, options)
+    d = decide(r)
+    say(f"the first again: {_words(r)}")
+    if d.hypothesis is None:
+        return here, found
+    gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
+    again = _Pick(d.hypothesis, gain, d.kind == "named")
+    if d.hypothesis.code == first.hypothesis.code:
+        return here, [again, second]
+    # Order of acceptance is order of the accepted: the second one now stands first.
+    return refit(accept(alone, d.hypothesis), d.hypothesis.noise, weight).setting, [second, again]
+
+
+def state_of(s: Setting, noise: Noise, weight: Array) -> State:
+    """A setting refitted at a noise, with its errors on its own poses and on poses left out."""
+    fitted = refit(s, noise, weight)
+    here = fitted.setting
+    base, V = base_of(here), covariance(here, noise, weight)
+    left = leave_one_pose_out(base, V, here.data.pose)
+    f, component = here.prediction, here.data.component
+    linear = component < 3
+    square = noise.variance(here.data, f) + np.sum(noise.common(here.data, f) ** 2, axis=1)
+    floor = float(np.sqrt(np.mean(square[linear]))) if linear.any() else 0.0
+    return State(
+        fitted, here.residual, left.error, rms_mm(here.residual, component), rms_mm(left.error, component), 1e3 * floor
+    )
+
+
+def _found(fitted: Refit, number: int, pick: _Pick) -> Found:
+    placed = fitted.setting.accepted[number]
+    return Found(placed, dict(fitted.spread(number)), pick.hypothesis.probability, pick.gain)
+
+
+def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pick]) -> tuple[Verdict, str]:
+    if not found:
+        return decisions[0].kind, decisions[0].reason
+    last = rankings[min(len(found), len(rankings) - 1)]
+    rest = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
+    gained = sum(pick.gain for pick in found)
+    if len(rankings) > len(found) and last.of(UNKNOWN).probability > 0.5 and rest > LEFT_OVER * (gained + rest):
+        return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
+    if not all(pick.named for pick in found):
+        return "ambiguous", next(
+            (d.reason for d in decisions if d.kind == "ambiguous"), "with both in, one of them may be another"
+        )
+    return "named", decisions[0].reason
+
+
+def without_pose_term(options: Options) -> Options:
+    """Ablation: set-ups do not scatter."""
+    return replace(options, pose_term=False)
