@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
 from fem.effects.observed import observed
+from fem.effects.situation import Situation
 from fem.free_effects import changed_effects, changed_model, step_of
 from fem.laws import FreeLaw
 from fem.loads import LoadedPoses, placed
@@ -86,7 +87,8 @@ class FreeModel:
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Displacements (n, 6) and derivatives (n, 6, p) by the estimator's variables u (p,)."""
         if self.effects:
-            return self._observed(u), self._differences(u)
+            value = self._observed(u)
+            return value, self._differences(u, value)
         value, J = self._at_ports(u, self.moved(u))
         for k, p in enumerate(self.parameters):
             if p.kind in GEOMETRIC:
@@ -136,19 +138,34 @@ class FreeModel:
         """Displacements (n, 6) with effects."""
         model = changed_model(self.model, self.parameters, self.laws, self.walls, u)
         effects = changed_effects(self.effects, self.parameters, u)
-        return observed(model, self.moved(u), effects, self.history or plain_history(len(self.at)))
+        moved = self.moved(u)
+        start = self._start if moved is self.at else None
+        return observed(model, moved, effects, self.history or plain_history(len(self.at)), start)
 
-    def _differences(self, u: Array) -> Array:
+    @cached_property
+    def _start(self) -> Situation:
+        """Statics at the loaded poses as they are, for all numbers that leave them there."""
+        situation = Situation(self.model, self.at, self.history or plain_history(len(self.at)))
+        if any(e.effect.stage == "arm" and not e.effect.own for e in self.effects):
+            _ = situation.places, situation.preload
+        return situation
+
+    def _differences(self, u: Array, value: Array) -> Array:
         """Derivatives (n, 6, p) with effects: exact by what is linear, else good to some 1e-8."""
         J = np.zeros((len(self.parameters), len(self.at), 6)).transpose(1, 2, 0)
         trusted = not any(e.effect.own for e in self.effects)
         for k, p in enumerate(self.parameters):
-            if p.kind in GEOMETRIC:
-                ends = float(u[k]) - STEP[p.kind], float(u[k]) + STEP[p.kind]
-            else:
-                ends = step_of(p, float(u[k]), exact=p.is_linear and trusted)
-            low, high = (self._observed(_stepped(u, k, end - float(u[k]))) for end in ends)
-            J[:, :, k] = (high - low) / (ends[1] - ends[0])
+            at = float(u[k])
+            if p.is_linear and trusted:
+                # Any two points of a straight line will do, and one is known.
+                low, high = step_of(p, at, exact=True)
+                end = high if high - at > at - low else low
+                J[:, :, k] = (self._observed(_stepped(u, k, end - at)) - value) / (end - at)
+                continue
+            fixed = STEP.get(p.kind)
+            low, high = step_of(p, at, exact=False) if fixed is None else (at - fixed, at + fixed)
+            ends = [self._observed(_stepped(u, k, end - at)) for end in (low, high)]
+            J[:, :, k] = (ends[1] - ends[0]) / (high - low)
         return J
 
     def moved(self, u: Array) -> LoadedPoses:

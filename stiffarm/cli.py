@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stiffarm import __version__
-from stiffarm.commands import calibration, chain, exporting, importing, models, planning, sensitivity, surrogates
+from stiffarm.commands import calibration, chain, diagnosis, exporting, importing, models, planning, sensitivity, surrogates
 
 app = typer.Typer(
     name="stiffarm",
@@ -23,6 +23,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "simulate": models.simulate,
     "sensitivity": sensitivity.sensitivity,
     "calibrate": calibration.calibrate,
+    "diagnose": diagnosis.diagnose,
     "plan": planning.plan,
     "fit": surrogates.fit,
     "query": surrogates.query,

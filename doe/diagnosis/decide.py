@@ -1,4 +1,4 @@
-"""From a ranking to a verdict: is anything missing, what, and does its name hold on poses it has not seen?"""
+"""From a ranking to a verdict: whether anything is missing, what, and whether its name holds on unseen poses."""
 
 from __future__ import annotations
 

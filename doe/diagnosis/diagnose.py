@@ -37,8 +37,10 @@ LEFT_OVER = 0.2
 
 @dataclass(frozen=True)
 class Found:
-    """An accepted effect: its numbers, their standard deviations by name (of amplitudes and free shapes), and how
-    probable it was when it was accepted.
+    """An accepted effect.
+
+    Its numbers, their standard deviations by name (of amplitudes and free shapes), how probable it was when it was
+    accepted, and what log evidence it gained.
     """
 
     placed: PlacedEffect
@@ -133,7 +135,7 @@ def diagnose(s: Setting, options: Options = Options(), progress: Progress | None
     all_found: tuple[Found, ...] = ()
     if found:
         after = state_of(here, rankings[min(len(found), len(rankings) - 1)].of(NONE).noise, weight)
-        all_found = tuple(_found(after.refit, k, pick) for k, pick in enumerate(found))
+        all_found = tuple(_found(after.refit, len(s.accepted) + k, pick) for k, pick in enumerate(found))
     verdict, reason = _verdict(rankings, decisions, found)
     certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
     # A name that leaves most unexplained is no name: what it took up may not be it.
@@ -159,7 +161,9 @@ def _swapped(
 ) -> tuple[Setting, list[_Pick]]:
     """Look at the first effect again now that the second is there: alone it may have stood for both."""
     first, second = found
-    alone = refit(s.moved(here.springs, here.accepted[1:]), second.hypothesis.noise, weight).setting
+    given = len(s.accepted)
+    others = (*here.accepted[:given], *here.accepted[given + 1 :])
+    alone = refit(s.moved(here.springs, others), second.hypothesis.noise, weight).setting
     r = rank(alone, weight, options)
     d = decide(r)
     say(f"the first again: {_words(r)}")

@@ -117,7 +117,7 @@ def _stack(w: Whitened, candidates: Sequence[Signature], G: Array, g: Array, K: 
     mean = np.stack([c.mean for c in candidates])
     precision = np.stack([c.sd for c in candidates]) ** -2.0
     S = G + precision[:, :, None] * np.eye(G.shape[1])
-    covariance = np.linalg.inv(S)
+    covariance: Array = np.asarray(np.linalg.inv(S), dtype=np.float64)
     h = g + precision * mean
     v = np.einsum("nkl,nl->nk", covariance, h)
     gain = 0.5 * np.einsum("nk,nk->n", h, v) - 0.5 * np.sum(precision * mean**2, axis=1)

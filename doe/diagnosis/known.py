@@ -1,4 +1,4 @@
-"""What is taken as given beside a candidate: springs, small errors of the model that every arm has, accepted effects."""
+"""What is taken as given beside a candidate: springs, small errors that every model has, accepted effects."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _errors(s: Setting) -> tuple[Array, Array, Array, Array]:
 
 def error_count(s: Setting) -> int:
     """How many of the base's columns, after the springs', are errors of the model and doubts about laws."""
-    return s.errors.shape[1] + s.doubts.shape[1]
+    return int(s.errors.shape[1] + s.doubts.shape[1])
 
 
 def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:

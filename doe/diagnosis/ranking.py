@@ -35,6 +35,8 @@ PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1
 LESS = {"gear-ripple": 0.1}
 # Set-ups may scatter this much where something unknown acts on them.
 WILD = 0.08
+# Without priors amplitudes and springs have standard deviations larger by this.
+VAGUE = 30.0
 # Candidates whose own noise joins the set.
 LEADERS = 6
 # An effect of usual size must raise chi-square by this to be seen at all, and by this to be told by name.
@@ -106,12 +108,16 @@ class Ranking:
 def rank(s: Setting, weight: Array, options: Options = Options(), skip: Sequence[str] = ()) -> Ranking:
     """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers; ``skip``: codes left out."""
     base = base_of(s)
+    if not options.priors:
+        base = replace(base, precision=base.precision / VAGUE**2, floor=np.full(len(base.floor), -np.inf))
     taken = {e.effect.code for e in s.accepted} | set(skip)
     candidates: dict[str, list[Signature]] = {
         code: signatures(s, effect)
         for code, effect in s.known.items()
         if code not in taken and impossible(s, effect) is None
     }
+    if not options.priors:
+        candidates = {code: [_vague(c) for c in some] for code, some in candidates.items()}
     first = fitted_noise(s, base.columns, weight)
     hidden, usual = _hidden(s, base, weight, first, candidates)
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
@@ -129,6 +135,11 @@ def rank(s: Setting, weight: Array, options: Options = Options(), skip: Sequence
     smooth = [_unknown_at(s, base, weight, n, wild) for n in _calm_and_wild(noises, table)]
     unknown = [*smooth, *(_rough_at(s, base, row, wild, options) for row in table)]
     return _ranked(s, base, weight, table, unknown, candidates, hidden, usual, options)
+
+
+def _vague(c: Signature) -> Signature:
+    """A signature of which nothing is known beforehand, not even its sign (an ablation)."""
+    return replace(c, mean=0.0 * c.mean, sd=VAGUE * c.sd, positive=np.zeros_like(c.positive))
 
 
 def _pruned(
@@ -205,7 +216,7 @@ def _at_noise(
     flat = [c for some in candidates.values() for c in some if c.shift is None]
     fits = dict(zip(map(id, flat), fit_all(w, flat), strict=True))
     m, plain = len(s.data), -0.5 * (V.log_det + w.square)
-    best = {}
+    best: dict[str, tuple[float, float, Signature, Fitted | None]] = {}
     for code, some in candidates.items():
         if some[0].shift is not None:
             other = Whitened(_with_springs(s, base, some[0]), V)

@@ -1,8 +1,8 @@
-"""The rival that no catalogue names: a smooth discrepancy over pose and load (Kennedy and O'Hagan 2001,
-doi:10.1111/1467-9868.00294), a share of the deflection.
+"""The rival that no catalogue names: a smooth discrepancy over pose and load, a share of the deflection.
 
-A normal process over the joint angles that matter, with a squared-exponential kernel, written as columns: the poses'
-kernel has as many directions as there are poses. It may change with the load and differ between loading and unloading.
+A normal process over the joint angles that matter, with a squared-exponential kernel (Kennedy and O'Hagan 2001,
+doi:10.1111/1467-9868.00294), written as columns: the poses' kernel has as many directions as there are poses. It may
+change with the load and differ between loading and unloading.
 """
 
 from __future__ import annotations
@@ -78,4 +78,4 @@ def _size_of_pose(s: Setting) -> Array:
     p = s.data
     square = np.zeros((len(p.free.at), 2))
     np.add.at(square, (p.row, (p.component >= 3).astype(int)), s.prediction**2)
-    return np.sqrt(square)[p.row, (p.component >= 3).astype(int)]
+    return np.asarray(np.sqrt(square)[p.row, (p.component >= 3).astype(int)])

@@ -94,7 +94,8 @@ def described_effects(
     if model.load_path != path_of(description) and any(table.code == LOAD_PATH for table in description.effect):
         # Built without its effects: the others belong to the arm with the other load path.
         model = build_plain(description, model.link_kind)
-    known = catalogue(model, description, own)
+    # Only links that are held rigid ask for the description; the other load path would build all links again.
+    known = catalogue(model, description if model.link_kind == "rigid" else None, own)
     if model.robot.parallelogram is not None:
         known[LOAD_PATH] = load_path_effect(model)
     faults: list[InputError] = []

@@ -19,17 +19,25 @@ Array = NDArray[np.float64]
 
 
 def observed(
-    model: ArmModel, at: LoadedPoses, effects: Sequence[PlacedEffect], history: History | None = None
+    model: ArmModel,
+    at: LoadedPoses,
+    effects: Sequence[PlacedEffect],
+    history: History | None = None,
+    start: Situation | None = None,
 ) -> Array:
-    """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection."""
-    then = history or plain_history(len(at))
+    """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection.
+
+    ``start``: a situation asked before at the same loaded poses (the same object) and history, whose statics serve
+    again.
+    """
+    before = start or Situation(model, at, history or plain_history(len(at)))
     changed, loads = model, at
     for e in _of_stage(effects, "model"):
         changed = act(e, changed, None)
     for e in _of_stage(effects, "load"):
-        loads = act(e, loads, Situation(changed, at, then))
+        loads = act(e, loads, before.of(changed, at))
     d = deflection(changed, loads.q, loads.wrench, loads.point)
-    situation = Situation(changed, loads, then)
+    situation = before.of(changed, loads)
     for e in _of_stage(effects, "arm"):
         d = d + act(e, None, situation)
     for e in _of_stage(effects, "gauge"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,21 @@ class Situation:
     def preload(self) -> Array:
         """Torque (n, dof) N m of the links' own weight at the springs; zero where no masses are declared."""
         return gravity_torque(self.model, self.at.q)
+
+    def of(self, model: ArmModel, at: LoadedPoses) -> Situation:
+        """The same history with another arm or loads; statics already known are kept where they still hold.
+
+        An arm is statically determinate: as long as its geometry, load path and loads are the same, what its springs
+        are does not matter to what they carry.
+        """
+        other = replace(self, model=model, at=at)
+        same_path = (model.bar is None) == (self.model.bar is None)
+        if at is self.at and model.robot is self.model.robot and same_path and model.masses is self.model.masses:
+            # Where a cached property keeps what it found.
+            for name in ("places", "preload"):
+                if name in self.__dict__:
+                    other.__dict__[name] = self.__dict__[name]
+        return other
 
     def compliance(self, joint: str) -> Array:
         """Compliance (n,) rad/(N m) of the spring about a joint's axis."""

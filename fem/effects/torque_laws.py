@@ -32,8 +32,10 @@ def _torque(name: str, lower: float, upper: float, points: int, source: str = AS
 
 
 def _hardening(joint: JointPart) -> Effect:
-    """``theta = c (tau - a (tau - t g(tau / t)))``: g = tanh bends at the knee t, beyond which the compliance is
-    c (1 - a); with a power below one, g = sgn |tau / t|^power bends all the way, as contact that grows does.
+    """``theta = c (tau - a (tau - t g(tau / t)))``.
+
+    g = tanh bends at the knee t, beyond which the compliance is c (1 - a); with a power below one,
+    g = sgn |tau / t|^power bends all the way, as contact that grows does.
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:

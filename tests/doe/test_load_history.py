@@ -40,12 +40,12 @@ def test_phases_order_a_cycle_by_its_loads() -> None:
 
 def test_a_repeat_starts_unloaded_and_the_play_is_that_of_its_cycle() -> None:
     rows: list[Row] = []
-    for repeat in (1, 2):
-        rows += [("A", repeat, -f, p, NAN) for f, p in ((2.0, "loading"), (6.0, "loading"), (3.0, "unloading"))]
+    for repeat, top in ((1, 6.0), (2, 4.0)):
+        rows += [("A", repeat, -f, p, NAN) for f, p in ((2.0, "loading"), (top, "loading"), (3.0, "unloading"))]
     m = table(*rows)
     x = -m.wrench[:, 2]
     # Play of width 1: max(x - 1, 0) up, min(largest - 1, x + 1) down.
-    np.testing.assert_allclose(history_of(m).play(x, 1.0), [1.0, 5.0, 4.0, 1.0, 5.0, 4.0])
+    np.testing.assert_allclose(history_of(m).play(x, 1.0), [1.0, 5.0, 4.0, 1.0, 3.0, 3.0])
 
 
 def test_steps_go_before_phases_and_tell_time() -> None:
@@ -77,7 +77,9 @@ def test_one_step_for_different_loads_is_no_order() -> None:
 
 
 def test_readings_at_one_time_share_their_place() -> None:
-    h = history_of(table(("A", None, -300.0, None, 1.0), ("A", None, -300.1, None, 1.0), ("A", None, -600.0, None, 2.0)))
+    h = history_of(
+        table(("A", None, -300.0, None, 1.0), ("A", None, -300.1, None, 1.0), ("A", None, -600.0, None, 2.0))
+    )
     np.testing.assert_array_equal(h.order, [0, 0, 1])
 
 
@@ -86,7 +88,9 @@ def test_without_phase_and_step_each_reading_is_alone() -> None:
     assert not h.is_known
     np.testing.assert_array_equal(h.cycle, [0, 1])
     # One pose that does not say so is enough for the whole not to be known; the others keep their cycles.
-    mixed = history_of(table(("A", 1, -300.0, "loading", NAN), ("A", 1, -600.0, "loading", NAN), ("B", 1, -9.0, None, NAN)))
+    mixed = history_of(
+        table(("A", 1, -300.0, "loading", NAN), ("A", 1, -600.0, "loading", NAN), ("B", 1, -9.0, None, NAN))
+    )
     assert not mixed.is_known
     np.testing.assert_array_equal(mixed.cycle, [0, 0, 1])
 

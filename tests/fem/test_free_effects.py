@@ -26,7 +26,9 @@ VALUES = {
     "gauge-zero": {"x": 0.0, "y": 0.0, "z": 3e-5},
     "base-tilt": {"stiffness_x": 2e7, "stiffness_y": 3e7},
 }
-LINEAR = ("j2.stiffness", "j3.stiffness", "j4.rx", "base.tz", "j2.ty-rx", "tool.tx", "upper-arm.modulus", "bar.stiffness")
+LINEAR = (
+    "j2.stiffness", "j3.stiffness", "j4.rx", "base.tz", "j2.ty-rx", "tool.tx", "upper-arm.modulus", "bar.stiffness",
+)  # fmt: skip
 BENT = (
     "j2.zero", "load.x", "friction:j2.share", "friction:j2.friction", "backlash:j3.gap", "backlash:j3.crossing",
     "payload.force", "base-tilt.stiffness_y", "gauge-zero.z", "angle-dependent-stiffness:j3.cos1",
@@ -111,14 +113,13 @@ def test_derivatives_by_what_bends(
     u, J = model.start, model.evaluate(model.start)[1][:, :, 0]
     p = model.parameters[0]
     h = {"log": 1e-3, "compliance": 3e-3 * abs(u[0])}.get(p.scale, 3e-3 * abs(u[0]) if p.kind == "effect" else 3e-5)
-    up, down = model.displacement(u + [h, 0.0]), model.displacement(u - [h, 0.0])
+    step = np.array([h, 0.0])
+    up, down = model.displacement(u + step), model.displacement(u - step)
     assert np.abs(J).max() > 0.0
     np.testing.assert_allclose((up - down) / (2 * h), J, rtol=0.0, atol=DIFFERENCES * np.abs(J).max())
 
 
-def test_a_law_over_angles_under_friction(
-    arm: ArmModel, at: LoadedPoses, effects: tuple[PlacedEffect, ...]
-) -> None:
+def test_a_law_over_angles_under_friction(arm: ArmModel, at: LoadedPoses, effects: tuple[PlacedEffect, ...]) -> None:
     basis = FourierBasis(1, 1)
     given = tuple(law_parameters(arm, "j2", basis))
     model = FreeModel(arm, given, at, (FreeLaw("j2", basis, 0),), effects=effects, history=HISTORY)
@@ -138,9 +139,7 @@ def test_a_spring_with_friction_gives_less_than_one_without(arm: ArmModel, at: L
     assert np.abs(J).max() < 1e-12 * np.abs(plain).max()
 
 
-def test_part_of_the_poses_keep_their_cycles(
-    arm: ArmModel, at: LoadedPoses, effects: tuple[PlacedEffect, ...]
-) -> None:
+def test_part_of_the_poses_keep_their_cycles(arm: ArmModel, at: LoadedPoses, effects: tuple[PlacedEffect, ...]) -> None:
     model = free(arm, at, ("j2.stiffness",), effects)
     rows = np.array([3, 9, 11])
     some, kept = model.take(rows)
@@ -148,15 +147,15 @@ def test_part_of_the_poses_keep_their_cycles(
     np.testing.assert_array_equal(some.displacement(model.start)[kept], model.displacement(model.start)[rows])
 
 
-def test_without_effects_nothing_is_differenced(arm: ArmModel, at: LoadedPoses, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_effects_nothing_is_differenced(
+    arm: ArmModel, at: LoadedPoses, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(FreeModel, "_differences", lambda *_: pytest.fail("differences without effects"))
     model = FreeModel(arm, (parameter(arm, "j2.stiffness"),), at)
     assert model.evaluate(model.start)[1].any()
 
 
-def test_a_users_law_is_not_taken_for_linear(
-    arm: ArmModel, at: LoadedPoses, effects: tuple[PlacedEffect, ...]
-) -> None:
+def test_a_users_law_is_not_taken_for_linear(arm: ArmModel, at: LoadedPoses, effects: tuple[PlacedEffect, ...]) -> None:
     own = tuple(replace(e, effect=replace(e.effect, own=True)) for e in effects)
     assert not free(arm, at, ("j2.stiffness",), own).is_linear
     exact, small = (free(arm, at, ("j2.stiffness",), e).evaluate(np.array([1e-6]))[1] for e in (effects, own))

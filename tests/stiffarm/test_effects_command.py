@@ -52,13 +52,13 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 
 
 def write_cycles(path: Path, model: Path, own: tuple[Any, ...] = (), *, phases: bool = True) -> Path:
-    """Readings of eight poses, up and down, twice, by the model with its effects and a little noise."""
+    """Readings of five poses, up and down, twice, by the model with its effects and a little noise."""
     d = load_description(model)
     arm, rng = build_arm(d, own=own), np.random.default_rng(5)
     low, high = arm.robot.limits.T
     q = rng.uniform(0.7 * low, 0.7 * high, (200, 6))
     q[:, 2] = rng.uniform(low[2], high[2], 200)
-    q = q[arm.robot.reachable(q)][:8]
+    q = q[arm.robot.reachable(q)][:5]
     cycle = [(f, "loading") for f in (150, 400, 650)] + [(f, "unloading") for f in (400, 150)]
     head = ["pose", *arm.robot.coordinates, "fz_N", "repeat", "step", "dz_mm"] + ["phase"] * phases
     rows: list[list[object]] = []
@@ -104,8 +104,8 @@ def test_a_table_says_which_way_the_load_went(cli: Command, model: Callable[...,
     file = model(FRICTION.format(friction=100))
     table = write_cycles(tmp_path / "cycles.csv", file)
     outcome = cli("simulate", file, table, "--json")
-    # Three standard deviations of the RMS of eighty readings.
-    assert outcome.json["rms_mm"] == pytest.approx(NOISE_MM, rel=0.25)
+    # Three standard deviations of the RMS of fifty readings.
+    assert outcome.json["rms_mm"] == pytest.approx(NOISE_MM, rel=0.3)
     assert "taken as loadings" not in outcome.err
     rows = [line.split(",") for line in table.read_text().splitlines()]
     cut = [k for k, name in enumerate(rows[0]) if name not in ("phase", "step")]
@@ -146,7 +146,7 @@ def test_calibration_finds_an_effects_number_and_writes_it_back(
     assert friction.source == "calibrated"
     assert "95 % interval" in (friction.note or "")
     again = cli("simulate", tmp_path / "out" / "model.toml", table, "--json")
-    assert again.json["rms_mm"] == pytest.approx(NOISE_MM, rel=0.25)
+    assert again.json["rms_mm"] == pytest.approx(NOISE_MM, rel=0.3)
 
 
 def test_loads_alone_of_a_loop_are_refused(cli: Command, model: Callable[..., Path], tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ def test_the_example_of_the_page(
     maker = checked_maker(module_of(flange).effects, "flange.py")
     table = write_cycles(tmp_path / "cycles.csv", file, (maker,))
     simulated = cli("simulate", file, table, "--effect", flange, "--out", tmp_path / "simulated", "--json")
-    assert simulated.json["rms_mm"] == pytest.approx(NOISE_MM, rel=0.25)
+    assert simulated.json["rms_mm"] == pytest.approx(NOISE_MM, rel=0.3)
     run = json.loads((tmp_path / "simulated" / "run.json").read_text())
     assert "effect" in json.dumps(run)
     start = model("\n" + text.replace("value = 30", "value = 10"), "flange_start.toml")
@@ -241,8 +241,10 @@ def test_the_example_of_the_page(
                   "--out", tmp_path / "out", "--json")  # fmt: skip
     assert outcome.code == 0, outcome.err
     numbers = {n["name"]: n for n in outcome.json["stages"][0]["numbers"]}
-    # 2 um of noise on eighty readings of some 25 um.
-    assert numbers["flange-settling.settling"]["value"] == pytest.approx(30e-6, rel=0.05)
+    # 2 um of noise on fifty readings of some 25 um.
+    low, high = numbers["flange-settling.settling"]["interval95"]
+    assert low < 30e-6 < high
+    assert numbers["flange-settling.settling"]["value"] == pytest.approx(30e-6, rel=0.1)
     without = cli("simulate", file, table)
     assert without.code == 2
     assert "--effect FILE.py" in without.err

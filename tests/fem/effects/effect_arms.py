@@ -44,9 +44,7 @@ def extra(model: ArmModel, at: LoadedPoses, placed: PlacedEffect, history: Histo
     return observed(model, at, [placed], history) - observed(model, at, [], history)
 
 
-def of(
-    model: ArmModel, code: str, description: ModelDescription | None = None, **values: float
-) -> PlacedEffect:
+def of(model: ArmModel, code: str, description: ModelDescription | None = None, **values: float) -> PlacedEffect:
     """An effect of the catalogue with its numbers."""
     return catalogue(model, description)[code].placed(values)
 

@@ -221,5 +221,5 @@ def test_an_own_effect_in_a_file_needs_its_law() -> None:
     (placed,) = reading_effects(d, arm, [maker])
     assert placed.effect.own
     assert placed.by_name == pytest.approx({"size": 2e-5})
-    with pytest.raises(InputError, match="--effect FILE.py"):
+    with pytest.raises(InputError, match=r"--effect FILE\.py"):
         build_arm(d)

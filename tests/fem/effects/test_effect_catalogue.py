@@ -1,4 +1,4 @@
-"""What holds for every effect: nothing at zero, in proportion to its amplitudes, and the same as a number in the file."""
+"""What holds for every effect: nothing at zero, in proportion to its amplitudes, and equal to numbers in the file."""
 
 from __future__ import annotations
 
@@ -58,9 +58,7 @@ def test_codes_of_the_issue() -> None:
 
 
 @pytest.mark.parametrize("code", [c for c in CODES if c != "load-path"])
-def test_nothing_at_zero_and_in_proportion(
-    code: str, arm: ArmModel, known: dict[str, Effect], at: LoadedPoses
-) -> None:
+def test_nothing_at_zero_and_in_proportion(code: str, arm: ArmModel, known: dict[str, Effect], at: LoadedPoses) -> None:
     effect = known[code]
     plain = deflection(arm, at.q, at.wrench, at.point)
     size = np.abs(plain[:, :3]).max()

@@ -1,0 +1,97 @@
+"""Readings that a diagnosis has not seen: how far off the model is there, before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.diagnosis.diagnose import Diagnosis
+from doe.diagnosis.setting import Setting
+from doe.load_history import history_of
+from doe.measurement_checks import joint_keys
+from doe.measurements import Measurements
+from doe.problem import problem
+from doe.readings import rms_mm
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HeldOutReadings:
+    """Errors (m,), read minus predicted, of a model before and after; ``setting``: the model after on these readings.
+
+    ``remarks``: what of an effect these readings cannot follow, in words.
+    """
+
+    data: Measurements
+    setting: Setting
+    before: Array
+    after: Array
+    remarks: tuple[str, ...]
+
+    @property
+    def rms_before_mm(self) -> float:
+        """RMS of the translations before."""
+        return rms_mm(self.before, self.setting.data.component)
+
+    @property
+    def rms_after_mm(self) -> float:
+        """RMS of the translations after."""
+        return rms_mm(self.after, self.setting.data.component)
+
+
+def refuse_seen(seen: Measurements, held_out: Measurements) -> None:
+    """Refuse readings to be held out whose poses (joint angles, whatever the label) the diagnosis has seen.
+
+    Raises
+    ------
+    InputError
+        Another number of joints, or poses that are in both tables, which it names.
+    """
+    if seen.q.shape[1] != held_out.q.shape[1]:
+        raise InputError(
+            f"readings to hold out, {held_out.source}: joints", value=held_out.q.shape[1], allowed=f"{seen.q.shape[1]}"
+        )
+    known = set(joint_keys(seen.q))
+    both = [label for label, key in zip(held_out.pose, joint_keys(held_out.q), strict=True) if key in known]
+    if both:
+        raise InputError(
+            f"readings to hold out, {held_out.source}: poses that are in {seen.source} too",
+            value=", ".join(dict.fromkeys(both)),
+            allowed="poses that the diagnosis has not seen",
+            remedy="remove them from one of the two tables",
+        )
+
+
+def hold_out(d: Diagnosis, seen: Measurements, held_out: Measurements) -> HeldOutReadings:
+    """Predict readings by the model before and after a diagnosis, with the numbers that are written into its file.
+
+    Raises
+    ------
+    InputError
+        As of :func:`refuse_seen`.
+    """
+    refuse_seen(seen, held_out)
+    before, after = applied(d.before.setting, held_out), applied(d.after.setting, held_out)
+    return HeldOutReadings(held_out, after, before.residual, after.residual, tuple(_remarks(after)))
+
+
+def applied(s: Setting, data: Measurements) -> Setting:
+    """A setting's model with its numbers, on other readings."""
+    # Errors that every model has are columns on the setting's own readings.
+    p = problem(s.model, data, ())
+    return replace(s, data=p, history=history_of(data), errors=np.zeros((len(p), 0)))
+
+
+def _remarks(s: Setting) -> list[str]:
+    out = []
+    for placed in s.accepted:
+        code = placed.effect.code
+        if placed.effect.needs_history and not s.history.is_known:
+            out.append(f"{code}: these readings do not tell loading from unloading; all are taken as loading from zero")
+        if code == "drift":
+            out.append("drift: another campaign has a clock of its own; nothing of the drift need repeat there")
+    return out

@@ -1,0 +1,302 @@
+"""What to measure next: set-ups that tell the surviving candidates apart, as a measurement sheet to fill in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.diagnosis.diagnose import Diagnosis
+from doe.diagnosis.discrimination import choose, divergence, joint, right_names
+from doe.diagnosis.ranking import NONE, UNKNOWN
+from doe.diagnosis.rivals import Cycle, Question, predictions, question_of, with_candidates
+from doe.diagnosis.setting import Setting
+from doe.measurement_columns import DISPLACEMENTS, LOADS
+from doe.measurements import Measurements
+from doe.pose_designs import Zone, pose_design
+from fem.loads import LoadedPoses, as_loaded
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+DOWN = ((0.0, 0.0, -1.0),)
+# Weight of the payload per kg.
+GRAVITY = 9.81
+# Loads are taken from the readings so far, at most so many of them.
+MOST_LOADS = 4
+# Candidates of a proposal: poses that fill the ranges, in whole degrees, as a sheet is set by hand.
+CANDIDATES = 200
+MOST_POSES = 30
+# Expected log evidence from which on one rival is as good as ruled out (20 to 1).
+SETTLED = float(np.log(20.0))
+# Pairs told about.
+TOLD = 6
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One hypothesis that is still possible.
+
+    ``probability``: its weight among the rivals; ``hidden``: the present readings cannot see it; ``against_none``:
+    expected log evidence against "nothing missing" by the new readings, if it is true; ``right_before`` and
+    ``right_after``: probability that its family comes out on top if it is true.
+    """
+
+    code: str
+    probability: float
+    hidden: bool
+    against_none: float
+    right_before: float
+    right_after: float
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Expected log evidence by the new readings: for ``first`` if it is true, for ``second`` if that is true."""
+
+    first: str
+    second: str
+    log_evidence: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class NextReadings:
+    """Set-ups to measure next, in the order of their choice.
+
+    ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``forces`` (l,) N rising, put on one after the
+    other and, if ``unloading``, taken off again; ``components`` (0..5) read; ``repeats`` of each cycle; ``labels``
+    (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first; ``pairs``:
+    largest weight first. ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open;
+    ``right_before``, ``right_after``: probability that the right family comes out on top.
+    """
+
+    q: Array
+    direction: Array
+    forces: Array
+    unloading: bool
+    components: tuple[int, ...]
+    repeats: int
+    labels: tuple[str, ...]
+    first_step: int
+    rivals: tuple[Rival, ...]
+    pairs: tuple[Pair, ...]
+    information: float
+    entropy: float
+    right_before: float
+    right_after: float
+    words: tuple[str, ...]
+
+
+def propose(
+    s: Setting,
+    d: Diagnosis,
+    *,
+    poses: int = 3,
+    loads: Sequence[float] | None = None,
+    directions: Sequence[Sequence[float]] = DOWN,
+    components: Sequence[int] | None = None,
+    unloading: bool | None = None,
+    repeats: int = 3,
+    zone: Zone = Zone(floor=0.0),  # noqa: B008 - frozen
+    coordinates: tuple[str, ...] | None = None,
+    candidates: int = CANDIDATES,
+    rng: np.random.Generator,
+) -> NextReadings:
+    """Choose set-ups that best tell the rivals of a diagnosis apart.
+
+    Parameters
+    ----------
+    s, d : the setting that was diagnosed and what was found (:func:`doe.diagnosis.diagnose.diagnose`)
+    poses : how many set-ups, 1 to 30; each takes one direction with all loads
+    loads : N, put on in rising order; default: those of the readings (four at most). None may exceed the payload's
+        weight, or the largest load so far if that is more.
+    directions : of the load, base axes, any length; default straight down
+    components : 0 to 5 to read (dx .. rz); default: those read so far
+    unloading : whether to read on the way down too; default: if the history of the readings so far is known. Where
+        it is not, it stays unknown with the new readings added.
+    repeats : of each cycle
+    zone, coordinates : where the arm must not be, and the joint coordinates that vary (default all)
+    candidates : poses looked at
+
+    Returns
+    -------
+    NextReadings
+        Its ``as_measurements`` table, written with the columns to fill, comes back by joining it to the first table
+        (:func:`doe.joined_measurements.join`): its labels and steps go on after those. ``rng`` settles the choice.
+
+    Raises
+    ------
+    InputError
+        Number of poses, loads, directions or components out of range; hardly any pose that the robot can take.
+    """
+    cycle = _cycle(s, loads, components, unloading, repeats)
+    way = _unit(directions)
+    if not 1 <= poses <= MOST_POSES:
+        raise InputError("poses to measure next", value=poses, allowed=f"1 to {MOST_POSES}")
+    q = _poses(s, max(candidates, 4 * poses), zone, coordinates, rng)
+    question = question_of(s, d)
+    at, direction = _loaded(s, q, way, cycle)
+    p = predictions(question, with_candidates(question.setting, at, cycle), d.weight, cycle)
+    choice = choose(p, poses)
+    expected = _by_code(p.code, p.weight, divergence(*joint(p, choice.chosen.tolist())))
+    family = _families(question)
+    after = right_names(p, choice.chosen.tolist(), family, rng)
+    rivals = _rivals(question, expected, family, after)
+    turn = np.repeat(q, len(way), axis=0)[choice.chosen]
+    rising = np.unique(cycle.forces)
+    before, right = (sum(r.probability * getattr(r, f) for r in rivals) for f in ("right_before", "right_after"))
+    pairs = _pairs(rivals, expected)
+    return NextReadings(
+        turn, direction[choice.chosen], rising, len(cycle.forces) > len(rising), cycle.components, repeats,
+        _labels(s, poses), len(s.data.free.at) + 1, rivals, pairs, choice.information, choice.entropy,
+        before, right, _words(rivals, pairs, before, right),
+    )  # fmt: skip
+
+
+def _cycle(
+    s: Setting, loads: Sequence[float] | None, components: Sequence[int] | None, unloading: bool | None, repeats: int
+) -> Cycle:
+    """One cycle of a new set-up, checked."""
+    known = np.unique(np.round(np.linalg.norm(s.data.free.at.wrench[:, :3], axis=1), 1))
+    known = known[known > 0.0]
+    if loads is None and len(known) == 0:
+        raise InputError("loads to measure next", value="none", remedy="name them: the readings so far have no force")
+    usual = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_LOADS)).round().astype(int))]
+    up = usual if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
+    payload = s.description.payload
+    most = max(float(known.max(initial=0.0)), np.inf if payload is None else payload.si * GRAVITY)
+    if len(up) == 0 or not np.isfinite(up).all() or up[0] <= 0.0 or up[-1] > most:
+        raise InputError(
+            "loads to measure next (N)",
+            value=[float(x) for x in up],
+            allowed=f"above 0{f', at most {most:.0f} (payload, or the largest load so far)' if most < np.inf else ''}",
+        )
+    read = tuple(np.unique(s.data.component).tolist()) if components is None else tuple(sorted(set(components)))
+    if not read or not set(read) <= set(range(6)):
+        raise InputError("components to read next", value=list(read), allowed="0 to 5, one or more")
+    if not 1 <= repeats <= 1000:
+        raise InputError("repeats of new readings", value=repeats, allowed="1 to 1000")
+    down = s.history.is_known if unloading is None else unloading
+    return Cycle(np.concatenate([up, up[-2::-1]]) if down else up, read, repeats)
+
+
+def _unit(directions: Sequence[Sequence[float]]) -> Array:
+    way = np.asarray(directions, dtype=np.float64)
+    size = np.linalg.norm(way, axis=1) if way.ndim == 2 and way.shape[1:] == (3,) else np.zeros(0)
+    if not len(size) or not np.isfinite(size).all() or not (size > 0.0).all():
+        raise InputError("directions of the load", value=way.tolist(), allowed="vectors (x, y, z), not zero")
+    return way / size[:, None]
+
+
+def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, rng: np.random.Generator) -> Array:
+    """Candidate poses (N, dof), in whole degrees."""
+    robot = s.model.robot
+    q = pose_design(robot, n, "sobol", coordinates=coordinates, zone=zone, rng=rng)
+    q = np.unique(np.radians(np.round(np.degrees(q))), axis=0)
+    return q[robot.reachable(q) & zone.free(robot, q)]
+
+
+def _loaded(s: Setting, q: Array, way: Array, cycle: Cycle) -> tuple[LoadedPoses, Array]:
+    """All candidates under all loads, poses slowest, then directions; and each one's direction."""
+    direction = np.tile(way, (len(q), 1))
+    force = (direction[:, None] * cycle.forces[:, None]).reshape(-1, 3)
+    wrench = np.hstack([force, np.zeros_like(force)])
+    point = np.tile(s.model.robot.T_flange_tool[:3, 3], (len(wrench), 1))
+    turned = np.repeat(q, len(way) * len(cycle.forces), axis=0)
+    return as_loaded(s.model, turned, wrench, point), direction
+
+
+def _families(q: Question) -> dict[str, str]:
+    return {code: code if code in (NONE, UNKNOWN) else q.setting.known[code].family for code in q.weight}
+
+
+def _by_code(code: tuple[str, ...], weight: Array, kl: Array) -> dict[tuple[str, str], float]:
+    """Expected log evidence of a code against another: mean over the first one's shapes, the second one's best."""
+    index = {c: np.flatnonzero(np.array(code) == c) for c in dict.fromkeys(code)}
+    return {
+        (a, b): float(np.average(kl[np.ix_(i, j)].min(axis=1), weights=weight[i]))
+        for a, i in index.items()
+        for b, j in index.items()
+        if a != b
+    }
+
+
+def _rivals(
+    q: Question, expected: dict[tuple[str, str], float], family: dict[str, str], after: dict[str, float]
+) -> tuple[Rival, ...]:
+    mass: dict[str, float] = {}
+    for code, weight in q.weight.items():
+        mass[family[code]] = mass.get(family[code], 0.0) + weight
+    top = max(mass, key=lambda f: mass[f])
+    order = sorted(q.weight.items(), key=lambda item: -item[1])
+    return tuple(
+        Rival(c, w, c in q.hidden, expected.get((c, NONE), 0.0), float(family[c] == top), after[c]) for c, w in order
+    )
+
+
+def _pairs(rivals: tuple[Rival, ...], expected: dict[tuple[str, str], float]) -> tuple[Pair, ...]:
+    """Every pair of rivals, the more probable one first."""
+    return tuple(
+        Pair(a.code, b.code, (expected[a.code, b.code], expected[b.code, a.code]))
+        for i, a in enumerate(rivals)
+        for b in rivals[i + 1 :]
+    )
+
+
+def _labels(s: Setting, n: int) -> tuple[str, ...]:
+    """Names of new set-ups that no set-up so far has."""
+    taken, out, k = set(s.data.poses), list[str](), 1
+    while len(out) < n:
+        if f"next {k}" not in taken:
+            out.append(f"next {k}")
+        k += 1
+    return tuple(out)
+
+
+def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, after: float) -> tuple[str, ...]:
+    out = [f"probability of naming the right family: {100 * before:.0f} % now, {100 * after:.0f} % after, as foreseen"]
+    hidden = [r for r in rivals if r.hidden]
+    if hidden:
+        seen = [r.code for r in hidden if r.against_none >= SETTLED]
+        names = f": {', '.join(seen)}" if seen else ""
+        out.append(f"{len(hidden)} candidates are hidden so far; the new readings would show {len(seen)}{names}")
+    # Of what stays hidden there is nothing to tell in pairs.
+    told = {r.code for r in rivals if r.code != UNKNOWN and not (r.hidden and r.against_none < SETTLED)}
+    for pair in [x for x in pairs if {x.first, x.second} <= told][:TOLD]:
+        least = min(pair.log_evidence)
+        what = "would settle it" if least >= SETTLED else "would not settle it"
+        first, second = ("nothing missing" if c == NONE else c for c in (pair.first, pair.second))
+        out.append(f"{first} or {second}: expected log evidence {least:.1f}, which {what}")
+    return tuple(out)
+
+
+def as_measurements(n: NextReadings) -> Measurements:
+    """The readings to take, in their order, nothing read yet; steps go on after those of the first table.
+
+    Write it with :func:`doe.measurements.write_measurements` and ``to_fill=columns_to_fill(n)``.
+    """
+    rising = n.forces.tolist()
+    up = [(f, "loading") for f in rising]
+    # The largest load is read once: nothing changes between the last step up and the first one down.
+    rows = [*up, *((f, "unloading") for f in rising[-2::-1])] if n.unloading else up
+    one, total = len(rows), len(rows) * n.repeats * len(n.q)
+    each = np.repeat(np.arange(len(n.q)), one * n.repeats)
+    force = np.tile([f for f, _ in rows], n.repeats * len(n.q))
+    wrench = np.zeros((total, len(LOADS)))
+    wrench[:, :3] = n.direction[each] * force[:, None]
+    repeat = np.tile(np.repeat(np.arange(1, n.repeats + 1), one), len(n.q)).tolist()
+    return Measurements(
+        source="readings to take next", sha256="", q=n.q[each], wrench=wrench + 0.0,
+        displacement=np.full((total, len(DISPLACEMENTS)), np.nan), point=np.full((total, 3), np.nan),
+        sigma=np.full(total, np.nan), pose=tuple(n.labels[k] for k in each),
+        repeat=tuple(repeat), phase=tuple(phase for _, phase in rows) * (n.repeats * len(n.q)),
+        step=n.first_step + np.arange(total, dtype=np.float64), row_numbers=tuple(range(2, total + 2)),
+        extra={}, notes=(),
+    )  # fmt: skip
+
+
+def columns_to_fill(n: NextReadings) -> tuple[str, ...]:
+    """Names of the columns that are still empty."""
+    return tuple(DISPLACEMENTS[k] for k in n.components)

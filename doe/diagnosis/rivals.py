@@ -1,0 +1,286 @@
+"""What each surviving hypothesis predicts for set-ups that have not been measured: mean and covariance of readings.
+
+A hypothesis is linear with normal priors (:mod:`doe.diagnosis.evidence`), so the present readings leave it a normal
+posterior of springs, model errors and amplitudes, and new readings are normal too. Numbers that cannot be negative
+are cut off at their limit one by one, by their first two moments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.special import log_ndtr, softmax
+
+from doe.blocks import Covariance
+from doe.diagnosis.diagnose import Diagnosis
+from doe.diagnosis.discrimination import Predictions
+from doe.diagnosis.evidence import Base, Whitened, fit_all
+from doe.diagnosis.held_out import extended
+from doe.diagnosis.known import base_of, errors_of
+from doe.diagnosis.ranking import NONE, UNKNOWN, Options, Ranking, log_priors
+from doe.diagnosis.scatter import covariance
+from doe.diagnosis.setting import Setting
+from doe.diagnosis.signatures import Signature, shapes, signature
+from doe.diagnosis.unknown import discrepancies
+from doe.noise import Noise
+from doe.problem import Problem
+from fem.effects.history import History
+from fem.loads import LoadedPoses
+
+Array = NDArray[np.float64]
+
+# A law's shapes: at most so many stand for a hypothesis, each with at least this share of its probability.
+SHAPES, LEAST_SHARE = 3, 0.1
+# Hypotheses of a diagnosis that are looked at for more than their best shape.
+LEADING = 6
+# Fewer rivals than these are no question.
+FEWEST = 2
+# When new readings are taken, on the clock of those so far, which ends at 1.
+LATER = 1.3
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is open: the setting and the ranking it is open in, and the rivals' weights, by code, which sum to 1.
+
+    ``hidden``: rivals that the present readings cannot see; each weighs what it did beforehand.
+    """
+
+    setting: Setting
+    ranking: Ranking
+    weight: dict[str, float]
+    hidden: tuple[str, ...]
+
+
+def question_of(s: Setting, d: Diagnosis) -> Question:
+    """The ranking that the verdict rests on if anything survives beside its best name, else what comes after it."""
+    found = len(d.effects) + len(d.provisional)
+    k = min(max(len(d.effects) - 1, 0), len(d.rankings) - 1)
+    families = {s.known[c].family if c in s.known else c for c in d.rankings[k].credible()}
+    if len(families) < FEWEST and found == k + 1 < len(d.rankings):
+        k += 1
+    start = s
+    if 0 < k <= found:
+        after = d.after.setting
+        start = after.moved(after.springs, after.accepted[: len(s.accepted) + k])
+    return _question(start, d.rankings[k])
+
+
+def _question(s: Setting, r: Ranking) -> Question:
+    kept = list(r.credible())
+    kept += [h.code for h in r.hypotheses if h.code not in kept][: max(FEWEST - len(kept), 0)]
+    hidden = tuple(r.hidden)
+    prior = log_priors(s, [*(h.code for h in r.hypotheses), *hidden], Options())
+    # What cannot be seen is as likely as nothing missing, relative to what each was beforehand.
+    log = {code: r.of(code).log_evidence + prior[code] for code in kept}
+    log |= {code: r.of(NONE).log_evidence + prior[code] for code in hidden}
+    weight = softmax(np.array(list(log.values())))
+    return Question(s, r, dict(zip(log, weight.tolist(), strict=True)), hidden)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What is done in a new set-up: forces (l,) N in the order they are put on, and how it is read.
+
+    ``components`` (0..5); ``repeats`` of the whole.
+    """
+
+    forces: Array
+    components: tuple[int, ...]
+    repeats: int
+
+
+def with_candidates(s: Setting, loaded: LoadedPoses, cycle: Cycle) -> Setting:
+    """The setting with new set-ups behind its own readings, read as zero.
+
+    ``loaded``: (N l) loaded poses, set-ups slowest. The m readings of the setting come first; (N l c) follow, in the
+    order set-up, force, component.
+    """
+    p, h = s.data, s.history
+    forces, c = len(cycle.forces), np.array(cycle.components, dtype=np.int64)
+    n = len(loaded) // forces
+    at = LoadedPoses(*(np.concatenate([getattr(p.free.at, f), getattr(loaded, f)]) for f in ("q", "wrench", "point")))
+    new = len(loaded) * len(c)
+    # A gauge with a given uncertainty keeps it.
+    sigma = float(np.median(p.sigma)) if np.isfinite(p.sigma).all() else np.nan
+    data = Problem(
+        replace(p.free, at=at, history=None),
+        np.concatenate([p.value, np.zeros(new)]),
+        np.concatenate([p.row, len(p.free.at) + np.repeat(np.arange(len(loaded)), len(c))]),
+        np.concatenate([p.component, np.tile(c, len(loaded))]),
+        np.concatenate([p.pose, len(p.poses) + np.repeat(np.arange(n), forces * len(c))]),
+        (*p.poses, *(f"new {k}" for k in range(n))),
+        np.concatenate([p.replicate, int(p.replicate.max()) + 1 + np.arange(new)]),
+        np.concatenate([p.sigma, np.full(new, sigma)]),
+    )
+    first = int(h.cycle.max(initial=-1)) + 1
+    # New readings come after all others; how long after is not known yet.
+    later = LATER if np.isfinite(h.clock).all() and len(h.clock) else np.nan
+    history = History(
+        np.concatenate([h.cycle, first + np.repeat(np.arange(n), forces)]).astype(np.intp),
+        np.concatenate([h.order, np.tile(np.arange(forces), n)]).astype(np.intp),
+        np.concatenate([h.clock, np.full(len(loaded), later)]),
+        h.is_known,
+    )
+    joint = replace(s, data=data, history=history, errors=np.zeros((len(data), 0)))
+    return replace(joint, errors=errors_of(joint))
+
+
+@dataclass(frozen=True)
+class _Ground:
+    """What all hypotheses share: joint setting with its base, noise, and the covariance V of the readings so far."""
+
+    question: Question
+    joint: Setting
+    base: Base
+    noise: Noise
+    V: Covariance
+
+    @property
+    def old(self) -> int:
+        """Readings so far."""
+        return len(self.V.variance)
+
+
+def predictions(q: Question, joint: Setting, weight: Array, cycle: Cycle) -> Predictions:
+    """What the rivals predict for the new set-ups of ``joint``; ``weight`` (m,): of the readings so far.
+
+    The noise is that of the most probable hypothesis, for all of them. "unknown" is its smooth part only: rough
+    scatter between set-ups predicts nothing.
+    """
+    noise = q.ranking.best.noise
+    V = covariance(q.setting, noise, weight)
+    ground = _Ground(q, joint, base_of(joint), noise, V)
+    factors = noise_factors(joint, ground.old, noise, cycle)
+    bases = _bases(ground)
+    found = [foreseen(base, V, factors) for _, _, base in bases]
+    share = np.array([w for _, w, _ in bases])
+    return Predictions(
+        tuple(code for code, _, _ in bases),
+        share / share.sum(),
+        np.stack([mean for mean, _ in found]),
+        tuple(factor for _, factor in found),
+    )
+
+
+def noise_factors(joint: Setting, first: int, noise: Noise, cycle: Cycle) -> Array:
+    """Lower factors (N, r, r) of the noise's covariance in each new set-up, the mean of all repeats read.
+
+    Readings of one component in one set-up have its scatter in common, however often they are repeated; ``first``:
+    number of the first new reading of ``joint``.
+    """
+    f, components = joint.prediction, len(cycle.components)
+    r = len(cycle.forces) * components
+    variance = (noise.variance(joint.data, f) / cycle.repeats)[first:].reshape(-1, r)
+    common = noise.common(joint.data, f)[first:].reshape(-1, r, 2)
+    together = np.equal.outer(np.arange(r) % components, np.arange(r) % components)
+    V = np.einsum("nik,njk->nij", common, common) * together
+    V[:, np.arange(r), np.arange(r)] += variance
+    return np.asarray(np.linalg.cholesky(V))
+
+
+def _bases(g: _Ground) -> list[tuple[str, float, Base]]:
+    """Each rival, shape by shape: code, weight, and its columns with priors on the joint readings."""
+    out: list[tuple[str, float, Base]] = []
+    leading = sorted(g.question.weight, key=lambda code: -g.question.weight[code])[:LEADING]
+    for code, share in g.question.weight.items():
+        if code == NONE:
+            out.append((code, share, g.base))
+        elif code == UNKNOWN:
+            out.append((code, share, _unknown(g)))
+        else:
+            for part, values in _shapes(g, code, code in leading):
+                out.append((code, share * part, _with(g, signature(g.joint, g.joint.known[code], values))))
+    return out
+
+
+def _shapes(g: _Ground, code: str, leads: bool) -> list[tuple[float, Array]]:
+    """Values that stand for a law, with their shares: the best shapes, or some of all where none is better."""
+    every = list(shapes(g.joint.known[code]))
+    if code in g.question.hidden:
+        some = every if len(every) <= SHAPES else [every[k] for k in np.linspace(0, len(every) - 1, SHAPES).astype(int)]
+        return [(1.0 / len(some), values) for values in some]
+    best = g.question.ranking.of(code).signature
+    if not leads or len(every) == 1 or best is None or best.shift is not None:
+        return [(1.0, every[0] if best is None else best.values)]
+    s = g.question.setting
+    w = Whitened(base_of(s), g.V)
+    found = fit_all(w, [signature(s, s.known[code], values) for values in every])
+    share = softmax(np.array([f.log_evidence for f in found]))
+    top = [k for k in np.argsort(-share)[:SHAPES] if share[k] >= LEAST_SHARE]
+    total = float(share[top].sum())
+    return [(float(share[k]) / total, every[k]) for k in top]
+
+
+def _with(g: _Ground, c: Signature) -> Base:
+    """The base with an effect in it."""
+    if c.shift is None or c.springs is None:
+        return extended(g.base, c)
+    n = len(g.joint.free)
+    columns = np.hstack([c.springs, g.base.columns[:, n:]])
+    mean = g.joint.typical - g.joint.springs
+    return replace(
+        g.base, columns=columns, residual=g.base.residual - c.shift - (c.springs - g.base.columns[:, :n]) @ mean
+    )
+
+
+def _unknown(g: _Ground) -> Base:
+    """The base with the smooth discrepancy whose length and size suit the present readings best."""
+    scaled = g.base.columns[: g.old] / np.sqrt(g.base.precision)
+    A, r = g.V.whiten(scaled), g.V.whiten(g.base.residual[: g.old, None])[:, 0]
+    best, chosen = -np.inf, None
+    for X in discrepancies(g.joint):
+        B = g.V.whiten(X[: g.old])
+        L = np.linalg.cholesky(np.eye(g.old) + A @ A.T + B @ B.T)
+        z = solve_triangular(L, r, lower=True)
+        value = -0.5 * float(z @ z) - float(np.log(np.diag(L)).sum())
+        if value > best:
+            best, chosen = value, X
+    assert chosen is not None  # noqa: S101 - there are always some lengths and sizes
+    k = chosen.shape[1]
+    return Base(
+        np.hstack([g.base.columns, chosen]), g.base.residual, np.concatenate([g.base.precision, np.ones(k)]),
+        np.concatenate([g.base.floor, np.full(k, -np.inf)]),
+    )  # fmt: skip
+
+
+def foreseen(base: Base, V: Covariance, noise: Array) -> tuple[Array, Array]:
+    """Mean (N, r) and factor (N, r, b) of new readings, in units of their noise.
+
+    ``base``: of m + N r readings, the last N r of them new and read as zero; ``V``: covariance of the m so far;
+    ``noise`` (N, r, r): lower factors of the new ones' covariance, experiment by experiment.
+    """
+    m, size = len(V.variance), noise.shape[1]
+    sd = 1.0 / np.sqrt(base.precision)
+    Z = base.columns * sd
+    W, r = V.whiten(Z[:m]), V.whiten(base.residual[:m, None])[:, 0]
+    P = np.linalg.inv(np.eye(len(sd)) + W.T @ W)
+    u, P = truncated(P @ (W.T @ r), 0.5 * (P + P.T), base.floor / sd)
+    mean = (Z[m:] @ u - base.residual[m:]).reshape(-1, size, 1)
+    values, vectors = np.linalg.eigh(P)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    factor = (Z[m:] @ root).reshape(-1, size, len(sd))
+    both = np.linalg.solve(noise, np.concatenate([mean, factor], axis=2))
+    return both[:, :, 0], both[:, :, 1:]
+
+
+def truncated(mean: Array, covariance: Array, floor: Array) -> tuple[Array, Array]:
+    """Mean (b,) and covariance (b, b) of normal numbers cut off below ``floor`` (b,), one after the other.
+
+    For one limit exact in the first two moments; several are taken in turn, each on what the last one left.
+    """
+    u, P = mean.copy(), covariance.copy()
+    for k in np.flatnonzero(np.isfinite(floor)):
+        sd = float(np.sqrt(P[k, k]))
+        a = (float(floor[k]) - float(u[k])) / sd
+        if a < -6.0:
+            continue
+        hazard = float(np.exp(-0.5 * a * a - 0.5 * np.log(2.0 * np.pi) - log_ndtr(-a)))
+        left = max(1.0 + a * hazard - hazard**2, 1e-6)
+        c = P[:, k] / sd
+        u = u + c * hazard
+        P = P - np.outer(c, c) * (1.0 - left)
+    return u, P

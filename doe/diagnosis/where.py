@@ -1,0 +1,152 @@
+"""Where a model and its readings disagree: shares of the squared residuals beyond what noise makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from doe.diagnosis.diagnose import Diagnosis
+from doe.diagnosis.ranking import UNKNOWN
+from doe.diagnosis.scatter import with_setup
+from doe.diagnosis.setting import Setting
+from doe.noise import Noise
+from doe.problem import Problem
+from doe.readings import COMPONENTS, rms_mm
+
+Array = NDArray[np.float64]
+
+# Set-ups scatter by so much of the deflection as a rule; more of it counts as disagreement.
+USUAL_SETUP = 0.01
+# Loads that differ by less (relative) are one load.
+SAME_LOAD = 0.005
+
+
+@dataclass(frozen=True)
+class Group:
+    """Readings of one pose, load, direction or phase.
+
+    ``share``: of all squared standardised residuals beyond the expected ones, NaN where there are none;
+    ``mean_square``: of the standardised residuals, 1 where noise is all; ``mean``: mean residual (m or rad as read).
+    """
+
+    label: str
+    readings: int
+    share: float
+    mean_square: float
+    mean: float
+
+
+def shares(z: Array, residual: Array, labels: Sequence[str]) -> tuple[Group, ...]:
+    """Groups of equal ``labels`` (m,), in order of first appearance.
+
+    ``z`` (m,): residuals over their standard deviations, each of which is expected to have a square of 1. A group's
+    excess is its sum of squares less its number, not below zero; its share is that of all groups' excess.
+    """
+    names = list(dict.fromkeys(labels))
+    number = np.array([names.index(label) for label in labels], dtype=np.intp)
+    count = np.bincount(number, minlength=len(names))
+    square = np.bincount(number, z**2, minlength=len(names))
+    mean = np.bincount(number, residual, minlength=len(names)) / np.maximum(count, 1)
+    excess = np.maximum(square - count, 0.0)
+    total = float(excess.sum())
+    part = excess / total if total > 0.0 else np.full(len(names), np.nan)
+    return tuple(
+        Group(name, int(count[k]), float(part[k]), float(square[k] / count[k]), float(mean[k]))
+        for k, name in enumerate(names)
+    )
+
+
+def where(d: Diagnosis) -> dict[str, tuple[Group, ...]]:
+    """Disagreement of the model before with its readings, by ``pose``, ``load``, ``direction`` and ``phase``."""
+    s = d.before.setting
+    z = d.before.residual / spread(s, own_noise(d))
+    return {kind: shares(z, d.before.residual, labels) for kind, labels in labels_of(s).items()}
+
+
+def own_noise(d: Diagnosis) -> Noise:
+    """The readings' own noise as the best explanation has it, with set-ups that scatter no more than usual."""
+    if d.effects or d.provisional:
+        noise = d.after.refit.noise
+    else:
+        noise = d.rankings[0].of(UNKNOWN).noise if d.verdict == "unknown" else d.before.refit.noise
+    return with_setup(noise, min(noise.pose_share, USUAL_SETUP))
+
+
+def noise_floor_mm(d: Diagnosis) -> float:
+    """RMS of the translations that the readings' noise alone would give, by the best explanation that there is.
+
+    Where nothing of the catalogue explains the readings, set-ups are taken to scatter no more than usual: what they
+    seem to scatter there is the disagreement itself.
+    """
+    if d.verdict != "unknown" or d.effects or d.provisional:
+        return d.after.noise_floor_mm
+    s = d.before.setting
+    return rms_mm(spread(s, own_noise(d)), s.data.component)
+
+
+def least_rms_mm(s: Setting) -> float:
+    """The smallest RMS of the translations (mm) that any springs of the free joints could reach by themselves."""
+    linear = s.data.component < 3
+    if not linear.any():
+        return float("nan")
+    A, y = s.spring_columns[linear], s.residual[linear] + s.spring_columns[linear] @ s.springs
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    return float(nnls(A / size, y)[1] / np.sqrt(linear.sum()) * 1e3)
+
+
+def spread(s: Setting, noise: Noise) -> Array:
+    """Standard deviation (m,) of each reading by a noise."""
+    f = s.prediction
+    return np.asarray(np.sqrt(noise.variance(s.data, f) + np.sum(noise.common(s.data, f) ** 2, axis=1)))
+
+
+def labels_of(s: Setting) -> Mapping[str, list[str]]:
+    """Labels (m,) of the readings of a setting by pose, load, direction and phase."""
+    p = s.data
+    wrench = p.free.at.wrench[p.row]
+    return {
+        "pose": [p.poses[k] for k in p.pose],
+        "load": load_labels(wrench),
+        "direction": _directions(p, wrench),
+        "phase": _phases(s),
+    }
+
+
+def load_labels(wrench: Array) -> list[str]:
+    """``650 N`` for each wrench (m, 6); loads that hardly differ get one label. Pure moments in N m."""
+    force, moment = np.linalg.norm(wrench[:, :3], axis=1), np.linalg.norm(wrench[:, 3:], axis=1)
+    size = np.where(force > 0.0, force, moment)
+    unit = np.where(force > 0.0, "N", "N m")
+    heads: list[float] = []
+    for value in np.unique(size):
+        if not heads or value > heads[-1] * (1.0 + SAME_LOAD):
+            heads.append(float(value))
+    nearest = np.array(heads)[np.abs(size[:, None] - np.array(heads)[None]).argmin(axis=1)]
+    return [f"{v:.4g} {u}" for v, u in zip(nearest, unit, strict=True)]
+
+
+def _directions(p: Problem, wrench: Array) -> list[str]:
+    """What was read, and under a load along which axis where there are several."""
+    main = np.abs(wrench).argmax(axis=1)
+    sign = np.where(np.take_along_axis(wrench, main[:, None], axis=1)[:, 0] < 0.0, "-", "+")
+    names = ("X", "Y", "Z", "about X", "about Y", "about Z")
+    loads = [f"{s}{names[k]}" for s, k in zip(sign, main, strict=True)]
+    read = [COMPONENTS[k] for k in p.component]
+    if len(set(loads)) == 1:
+        return read
+    return [f"{r}, load {load}" for r, load in zip(read, loads, strict=True)]
+
+
+def _phases(s: Setting) -> list[str]:
+    if not s.history.is_known:
+        return ["not told"] * len(s.data)
+    return ["unloading" if down else "loading" for down in s.unloading[s.data.row]]
+
+
+def without_history(s: Setting) -> Setting:
+    """The setting where nothing is known of the order of loads: friction cannot be judged then."""
+    return replace(s, history=replace(s.history, is_known=False))

@@ -1,0 +1,137 @@
+"""The command `diagnose`: what the model is missing, by measured deflections."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from doe import Measurements, read_measurements
+from robots import InputError, save_description
+from stiffarm import diagnosing, diagnosis_payload, diagnosis_words, inputs
+from stiffarm.console import emit_json, say, show_table, user_errors
+from stiffarm.diagnosed_model import described
+from stiffarm.diagnosing import Diagnosed, Request
+from stiffarm.options import (
+    Debug,
+    EffectFile,
+    Json,
+    Links,
+    LoadPathOpt,
+    Loads,
+    ModelArg,
+    Out,
+    folder_if,
+    model_hash,
+    open_tables,
+    say_notes,
+)
+from stiffarm.outputs import OutputFolder
+from stiffarm.own_effects import own_effects, own_files
+from stiffarm.reading_checks import against_load, refuse_implausible
+
+TablesArg = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="DATA",
+        help="measurement tables, CSV or XLSX, as one; a filled-in sheet goes beside the table that it adds to; "
+        "default, and by the name bundled: the robot's own",
+    ),
+]
+
+
+def diagnose(
+    model: ModelArg,
+    data: TablesArg = None,
+    holdout: Annotated[
+        Path | None, typer.Option("--holdout", help="table of other poses, to judge the result by")
+    ] = None,
+    effect: EffectFile = None,
+    free: Annotated[
+        str | None,
+        typer.Option("--free", help="joints whose springs are fitted, as in j2,j3; default: all with a spring"),
+    ] = None,
+    loads: Loads = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Find what the model is missing: where it disagrees with readings, which physical effect explains it, how sure.
+
+    Writes diagnosis.json, the model with what was found, and a report into --out.
+    """
+    with user_errors(debug):
+        chosen_loads = inputs.parse_loads(loads) or ()
+        own, files = own_effects(effect), own_files(effect)
+        given = inputs.read_model(model, links, load_path, own=own)
+        files["model"] = model_hash(given)
+        names = inputs.parse_names(free, given.robot.joint_names, "--free")
+        table = open_tables(given, model, data or (), files, check=_check(given))
+        other = None if holdout is None else _held_out(given, holdout, files)
+        with folder_if(out, files) as folder:
+            found = _run(given, table, Request(chosen_loads, names), other, folder)
+            content = diagnosis_payload.diagnosis(found)
+            if folder is not None:
+                _write(found, content, folder)
+        if out is not None:
+            say(f"written: {out / 'report.html'}, {out / 'model.toml'}, {out / 'diagnosis.json'}")
+        if as_json:
+            emit_json(content)
+        else:
+            _show(found)
+
+
+def _check(given: inputs.ModelInput) -> Any:
+    def check(table: Measurements) -> None:
+        diagnosing.refuse_other_robot(table, given.robot)
+        refuse_implausible(table)
+        remark = against_load(table)
+        if remark is not None:
+            say(f"note: {remark}")
+
+    return check
+
+
+def _held_out(given: inputs.ModelInput, file: Path, files: dict[str, Path | str]) -> Measurements:
+    if not file.is_file():
+        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
+    data = read_measurements(file, given.robot)
+    say_notes(tuple(f"{data.source}: {note}" for note in data.notes))
+    files["holdout"] = data.sha256
+    return data
+
+
+def _run(
+    given: inputs.ModelInput, table: Measurements, request: Request, other: Measurements | None,
+    folder: OutputFolder | None,
+) -> Diagnosed:  # fmt: skip
+    if folder is None:
+        found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
+    else:
+        with folder.timed("diagnosis"):
+            found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
+    say_notes(found.remarks)
+    return found
+
+
+def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> None:
+    """diagnosis.json, model.toml, pictures and report.html."""
+    from stiffarm.diagnosis_report import write_report
+
+    folder.write_json("diagnosis.json", content)
+    save_description(described(found), folder.path("model.toml"))
+    with folder.timed("report"):
+        write_report(found, folder)
+
+
+def _show(found: Diagnosed) -> None:
+    for line in diagnosis_words.summary(found):
+        say(line)
+    rows = [
+        [h.code, f"{100.0 * h.probability:.1f} %", f"{h.log_evidence:.1f}", f"{h.lopo_rms_mm:.4f}"]
+        for h in found.found.ranking.hypotheses[:8]
+    ]
+    show_table("Candidates", ["code", "probability", "log evidence", "RMS of poses left out (mm)"], rows)

@@ -1,0 +1,177 @@
+"""The step `diagnose`: what a model is missing by some readings, and the model with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, select_loads
+from doe.diagnosis.diagnose import Diagnosis, Found
+from doe.diagnosis.diagnose import diagnose as find_missing
+from doe.diagnosis.holdout import HeldOutReadings, hold_out, refuse_seen
+from doe.diagnosis.outset import setting_of
+from doe.diagnosis.ranking import NONE, UNKNOWN
+from doe.diagnosis.setting import Setting
+from doe.diagnosis.where import Group, where, without_history
+from doe.load_history import history_of
+from fem.effects import LOAD_PATH, PlacedEffect, build_plain, described_effects
+from robots import InputError, Robot
+from robots.quantities import RotationalStiffness
+from stiffarm.inputs import ModelInput
+
+Array = NDArray[np.float64]
+
+CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
+# Twins are looked for among the codes that a reader asks about, most probable first.
+ASKED = 6
+# A joint column of some robot: what stands in a table under such a name was meant as an angle.
+_JOINT_COLUMN = re.compile(r"^(q\w*|j\d+|a\d+|axis\w*)_(deg|rad)$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked: ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those seen."""
+
+    loads: tuple[float, ...] = ()
+    free: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """A finished diagnosis with all that is said about it.
+
+    ``used``: the readings it rests on; ``where``: groups by pose, load, direction and phase; ``twins``: by code, those
+    that these readings could not tell from it; ``remarks``: what the reader must know of input and choice.
+    """
+
+    request: Request
+    given: ModelInput
+    used: Measurements
+    found: Diagnosis
+    where: dict[str, tuple[Group, ...]]
+    not_testable: dict[str, str]
+    twins: dict[str, tuple[str, ...]]
+    held_out: HeldOutReadings | None
+    remarks: tuple[str, ...]
+
+    @property
+    def in_model(self) -> tuple[Found, ...]:
+        """Effects of the new model: those accepted, and those that are provisional."""
+        return (*self.found.effects, *self.found.provisional)
+
+    @property
+    def credible(self) -> tuple[str, ...]:
+        """Codes that together hold 95 % of the probability, of every look that found something."""
+        looks = self.found.rankings[: max(len(self.in_model), 1)]
+        accepted = [f.code for f in self.found.effects]
+        return tuple(dict.fromkeys([*accepted, *(code for r in looks for code in r.credible())]))
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Effects between which the verdict could not choose, most probable first."""
+        codes = self.found.rankings[max(len(self.in_model) - 1, 0)].credible()
+        return tuple(code for code in codes if code not in (NONE, UNKNOWN))
+
+
+def diagnose(
+    given: ModelInput,
+    table: Measurements,
+    request: Request,
+    *,
+    holdout: Measurements | None = None,
+    say: Callable[[str], None] | None = None,
+) -> Diagnosed:
+    """Ask what a model is missing by the readings of a table; ``holdout``: readings to judge the result by.
+
+    Raises
+    ------
+    InputError
+        Readings of one pose only, of another robot, poses held out that are in the table, or fewer readings than
+        springs.
+    """
+    for data in (table, *(() if holdout is None else (holdout,))):
+        refuse_other_robot(data, given.robot)
+    if holdout is not None:
+        refuse_seen(table, holdout)
+    used = select_loads(table, request.loads)
+    refuse_few_poses(used)
+    remarks = _remarks(given, request)
+    s = _setting(given, used, request)
+    cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
+    if cut:
+        s = without_history(s)
+    found = find_missing(s, progress=say)
+    hidden = dict(found.not_testable())
+    if cut:
+        hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
+    asked = [f.code for f in (*found.effects, *found.provisional)]
+    asked += [h.code for h in found.rankings[0].hypotheses[:ASKED] if h.code not in (NONE, UNKNOWN)]
+    return Diagnosed(
+        request,
+        given,
+        used,
+        found,
+        where(found),
+        hidden,
+        found.twins(list(dict.fromkeys(asked))),
+        None if holdout is None else hold_out(found, used, holdout),
+        remarks,
+    )
+
+
+def _setting(given: ModelInput, used: Measurements, request: Request) -> Setting:
+    """Readings and arm; effects that the model has already are taken as there, their numbers free to follow."""
+    description = given.description
+    if not description.effect:
+        return setting_of(description, given.model, used, own=given.own, free=request.free)
+    plain = build_plain(description, given.model.link_kind)
+    has: list[PlacedEffect] = [
+        e for e in described_effects(description, plain, given.own) if e.effect.code != LOAD_PATH
+    ]
+    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free)
+
+
+def refuse_other_robot(data: Measurements, robot: Robot) -> None:
+    """Refuse a table with joint columns that this robot does not have: it is another robot's."""
+    foreign = [name for name in data.extra if _JOINT_COLUMN.match(name.strip())]
+    if foreign:
+        raise InputError(
+            f"{data.source}: joint columns that {robot.name} does not have",
+            value=", ".join(foreign),
+            allowed=", ".join(robot.coordinates),
+            remedy="give the model of the robot that was measured, or name the columns as this model does",
+        )
+
+
+def refuse_few_poses(data: Measurements) -> None:
+    """Refuse readings of a single pose: whatever is missing there, a spring explains it."""
+    poses = len({tuple(row) for row in np.round(data.q, 9).tolist()})
+    if poses < 2:
+        raise InputError(
+            f"{data.source}: poses",
+            value=poses,
+            allowed="2 or more, better 9 or more",
+            remedy="measure in other poses too: in one pose the springs explain whatever is missing",
+        )
+
+
+def _remarks(given: ModelInput, request: Request) -> tuple[str, ...]:
+    out = []
+    has = [table.code for table in given.description.effect]
+    if has:
+        out.append(f"The model has these effects already; their numbers are fitted with the springs: {', '.join(has)}.")
+    laws = [
+        joint.name
+        for joint in given.description.joint
+        if joint.stiffness is not None
+        and not isinstance(joint.stiffness, RotationalStiffness)
+        and (request.free is None or joint.name in request.free)
+    ]
+    if laws:
+        out.append(f"Springs that hang on angles are replaced by constant ones: {', '.join(laws)}.")
+    return tuple(out)
+
