@@ -25,10 +25,11 @@ from fem.effects.observed import observed
 from fem.loads import as_loaded
 from robots import ModelDescription, load_description
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from blind.sets import make, truth_at
-from blind.spec import SetSpec
-from blind.study import suite
+# The root, not its folder of tests: that has folders with the names of packages.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.blind.sets import make, truth_at
+from tests.blind.spec import SetSpec
+from tests.blind.study import suite
 
 __all__ = ["ABLATIONS", "DETECTABLE", "Row", "SetSpec", "family", "run_set", "suite"]
 

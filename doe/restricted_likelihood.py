@@ -186,13 +186,22 @@ def maximise(of: Likelihood, start: Array, low: Array) -> Array:
         if float(slope @ step - 0.5 * step @ information @ step) < LAST:
             return np.asarray(np.maximum(here.t + step, low))
         for half in range(12):
-            there = of.at(np.maximum(here.t + 0.5**half * step, low))
-            if there.loss < here.loss:
+            there = _point(of, np.maximum(here.t + 0.5**half * step, low))
+            if there is not None and there.loss < here.loss:
                 break
         else:
             break
+        assert there is not None  # noqa: S101 - left by the break above
         here = there
     return here.t
+
+
+def _point(of: Likelihood, t: Array) -> Point | None:
+    """The likelihood at variances t, None where they are so unequal that rounding leaves no digit of it."""
+    try:
+        return of.at(t)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _step(slope: Array, information: Array, least: Array) -> Array:

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 from stiffarm import __version__
-from stiffarm.commands import calibration, chain, diagnosis, exporting, importing, models, planning, sensitivity, surrogates
+from stiffarm.commands import (
+    calibration,
+    chain,
+    diagnosis,
+    exporting,
+    importing,
+    models,
+    planning,
+    sensitivity,
+    surrogates,
+)
 
 app = typer.Typer(
     name="stiffarm",

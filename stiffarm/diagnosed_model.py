@@ -18,15 +18,14 @@ from stiffarm.diagnosing import Diagnosed
 from stiffarm.effect_numbers import Number, numbers_of
 
 SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
-# A compliance known to worse than this share of itself is not told from zero.
-TOLD = 0.5
 
 
 @dataclass(frozen=True)
 class FittedSpring:
     """A joint's spring as fitted with everything else: N m/rad, 95 % interval (inf: no upper limit).
 
-    ``status``: ``determined``, ``one-sided`` (rigid is possible) or ``rigid``.
+    ``status``: ``determined``, ``one-sided`` (rigid is possible) or ``rigid`` (rigid fits best; the interval says how
+    soft it may be).
     """
 
     joint: str
@@ -125,5 +124,9 @@ def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
     codes = ", ".join(f.code for f in d.found.provisional)
     if codes:
         out.append(f"provisional, these readings do not settle it: {codes}")
-    out += [f"spring {s.joint} is rigid by these readings" for s in fitted_springs(d.found.after) if s.status == "rigid"]
+    out += [
+        f"spring {s.joint}: rigid fits best, at least {s.low:.3g} N m/rad"
+        for s in fitted_springs(d.found.after)
+        if s.status == "rigid"
+    ]
     return tuple(out)

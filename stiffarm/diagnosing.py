@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,13 +12,14 @@ from doe import Measurements, select_loads
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.holdout import HeldOutReadings, hold_out, refuse_seen
+from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
 from doe.diagnosis.ranking import NONE, UNKNOWN
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.load_history import history_of
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, described_effects
-from robots import InputError, Robot
+from robots import InputError
 from robots.quantities import RotationalStiffness
 from stiffarm.inputs import ModelInput
 
@@ -28,16 +28,20 @@ Array = NDArray[np.float64]
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
 # Twins are looked for among the codes that a reader asks about, most probable first.
 ASKED = 6
-# A joint column of some robot: what stands in a table under such a name was meant as an angle.
-_JOINT_COLUMN = re.compile(r"^(q\w*|j\d+|a\d+|axis\w*)_(deg|rad)$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked: ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those seen."""
+    """What is asked.
+
+    ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those that the readings see;
+    ``next_poses``: how many set-ups to propose where something is not settled.
+    """
 
     loads: tuple[float, ...] = ()
     free: tuple[str, ...] | None = None
+    next_poses: int = 3
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,18 @@ class Diagnosed:
     twins: dict[str, tuple[str, ...]]
     held_out: HeldOutReadings | None
     remarks: tuple[str, ...]
+    proposal: NextReadings | None = None
 
     @property
     def in_model(self) -> tuple[Found, ...]:
         """Effects of the new model: those accepted, and those that are provisional."""
         return (*self.found.effects, *self.found.provisional)
+
+    @property
+    def in_model_in_order(self) -> tuple[Found, ...]:
+        """The same in the order in which the model has them."""
+        codes = [e.effect.code for e in self.found.after.setting.accepted]
+        return tuple(sorted(self.in_model, key=lambda f: codes.index(f.code)))
 
     @property
     def credible(self) -> tuple[str, ...]:
@@ -90,11 +101,9 @@ def diagnose(
     Raises
     ------
     InputError
-        Readings of one pose only, of another robot, poses held out that are in the table, or fewer readings than
+        Readings of one pose only, poses held out that are in the table, or fewer readings than
         springs.
     """
-    for data in (table, *(() if holdout is None else (holdout,))):
-        refuse_other_robot(data, given.robot)
     if holdout is not None:
         refuse_seen(table, holdout)
     used = select_loads(table, request.loads)
@@ -108,8 +117,6 @@ def diagnose(
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
-    asked = [f.code for f in (*found.effects, *found.provisional)]
-    asked += [h.code for h in found.rankings[0].hypotheses[:ASKED] if h.code not in (NONE, UNKNOWN)]
     return Diagnosed(
         request,
         given,
@@ -117,10 +124,34 @@ def diagnose(
         found,
         where(found),
         hidden,
-        found.twins(list(dict.fromkeys(asked))),
+        found.twins(_asked(found)),
         None if holdout is None else hold_out(found, used, holdout),
         remarks,
+        _proposal(found, request, say),
     )
+
+
+def _asked(found: Diagnosis) -> list[str]:
+    """Codes whose twins matter: what was found; where it is not settled, the rivals; else the most probable ones."""
+    taken = [f.code for f in (*found.effects, *found.provisional)]
+    if found.verdict != "named":
+        codes = [h.code for h in found.rankings[max(len(taken) - 1, 0)].hypotheses if h.code not in (NONE, UNKNOWN)]
+        taken += codes[:ASKED]
+    return list(dict.fromkeys(taken))
+
+
+def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | None) -> NextReadings | None:
+    """Set-ups that would settle what is open; None where nothing is."""
+    if found.verdict == "named" or request.next_poses == 0:
+        return None
+    try:
+        if say is not None:
+            say(f"looking for {request.next_poses} set-ups that would tell the rest")
+        return propose(found.start, found, poses=request.next_poses, rng=np.random.default_rng(request.seed))
+    except InputError as reason:
+        if say is not None:
+            say(f"note: no readings are proposed: {reason}")
+        return None
 
 
 def _setting(given: ModelInput, used: Measurements, request: Request) -> Setting:
@@ -133,18 +164,6 @@ def _setting(given: ModelInput, used: Measurements, request: Request) -> Setting
         e for e in described_effects(description, plain, given.own) if e.effect.code != LOAD_PATH
     ]
     return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free)
-
-
-def refuse_other_robot(data: Measurements, robot: Robot) -> None:
-    """Refuse a table with joint columns that this robot does not have: it is another robot's."""
-    foreign = [name for name in data.extra if _JOINT_COLUMN.match(name.strip())]
-    if foreign:
-        raise InputError(
-            f"{data.source}: joint columns that {robot.name} does not have",
-            value=", ".join(foreign),
-            allowed=", ".join(robot.coordinates),
-            remedy="give the model of the robot that was measured, or name the columns as this model does",
-        )
 
 
 def refuse_few_poses(data: Measurements) -> None:
@@ -174,4 +193,3 @@ def _remarks(given: ModelInput, request: Request) -> tuple[str, ...]:
     if laws:
         out.append(f"Springs that hang on angles are replaced by constant ones: {', '.join(laws)}.")
     return tuple(out)
-

@@ -21,18 +21,19 @@ Axis = Literal["torque", "angle"]
 
 TORQUE_LAWS = ("hardening", "softening", "backlash", "friction")
 ANGLE_LAWS = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
-POINTS, DRAWS = 181, 200
+POINTS = 181
 # Readings that a law moves by less than this share of the most tell too little about it to be drawn.
 LEVER = 0.25
-# Quantiles of the band.
-BAND = (0.025, 0.975)
+# Steps of differences in standard deviations, and half the width of a 95 % band in them.
+STEP, HALF = 0.1, 1.96
 
 
 @dataclass(frozen=True)
 class LawCurve:
-    """A joint's law. Over the torque's size (N m): its turn (mrad). Over the joint's angle (deg): its compliance
-    (urad/(N m)).
+    """A joint's law.
 
+    ``axis`` "torque": over the torque's size (N m) the joint's turn (mrad); "angle": over the joint's angle (deg) its
+    compliance (urad/(N m)).
     ``branches``: x, law, low and high (k,) each; two for friction, loading and unloading; ``plain`` (k,): the spring
     without the effect on the first branch; ``read_x``, ``read_y``, ``unloading`` (r,): what single readings imply.
     """
@@ -47,39 +48,58 @@ class LawCurve:
     unloading: NDArray[np.bool_]
 
 
-def curve_of(state: State, number: int, rng: np.random.Generator) -> LawCurve | None:
+def curve_of(state: State, number: int) -> LawCurve | None:
     """The curve of an accepted effect (its place among them); None if it is no law of one joint."""
     placed = state.setting.accepted[number]
     family, _, joint = placed.effect.code.partition(":")
     if placed.effect.own or joint not in state.setting.model.robot.joint_names:
         return None
     if family in TORQUE_LAWS:
-        return _over_torque(state, number, placed, joint, rng)
-    return _over_angle(state, number, placed, joint, rng) if family in ANGLE_LAWS else None
+        return _over_torque(state, number, placed, joint)
+    return _over_angle(state, number, placed, joint) if family in ANGLE_LAWS else None
 
 
-def _draws(state: State, number: int, joint: str, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Compliances (d,) of the joint and values (d, k) of the effect, as the readings leave them; the first the best."""
+@dataclass(frozen=True)
+class _Numbers:
+    """Compliance of a joint and values of an effect: the best, and a step either way along each free one.
+
+    ``c`` (1 + 2 f,) and ``values`` (1 + 2 f, k), first the best; ``covariance`` (f, f) of the free ones in steps.
+    """
+
+    c: Array
+    values: Array
+    covariance: Array
+
+
+def _numbers(state: State, number: int, joint: str) -> _Numbers:
     s, placed = state.setting, state.setting.accepted[number]
     free = free_numbers(placed)
     first = len(s.free) + error_count(s) + sum(len(free_numbers(e)) for e in s.accepted[:number])
-    index = [*range(first, first + len(free))]
-    own = s.free.index(joint) if joint in s.free else None
-    mean = placed.values[[k for k, _ in free]]
-    if own is not None:
-        index, mean = [own, *index], np.concatenate([[s.springs[own]], mean])
+    own = [s.free.index(joint)] if joint in s.free else []
+    index = [*own, *range(first, first + len(free))]
     C = state.refit.inverse[np.ix_(index, index)]
-    size = np.sqrt(np.diag(C))
-    L = np.linalg.cholesky(C / np.outer(size, size) + 1e-9 * np.eye(len(size))) * size[:, None]
-    drawn = mean + np.vstack([np.zeros(len(index)), rng.standard_normal((DRAWS, len(index))) @ L.T])
-    values = np.tile(placed.values, (len(drawn), 1))
-    fixed = _compliance(s.arm, joint)
-    c = np.full(len(drawn), fixed) if own is None else np.maximum(drawn[:, 0], 0.0)
-    for i, (k, p) in enumerate(free):
-        column = drawn[:, i + (own is not None)]
-        least = 1e-3 * p.lower if p.role == "shape" else -np.inf if p.signed else 0.0
-        values[:, k] = np.maximum(column, least)
-    return c, values
+    step = STEP * np.sqrt(np.diag(C))
+    start = s.springs[own[0]] if own else _compliance(s.arm, joint)
+    c, values = [float(start)], [placed.values]
+    for i in range(len(index)):
+        for sign in (1.0, -1.0):
+            there, k = placed.values.copy(), i - len(own)
+            if k >= 0:
+                there[free[k][0]] += sign * step[i]
+            c.append(float(start) + (sign * step[i] if k < 0 else 0.0))
+            values.append(there)
+    return _Numbers(np.array(c), np.array(values), C / np.outer(step, step))
+
+
+def _band(curves: Array, covariance: Array) -> tuple[Array, Array, Array]:
+    """Curve with its 95 % limits (k,), of curves (1 + 2 f, k) at the numbers of :class:`_Numbers`.
+
+    To first order, as the numbers themselves were found: spring and effect trade off, and only what the readings see
+    of both is known.
+    """
+    J = 0.5 * (curves[1::2] - curves[2::2])
+    spread = HALF * np.sqrt(np.maximum(np.einsum("fk,fg,gk->k", J, covariance, J), 0.0))
+    return curves[0], curves[0] - spread, curves[0] + spread
 
 
 def _compliance(arm: ArmModel, joint: str) -> float:
@@ -88,7 +108,7 @@ def _compliance(arm: ArmModel, joint: str) -> float:
 
 
 def _over_torque(
-    state: State, number: int, placed: PlacedEffect, joint: str, rng: np.random.Generator
+    state: State, number: int, placed: PlacedEffect, joint: str
 ) -> LawCurve:  # fmt: skip
     s = state.setting
     tau = s.situation.torque(joint)
@@ -98,21 +118,22 @@ def _over_torque(
     preload = float(s.situation.preload[top, index])
     up = np.linspace(0.0, float(np.abs(tau).max()), POINTS)
     path = np.concatenate([up, up[::-1]]) if placed.effect.needs_history else up
-    c, values = _draws(state, number, joint, rng)
-    turns = np.stack([_turn(placed, v, way * path, ci, preload, index) for ci, v in zip(c, values, strict=True)])
-    turns = 1e3 * way * turns
-    low, high = np.quantile(turns, BAND, axis=0)
+    n = _numbers(state, number, joint)
+    turns = np.stack(
+        [turn_on_bench(placed, v, way * path, c, preload, index) for c, v in zip(n.c, n.values, strict=True)]
+    )
+    turn, low, high = _band(1e3 * way * turns, n.covariance)
     parts = [slice(0, POINTS), slice(POINTS, 2 * POINTS)][: len(path) // POINTS]
-    branches = tuple((path[k], turns[0, k], low[k], high[k]) for k in parts)
+    branches = tuple((path[k], turn[k], low[k], high[k]) for k in parts)
     extra = placed.effect.law(None, s.situation, placed.values)
     x, angle, unloading = _implied(s, joint, s.situation.compliance(joint) * tau, extra)
     sign = np.where(tau[x] < 0.0, -1.0, 1.0)
     return LawCurve(
-        placed.effect.code, joint, "torque", branches, 1e3 * c[0] * up, np.abs(tau[x]), 1e3 * sign * angle, unloading
+        placed.effect.code, joint, "torque", branches, 1e3 * n.c[0] * up, np.abs(tau[x]), 1e3 * sign * angle, unloading
     )
 
 
-def _turn(placed: PlacedEffect, v: Array, tau: Array, c: float, preload: float, index: int) -> Array:
+def turn_on_bench(placed: PlacedEffect, v: Array, tau: Array, c: float, preload: float, index: int) -> Array:
     """Turn (k,) rad of one joint on a path of torques, from zero."""
     n = len(tau)
     history = History(np.zeros(n, dtype=np.intp), np.arange(n), np.full(n, np.nan), is_known=True)
@@ -158,29 +179,31 @@ def _implied(s: Any, joint: str, plain: Array, extra: Array) -> tuple[NDArray[np
     return rows.astype(np.intp), angle, down
 
 
-def _over_angle(state: State, number: int, placed: PlacedEffect, joint: str, rng: np.random.Generator) -> LawCurve:
+def _over_angle(state: State, number: int, placed: PlacedEffect, joint: str) -> LawCurve:
     s = state.setting
     index = s.model.robot.joint_names.index(joint)
     at = s.data.free.at
     q = np.tile(np.median(at.q, axis=0), (4 * POINTS, 1))
     q[:, index] = np.linspace(at.q[:, index].min(), at.q[:, index].max(), len(q))
-    c, values = _draws(state, number, joint, rng)
-    curves = 1e6 * np.stack([_varied(s.arm, placed, v, q, ci, index) for ci, v in zip(c, values, strict=True)])
-    low, high = np.quantile(curves, BAND, axis=0)
+    n = _numbers(state, number, joint)
+    curves = 1e6 * np.stack(
+        [compliance_over(s.arm, placed, v, q, c, index) for c, v in zip(n.c, n.values, strict=True)]
+    )
+    curve, low, high = _band(curves, n.covariance)
     angle = np.degrees(q[:, index])
     tau = s.situation.torque(joint)
-    own = _varied(s.arm, placed, placed.values, at.q, c[0], index)
+    own = compliance_over(s.arm, placed, placed.values, at.q, n.c[0], index)
     strong = np.abs(tau) > LEVER * np.abs(tau).max()
     rows, turn, down = _implied(s, joint, own * tau, np.zeros((len(at), 6)))
     keep = strong[rows]
     rows, turn, down = rows[keep], turn[keep], down[keep]
     return LawCurve(
-        placed.effect.code, joint, "angle", ((angle, curves[0], low, high),), np.full(len(q), 1e6 * c[0]),
+        placed.effect.code, joint, "angle", ((angle, curve, low, high),), np.full(len(q), 1e6 * n.c[0]),
         np.degrees(at.q[rows, index]), 1e6 * turn / tau[rows], down,
     )  # fmt: skip
 
 
-def _varied(arm: ArmModel, placed: PlacedEffect, v: Array, q: Array, c: float, index: int) -> Array:
+def compliance_over(arm: ArmModel, placed: PlacedEffect, v: Array, q: Array, c: float, index: int) -> Array:
     """Compliance (k,) rad/(N m) of a joint over poses q (k, dof), with the effect."""
     if placed.effect.stage == "model":
         joints = tuple(replace(j, axial=_spring(c)) if j.joint == index else j for j in arm.joints)
@@ -199,7 +222,6 @@ def _still(n: int) -> History:
     return History(np.arange(n), np.zeros(n, dtype=np.intp), np.full(n, np.nan), is_known=False)
 
 
-def curves_of(state: State, given: int, seed: int = 0) -> Sequence[LawCurve | None]:
+def curves_of(state: State, given: int) -> Sequence[LawCurve | None]:
     """Curves of the effects found, those after the first ``given``; None for what is no law of one joint."""
-    rng = np.random.default_rng(seed)
-    return [curve_of(state, k, rng) for k in range(given, len(state.setting.accepted))]
+    return [curve_of(state, k) for k in range(given, len(state.setting.accepted))]

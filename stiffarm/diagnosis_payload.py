@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
+from stiffarm.calibration_payload import COMPONENT_KEYS
 from stiffarm.diagnosed_model import FittedSpring, fitted_springs
 from stiffarm.diagnosing import Diagnosed
 from stiffarm.effect_numbers import Number, numbers_of
@@ -43,6 +46,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "where": {kind: [group(g, kind) for g in groups] for kind, groups in d.where.items()},
         "gap": gap(d),
         "next_readings": next_readings(d),
+        "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings))],
         "springs": {s.joint: spring(s) for s in fitted_springs(found.after)},
         "noise": noise(found.after),
@@ -119,8 +123,39 @@ def gap(d: Diagnosed) -> dict[str, Any]:
 
 
 def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
-    """What to measure next; empty where nothing is left to be settled."""
-    return []
+    """What to measure next, a set-up each; empty where nothing is left to be settled."""
+    n = d.proposal
+    if n is None:
+        return []
+    return [
+        {
+            "pose": label,
+            **{c: number(float(v), 9) for c, v in zip(d.given.robot.coordinates, np.degrees(q), strict=True)},
+            "load_direction": [number(float(v)) for v in way],
+            "loads_N": [number(float(v)) for v in n.forces],
+            "unloading": n.unloading,
+            "repeats": n.repeats,
+            "read": [COMPONENT_KEYS[k] for k in n.components],
+        }
+        for label, q, way in zip(n.labels, n.q, n.direction, strict=True)
+    ]
+
+
+def expected(d: Diagnosed) -> dict[str, Any] | None:
+    """What the next readings are expected to tell."""
+    n = d.proposal
+    if n is None:
+        return None
+    return {
+        "right_family_now": number(n.right_before, 3),
+        "right_family_after": number(n.right_after, 3),
+        "rivals": [
+            {"code": r.code, "probability": number(r.probability), "hidden_so_far": r.hidden,
+             "log_evidence_against_none": number(r.against_none, 3)}
+            for r in n.rivals
+        ],
+        "words": list(n.words),
+    }  # fmt: skip
 
 
 def look(d: Diagnosed, k: int) -> dict[str, Any]:
@@ -153,4 +188,3 @@ def noise(state: State) -> dict[str, Any]:
         "set_up_mm": number(n.pose[0] * 1e3),
         "set_up_share": number(n.pose_share),
     }
-

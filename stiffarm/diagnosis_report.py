@@ -1,6 +1,69 @@
+"""report.html of a diagnosis: what disagrees, where, what explains it, how sure, what cannot be told, what next."""
+
+from __future__ import annotations
+
+import datetime as dt
+
+from doe.diagnosis.where import noise_floor_mm
+from stiffarm import __version__
+from stiffarm import diagnosis_words as words
 from stiffarm.diagnosing import Diagnosed
+from stiffarm.diagnosis_sections import (
+    explained,
+    how,
+    in_short,
+    laws,
+    next_readings,
+    not_told,
+    shrunk,
+    where,
+)
 from stiffarm.outputs import OutputFolder
+from stiffarm.report import KeyFigure, render
+from stiffarm.story_blocks import Pictures
+
+VERDICTS = {"named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "none": "nothing missing"}
 
 
 def write_report(d: Diagnosed, folder: OutputFolder) -> None:
-    pass
+    """Draw all figures and write report.html."""
+    pictures = Pictures(folder)
+    sections = [in_short(d), where(d, pictures), explained(d, pictures)]
+    if d.in_model:
+        sections.append(laws(d, pictures))
+    sections += [shrunk(d, pictures), not_told(d), next_readings(d), how(d)]
+    title = d.given.description.title.split(" (")[0]
+    p = d.found.before.setting.data
+    lede = (
+        f"Diagnosis of where simulation and measurement disagree: {len(p)} readings at {len(p.poses)} poses; "
+        f"{d.given.model.link_kind} links, {d.given.model.load_path} load path; springs of "
+        f"{', '.join(d.found.before.setting.free)} fitted."
+    )
+    footer = (
+        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {d.used.source} "
+        f"(SHA-256 {d.used.sha256[:12]}...). Versions, command and timings: run.json."
+    )
+    folder.write_text("report.html", render(title, lede, _key_figures(d), sections, footer))
+
+
+def _key_figures(d: Diagnosed) -> list[KeyFigure]:
+    found, h = d.found, d.held_out
+    codes = ", ".join(f.code for f in found.effects)
+    out = [
+        KeyFigure(
+            codes or ("nothing proven" if words.hints(d) else VERDICTS[found.verdict]),
+            "verdict" if not codes else "what is missing",
+        )
+    ]
+    far = (found.before.left_out_rms_mm, found.after.left_out_rms_mm)
+    label = "RMS at poses left out one at a time"
+    if h is not None:
+        far, label = (h.rms_before_mm, h.rms_after_mm), f"RMS on {h.data.source}"
+    if d.in_model:
+        out.append(KeyFigure(f"{far[0]:.3f} → {far[1]:.3f} mm", f"{label}, before and after"))
+    else:
+        out.append(KeyFigure(f"{far[0]:.3f} mm", label))
+    out.append(KeyFigure(f"{noise_floor_mm(found):.3f} mm", "RMS that noise alone would give"))
+    if found.effects:
+        out.append(KeyFigure(words.percent(min(f.probability for f in found.effects)), "probability of the name"))
+    return out

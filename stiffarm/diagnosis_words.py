@@ -5,26 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from doe.diagnosis.diagnose import Found
+from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.ranking import NONE, UNKNOWN
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from stiffarm.diagnosing import Diagnosed
 from stiffarm.effect_numbers import Number, numbers_of
+from stiffarm.report import Block, Bullets, Table, Text
+
+Array = NDArray[np.float64]
 
 # A group with at least this share is named as a place of the disagreement.
 LARGE = 0.15
 # Below this, "nothing missing" is not what is most probable.
 HALF = 0.5
+NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
-
-_PHASES = {"not told": "readings without a phase"}
 
 
 def headline(d: Diagnosed) -> str:
     """The verdict in one sentence."""
     found = d.found
     if found.verdict == "none":
-        if found.rankings[0].of(NONE).probability < HALF:
+        if hints(d):
             return "These readings do not prove that anything is missing, but they hint at it."
         return "Nothing is missing that these readings could show: what is left is noise."
     if found.verdict == "named":
@@ -32,7 +38,15 @@ def headline(d: Diagnosed) -> str:
         return f"What is missing has a name: {names}."
     if found.verdict == "ambiguous":
         return f"Something is missing, but these readings cannot tell which of several effects it is: {_rivals(d)}."
+    if found.provisional:
+        codes = _and([f.code for f in found.provisional])
+        return f"Something is missing that the catalogue does not know; {codes} would explain part of it at best."
     return "Something is missing that no effect of the catalogue explains."
+
+
+def hints(d: Diagnosed) -> bool:
+    """Whether nothing is proven to be missing, but that is not the most probable either."""
+    return d.found.verdict == "none" and d.found.rankings[0].of(NONE).probability < HALF
 
 
 def what(f: Found) -> str:
@@ -49,7 +63,11 @@ def how_sure(d: Diagnosed) -> str:
     if d.found.verdict == "none":
         none = first.of(NONE).probability
         other = next(h for h in first.hypotheses if h.code != NONE)
-        hint = f" Most probable otherwise: {other.code}, {percent(other.probability)}." if none < HALF else ""
+        hint = (
+            f" Most probable otherwise: {NAMES.get(other.code, other.code)}, {percent(other.probability)}."
+            if none < HALF
+            else ""
+        )
         return f"Probability that nothing is missing: {percent(none)}; {d.found.reason}.{hint}"
     if d.found.verdict == "unknown":
         return (
@@ -57,7 +75,7 @@ def how_sure(d: Diagnosed) -> str:
             f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}."
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
-    parts = [f"{h.code} {percent(h.probability)}" for h in last.hypotheses[:4]]
+    parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
     return f"Probabilities: {', '.join(parts)}; {d.found.reason}."
 
 
@@ -79,8 +97,8 @@ def gap_sentence(d: Diagnosed) -> str:
     where = "At poses left out one at a time" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
-        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). Noise alone would "
-        f"give {floor:.3f} mm."
+        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). Noise alone "
+        f"would give {floor:.3f} mm."
     )
 
 
@@ -103,14 +121,20 @@ def _of_kind(kind: str, groups: Sequence[Group]) -> str:
     large = [g for g in order if g.share >= max(LARGE, 1.2 / len(groups))][:NAMED]
     if not large:
         top = order[:NAMED]
-        listed = ", ".join(f"{_PHASES.get(g.label, g.label)} {percent(g.share)}" for g in top)
+        listed = ", ".join(f"{_place(kind, g)} {percent(g.share)}" for g in top)
         return f"By {kind} it is spread out; the largest shares are {listed}."
-    listed = ", ".join(f"{_PHASES.get(g.label, g.label)} {percent(g.share)}{_sign(g)}" for g in large)
+    listed = ", ".join(f"{_place(kind, g)} {percent(g.share)}{_sign(g)}" for g in large)
     return f"By {kind}: {listed} of all that is beyond the noise."
 
 
+def _place(kind: str, g: Group) -> str:
+    if kind == "pose":
+        return f"pose {g.label}"
+    return "readings without a phase" if g.label == "not told" else g.label
+
+
 def _sign(g: Group) -> str:
-    return f" (read minus predicted {1e3 * g.mean:+.3f} mm on average)".replace("+-", "±").replace("-", "−")
+    return f" (read minus simulated {1e3 * g.mean:+.3f} mm on average)".replace("+-", "±").replace("-", "−")
 
 
 def number_text(n: Number) -> str:
@@ -124,6 +148,27 @@ def number_text(n: Number) -> str:
         high = "no upper limit" if math.isinf(n.high) else _short(n.high)
         return f"{n.name} {_short(n.value)}{unit} (95 %: {_short(n.low)} to {high})"
     return f"{n.name} {_short(n.value)} ± {_short(n.sd, 2)}{unit}"
+
+
+def value_text(n: Number) -> str:
+    """``0.845`` with its unit."""
+    return "nothing of it acts" if not math.isfinite(n.value) else _with_unit(_short(n.value), n)
+
+
+def interval_text(n: Number) -> str:
+    """``0.8 to 0.9``, or that the number was chosen from those tried."""
+    if n.low is None or n.high is None:
+        return "best of those tried"
+    return f"{_short(n.low)}\u00a0to\u00a0{'no upper limit' if math.isinf(n.high) else _short(n.high)}"
+
+
+def plausible_text(n: Number) -> str:
+    """The range expected beforehand."""
+    return f"{'±' if n.signed else ''}{_short(n.plausible[0])} to {_short(n.plausible[1])}"
+
+
+def _with_unit(text: str, n: Number) -> str:
+    return text if n.unit == "1" else f"{text}\u00a0{n.unit}".replace("N m", "N\u00a0m")
 
 
 def numbers_sentence(d: Diagnosed, f: Found) -> str:
@@ -140,7 +185,7 @@ def percent(value: float) -> str:
     """``82 %``; never 0 % or 100 % for what is neither."""
     if 0.0 < value < 0.005:
         return "below 1 %"
-    if 0.995 <= value < 1.0:
+    if value >= 0.995:
         return "above 99 %"
     return f"{100.0 * value:.0f} %"
 
@@ -161,7 +206,7 @@ def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
             listed = ", ".join(others[:6]) + (f" and {len(others) - 6} more" if len(others) > 6 else "")
             out.append(f"{code} could not be told from {listed}.")
         else:
-            out.append(f"{code} could be told from every other effect.")
+            out.append(f"{code} has none: every other effect would look different.")
     return tuple(out)
 
 
@@ -170,13 +215,61 @@ def next_sentence(d: Diagnosed) -> str:
     if d.found.verdict == "named":
         return "Nothing is left to be settled between candidates; readings in new poses would confirm the name."
     if d.found.verdict == "none":
-        return "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions."
+        return (
+            "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions."
+        )
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."
     return (
         "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own can be "
         "tried with --effect FILE.py."
     )
+
+
+def set_up_rows(d: Diagnosed, n: NextReadings) -> list[tuple[str, ...]]:
+    """A row for each set-up to measure: label, angles, direction of the load."""
+    rows = []
+    for label, q, way in zip(n.labels, np.degrees(n.q), n.direction, strict=True):
+        rows.append((label, *(f"{v:.0f}" for v in q), direction_text(way)))
+    return rows
+
+
+def direction_text(way: Array) -> str:
+    """``down``, or the axis, or the vector."""
+    names = {(0, 0, -1): "down", (0, 0, 1): "up", (1, 0, 0): "+X", (-1, 0, 0): "−X", (0, 1, 0): "+Y", (0, -1, 0): "−Y"}
+    key = tuple(round(float(v)) for v in way)
+    if key in names and np.allclose(way, key, atol=1e-6):
+        return names[key]
+    return " ".join(f"{v:.2f}" for v in way)
+
+
+def proposal_text(n: NextReadings) -> str:
+    """Loads, phases and repeats of a proposal."""
+    loads = ", ".join(f"{v:g}" for v in n.forces)
+    way = "put on one after the other and taken off again" if n.unloading else "put on one after the other"
+    read = ", ".join(
+        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in n.components
+    )
+    return (
+        f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
+        f"of {loads} N {way}, {n.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        "`stiffarm diagnose MODEL DATA next_readings.csv`."
+    )
+
+
+def _sentence(text: str) -> str:
+    """With a capital, unless it begins with a code."""
+    return text if ":" in text.split()[0] or "-" in text.split()[0] else f"{text[0].upper()}{text[1:]}"
+
+
+def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
+    """The proposal as text, what it is expected to tell, and a table of set-ups."""
+    heads = ("set-up", *(f"{c.removesuffix('_deg')} (deg)" for c in d.given.robot.coordinates), "load")
+    return [
+        Text(proposal_text(n)),
+        Bullets(tuple(f"{_sentence(w)}." for w in n.words)),
+        Table("Set-ups to measure next", heads, tuple(set_up_rows(d, n)), (0, len(heads) - 1)),
+    ]
 
 
 def summary(d: Diagnosed) -> list[str]:

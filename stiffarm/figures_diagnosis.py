@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: read against simulated, residuals, and the gap, each before and after. Data in, Figure out."""
+"""Figures of a diagnosis, before and after: read against simulated, residuals, the gap. Data in, Figure out."""
 
 from __future__ import annotations
 
@@ -67,13 +67,14 @@ def match_figure(fits: Sequence[Fit]) -> Figure:
     room = 0.05 * max(high - low, 1e-9)
     ends = np.array([low - room, high + room])
     with house_style():
-        figure, axes = new_figure((10.0 if len(fits) > 1 else 6.4, 5.3), 1, len(fits), sharey=True)
+        figure, axes = new_figure((10.0, 5.6), 1, len(fits), sharey=True)
         for ax, f, colour in zip(axes, fits, _colours(len(fits)), strict=True):
             ax.fill_between(ends, ends - 2.0 * f.noise, ends + 2.0 * f.noise, color=FAINT, alpha=0.35, linewidth=0)
             ax.plot(ends, ends, color=INK, linewidth=0.9)
             ax.vlines(f.simulated, f.simulated, f.read, color=colour, alpha=0.45, linewidth=0.9)
             _points(ax, f.simulated, f.read, f.phase, colour)
-            ax.set(xlim=ends, ylim=ends, xlabel=f"simulated ({f.unit})", aspect="equal")
+            ax.set(xlim=ends, ylim=ends, xlabel=f"simulated ({f.unit})")
+            ax.set_box_aspect(1.0)
             ax.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
         axes[0].set_ylabel(f"read ({fits[0].unit})")
         title(figure, "Read against simulated; vertical strokes are the gap, the band is twice the noise")
@@ -137,7 +138,7 @@ def _strip(ax: Axes, f: Fit, labels: Sequence[str], colour: str) -> None:
     for side, marker in ((~down, "o"), (down, "v")):
         x = (place + shift + jitter)[side]
         ax.scatter(x, f.residual[side], s=size, marker=marker, color=colour, alpha=0.6, linewidths=0, zorder=2)
-        groups = [np.mean(f.residual[side & (place == k)]) if (side & (place == k)).any() else np.nan
+        groups = [np.mean(f.residual[side & (place == k)]) if (side & (place == k)).sum() > 1 else np.nan
                   for k in range(len(names))]  # fmt: skip
         middle = np.arange(len(names)) + (np.unique(shift[side])[0] if side.any() else 0.0)
         half = 0.17 if np.any(shift) else 0.3
@@ -165,17 +166,20 @@ def gap_figure(rows: Mapping[str, tuple[float, float]], noise: float, least: flo
     y = np.arange(len(rows), dtype=np.float64)
     with house_style():
         figure, (ax,) = new_figure((10.0, 1.6 + 0.85 * len(rows)))
-        for k, (name, colour) in enumerate((("before", BEFORE), ("after", AFTER))):
+        series = [("before", BEFORE), ("after", AFTER)]
+        if all(np.isnan(pair[1]) for pair in rows.values()):
+            series = series[:1]
+        for k, (name, colour) in enumerate(series):
             lengths = np.array([pair[k] for pair in rows.values()])
-            if np.isnan(lengths).all():
-                continue
-            at = y + (k - 0.5) * 0.36
+            at = y + (k - 0.5 * (len(series) - 1)) * 0.36
             ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=name)
             for place, value in zip(at, lengths, strict=True):
                 note(ax, f"{value:.3f}", (value, place), (4, 0), ha="left")
         ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"noise alone: {noise:.3f}")
         if np.isfinite(least):
-            ax.axvline(least, color="#777777", linestyle=":", linewidth=1.4, label=f"springs alone, at best: {least:.3f}")
+            ax.axvline(
+                least, color="#777777", linestyle=":", linewidth=1.4, label=f"springs alone, at best: {least:.3f}"
+            )
         ax.set_yticks(y, list(rows))
         ax.set_ylim(len(rows) - 0.45, -0.55)
         ax.margins(x=0.12)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from robots import InputError
 from stiffarm.diagnosis_laws import LawCurve
 from stiffarm.effect_numbers import Number
-from stiffarm.figure_parts import above, note, title
+from stiffarm.figure_parts import above, log_ticks, note, title
 from stiffarm.picture_style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
 _UP: Final = OKABE_ITO["blue"]
@@ -36,7 +36,10 @@ def law_figure(curve: LawCurve, heading: str) -> Figure:
         ax.plot(curve.branches[0][0], curve.plain, color=INK, linestyle="--", linewidth=1.2, label="its spring alone")
         size = 8 if len(curve.read_x) > _MANY else 20
         look: dict[str, Any] = {"s": size, "alpha": 0.45, "linewidths": 0, "zorder": 1.5}
-        for side, colour, name in ((~curve.unloading, _UP, "readings"), (curve.unloading, _DOWN, "readings, unloading")):
+        for side, colour, name in (
+            (~curve.unloading, _UP, "readings"),
+            (curve.unloading, _DOWN, "readings, unloading"),
+        ):
             if side.any():
                 ax.scatter(curve.read_x[side], curve.read_y[side], color=colour, label=name, **look)
         _limits(ax, curve)
@@ -104,13 +107,16 @@ def _number(ax: Axes, n: Number) -> None:
         if n.high > edges[1]:
             ax.plot(edges[1], 0.0, ">", color=_UP, markersize=8, clip_on=False)
     ax.plot(n.value, 0.0, "o", color=_UP, markersize=9, markeredgecolor="white", zorder=3)
-    note(ax, f"{n.value:.3g}", (n.value, 0.0), (0, 9), va="bottom", weight="bold")
+    note(ax, _text(n.value), (n.value, 0.0), (0, 9), va="bottom", weight="bold")
     if log:
-        ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
-        ax.xaxis.set_minor_formatter(lambda v, _: "")
+        log_ticks(ax.xaxis)
     ax.set_ylim(-0.6, 1.1)
     ax.set_yticks([])
     ax.grid(visible=False, axis="y")
     ax.spines["left"].set_visible(False)
     unit = "" if n.unit == "1" else f" ({n.unit})"
     ax.set_xlabel(f"{n.code}: {n.name}{unit}")
+
+
+def _text(value: float) -> str:
+    return f"{value:.3g}".replace("e+0", "e").replace("e-0", "e-").replace("-", "−")

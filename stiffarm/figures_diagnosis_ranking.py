@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from robots import InputError
-from stiffarm.figure_parts import above, note, title
+from stiffarm.figure_parts import note, title
 from stiffarm.picture_style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
 EFFECT: Final = OKABE_ITO["blue"]
@@ -36,7 +36,8 @@ class Bar:
 def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
     """Draw where the disagreement lies: for each kind of group (label, share, mean square of standardised residuals).
 
-    Poses have a row of their own. Shares are NaN where nothing is beyond the noise; then mean squares are drawn.
+    Poses have a row of their own; a kind of which all readings are of one group is left out. Shares are NaN where
+    nothing is beyond the noise; then mean squares are drawn.
 
     Raises
     ------
@@ -45,15 +46,20 @@ def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Fi
     """
     if not groups or not all(groups.values()):
         raise InputError("where figure: no groups to draw")
-    wide, small = "pose", [kind for kind in groups if kind != "pose"]
+    small = [kind for kind, some in groups.items() if kind != "pose" and len(some) > 1]
+    rows = [["pose"], small] if small else [["pose"]]
     with house_style():
-        figure, _ = new_figure((10.0, 6.2), 0)
+        figure, _ = new_figure((10.0, 6.2 if small else 3.6), 0)
         figure.set_layout_engine("constrained")
-        grid = figure.add_gridspec(2, len(small), height_ratios=[1.25, 1.0])
-        _share_bars(figure.add_subplot(grid[0, :]), wide, groups[wide], values=False)
-        for k, kind in enumerate(small):
-            _share_bars(figure.add_subplot(grid[1, k]), kind, groups[kind], values=True)
-        title(figure, "Where simulation and measurement disagree: shares of what is beyond the noise")
+        for number, (part, kinds) in enumerate(
+            zip(figure.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True)
+        ):
+            axes = part.subplots(1, len(kinds), squeeze=False)[0]
+            for ax, kind in zip(axes, kinds, strict=True):
+                _share_bars(ax, kind, groups[kind], values=number > 0)
+        known = bool(np.isfinite([g[1] for g in groups["pose"]]).all())
+        shares = "Where simulation and measurement disagree: shares of what is beyond the noise"
+        title(figure, shares if known else "Mean squares of the residuals over the noise; 1 is noise alone")
     return figure
 
 
@@ -64,8 +70,7 @@ def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]],
     heights = share if known else np.array([g[2] for g in groups])
     x = np.arange(len(groups))
     ax.bar(x, heights, 0.7, color=OKABE_ITO["vermillion"] if known else FAINT)
-    if known:
-        ax.axhline(100.0 / len(groups), color=INK, linewidth=0.9, linestyle="--")
+    ax.axhline(100.0 / len(groups) if known else 1.0, color=INK, linewidth=0.9, linestyle="--")
     if values:
         for k, v in enumerate(heights):
             note(ax, f"{v:.0f} %" if known else f"{v:.2f}", (k, v), (0, 2), va="bottom")
@@ -95,9 +100,7 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
              "unknown": "something unknown"}  # fmt: skip
     y = np.arange(len(bars))
     with house_style():
-        figure, (left, right) = new_figure(
-            (10.0, 1.7 + 0.34 * len(bars)), 1, 2, sharey=True, width_ratios=[1.7, 1.0]
-        )
+        figure, (left, right) = new_figure((10.0, 1.7 + 0.34 * len(bars)), 1, 2, sharey=True, width_ratios=[1.7, 1.0])
         left.barh(y, [100.0 * b.probability for b in bars], 0.68, color=[colours[b.kind] for b in bars])
         for k, b in enumerate(bars):
             note(left, _percent(b.probability), (100.0 * b.probability, k), (4, 0), ha="left")
@@ -115,7 +118,8 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
             ax.grid(visible=False, axis="y")
             ax.tick_params(axis="y", length=0)
         kinds = [kind for kind in words if any(b.kind == kind for b in bars)]
-        above(left, [Patch(color=colours[kind], label=words[kind]) for kind in kinds], 4)
+        handles = [Patch(color=colours[kind], label=words[kind]) for kind in kinds]
+        figure.legend(handles=handles, loc="outside lower left", ncols=4)
         title(figure, heading)
     return figure
 
@@ -149,7 +153,7 @@ def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
     columns += sorted((c for c in count if c not in columns), key=lambda c: -count[c])
     columns, more = columns[:_MOST_TWINS], len(columns) - _MOST_TWINS
     with house_style():
-        figure, (ax,) = new_figure((max(6.0, 3.4 + 0.36 * len(columns)), 2.6 + 0.32 * len(rows)))
+        figure, (ax,) = new_figure((10.0, 2.6 + 0.32 * len(rows)))
         for i, row in enumerate(rows):
             for k, column in enumerate(columns):
                 if row == column:
@@ -158,7 +162,7 @@ def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
                     ax.scatter(k, i, s=90, marker="o", color=UNKNOWN, linewidths=0)
         ax.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor")
         ax.set_yticks(range(len(rows)), rows)
-        ax.set_xlim(-0.6, len(columns) - 0.4)
+        ax.set_xlim(-0.6, max(len(columns), 12) - 0.4)
         ax.set_ylim(len(rows) - 0.4, -0.6)
         if more > 0:
             ax.set_xlabel(f"and {more} more")

@@ -1,4 +1,4 @@
-"""From a ranking to a verdict: whether anything is missing, what, and whether its name holds on unseen poses."""
+"""From a ranking to what to do next: nothing is missing, take up an effect, and whether its name is sure."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Ranking
 
 Kind = Literal["none", "named", "ambiguous", "unknown"]
 
-# Below this probability of "nothing missing" there is something to explain.
-ALARM, FURTHER_ALARM = 0.05, 0.02
-# A name is given from this share of the probability of all effects on.
+# Below this probability of "nothing missing" there is something to explain. The unknown needs less than a name: it
+# makes no promise.
+ALARM, UNKNOWN_ALARM = 0.05, 0.12
+# A name is sure from this share of the probability of all effects on.
 NAME = 0.8
-# The unknown outweighs a name from here on.
-OUTSIDE = 0.5
+# A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
+# what is left of one looks like another.
+FURTHER, GAIN = 0.9, 8.0
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What a ranking says: its kind, the hypothesis that stands for it, and why in a few words."""
+    """What a ranking says: its kind, the effect to take up (if any), and why in a few words."""
 
     kind: Kind
     hypothesis: Hypothesis | None
@@ -27,20 +29,21 @@ class Decision:
 
 
 def decide(r: Ranking, *, further: bool = False) -> Decision:
-    """Judge one ranking; a name must also predict left-out poses better than nothing missing does.
+    """Judge one ranking; ``further``: something has been found already.
 
-    ``further``: something has been found already, so that more of it needs more evidence: no law is quite right.
+    A name must also predict left-out poses better than nothing missing does. Where the unknown leads, the best effect
+    is taken up all the same: two of them together may explain what none does alone.
     """
-    alarm = FURTHER_ALARM if further else ALARM
     none, unknown = r.of(NONE), r.of(UNKNOWN)
     named = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
+    alarm = UNKNOWN_ALARM if unknown.probability > 1.0 - none.probability - unknown.probability else ALARM
     if none.probability >= alarm or not named:
-        if unknown.probability > max(none.probability, 1.0 - alarm):
-            return Decision("unknown", None, "set-ups differ more than noise explains")
         return Decision("none", None, "the readings do not ask for more than the model has")
-    if unknown.probability > OUTSIDE:
-        return Decision("unknown", None, "no effect of the catalogue explains the pattern over poses and loads")
     top, mass = named[0], sum(h.probability for h in named)
+    if further and (mass < FURTHER * (1.0 - unknown.probability) or top.log_evidence - none.log_evidence < GAIN):
+        return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
+    if unknown.probability > 0.5:
+        return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
     if top.probability < NAME * mass:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")

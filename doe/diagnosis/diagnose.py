@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,10 +14,11 @@ from doe.diagnosis.decide import Decision, decide
 from doe.diagnosis.held_out import leave_one_pose_out
 from doe.diagnosis.known import base_of
 from doe.diagnosis.outset import replicate_weights
-from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Options, Ranking, rank
+from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors, rank
 from doe.diagnosis.refit import Refit, accept, refit
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
+from doe.diagnosis.signatures import shape_count
 from doe.diagnosis.testable import not_testable, twins
 from doe.noise import Noise
 from doe.readings import rms_mm
@@ -30,9 +32,9 @@ Progress = Callable[[str], None]
 MOST = 3
 # A further effect must explain at least this share of what the first one did: less is the first one's law being not
 # quite right.
-FURTHER = 0.007
-# What a name leaves to the unknown may be this share of what there was to explain; more is something else.
-LEFT_OVER = 0.2
+FURTHER = 0.02
+# What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
+LEFT_OVER, SURE = 0.05, 0.9
 
 
 @dataclass(frozen=True)
@@ -120,14 +122,14 @@ def diagnose(s: Setting, options: Options = Options(), progress: Progress | None
         rankings.append(r)
         decisions.append(d)
         say(f"look {look + 1}: {_words(r)}")
-        if d.hypothesis is None or look == MOST or (found and d.kind != "named"):
+        if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
         if gain < FURTHER * total:
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
-        found.append(_Pick(d.hypothesis, gain, d.kind == "named"))
+        found.append(_Pick(d.hypothesis, gain, d.kind != "ambiguous"))
         if len(found) == 2:
             here, found = _swapped(s, here, found, weight, options, say)
     before = state_of(s, rankings[0].of(NONE).noise, weight)
@@ -136,7 +138,7 @@ def diagnose(s: Setting, options: Options = Options(), progress: Progress | None
     if found:
         after = state_of(here, rankings[min(len(found), len(rankings) - 1)].of(NONE).noise, weight)
         all_found = tuple(_found(after.refit, len(s.accepted) + k, pick) for k, pick in enumerate(found))
-    verdict, reason = _verdict(rankings, decisions, found)
+    verdict, reason = _verdict(s, rankings, decisions, found, options)
     certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
     # A name that leaves most unexplained is no name: what it took up may not be it.
     rest = tuple(f for f in all_found if f not in certain)
@@ -197,21 +199,27 @@ def _found(fitted: Refit, number: int, pick: _Pick) -> Found:
     return Found(placed, dict(fitted.spread(number)), pick.hypothesis.probability, pick.gain)
 
 
-def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pick]) -> tuple[Verdict, str]:
+def _verdict(
+    s: Setting, rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], options: Options
+) -> tuple[Verdict, str]:
+    """Named effects together against the unknown: the evidence of either, with what it was worth beforehand."""
     if not found:
         return decisions[0].kind, decisions[0].reason
+    prior = log_priors(s, [h.code for h in rankings[0].hypotheses], options)
     last = rankings[min(len(found), len(rankings) - 1)]
-    rest = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
+    least = min(prior.values())
+    known = last.of(NONE).log_evidence
+    for pick in found:
+        # The shapes were chosen by these readings: their number is part of what the name is worth beforehand.
+        known += prior.get(pick.hypothesis.code, least) - math.log(shape_count(s.known[pick.hypothesis.code]))
+    strange = rankings[0].of(UNKNOWN).log_evidence + prior[UNKNOWN]
+    left = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
     gained = sum(pick.gain for pick in found)
-    if len(rankings) > len(found) and last.of(UNKNOWN).probability > 0.5 and rest > LEFT_OVER * (gained + rest):
+    if strange > known:
+        return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
+    if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
     if not all(pick.named for pick in found):
-        return "ambiguous", next(
-            (d.reason for d in decisions if d.kind == "ambiguous"), "with both in, one of them may be another"
-        )
-    return "named", decisions[0].reason
-
-
-def without_pose_term(options: Options) -> Options:
-    """Ablation: set-ups do not scatter."""
-    return replace(options, pose_term=False)
+        reasons = (d.reason for d in decisions if d.kind == "ambiguous" and d.hypothesis is not None)
+        return "ambiguous", next(reasons, "with both in, one of them may be another")
+    return "named", "explains the readings and predicts poses left out"

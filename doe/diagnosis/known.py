@@ -41,6 +41,12 @@ def _errors(s: Setting) -> tuple[Array, Array, Array, Array]:
     return columns, np.zeros(n), np.ones(n), np.full(n, -np.inf)
 
 
+def free_columns(s: Setting, base: Base) -> Array:
+    """The base's columns (m, k) without those of small errors: what the noise is estimated beside."""
+    n, e = len(s.free), error_count(s)
+    return np.delete(base.columns, np.s_[n : n + e], axis=1)
+
+
 def error_count(s: Setting) -> int:
     """How many of the base's columns, after the springs', are errors of the model and doubts about laws."""
     return int(s.errors.shape[1] + s.doubts.shape[1])

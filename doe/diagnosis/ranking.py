@@ -14,16 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from doe.blocks import Covariance
 from doe.diagnosis.evidence import Base, Fitted, Whitened, fit_all
 from doe.diagnosis.held_out import LeftOut, extended, leave_one_pose_out
-from doe.diagnosis.known import base_of
-from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, typical_size, with_setup
+from doe.diagnosis.known import base_of, free_columns
+from doe.diagnosis.scatter import (
+    NoisePrior,
+    around,
+    covariance,
+    fitted_noise,
+    plain_noises,
+    typical_size,
+    with_setup,
+)
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shape_count, signatures
 from doe.diagnosis.unknown import discrepancies
 from doe.noise import Noise
 from doe.readings import rms_mm
-from fem.effects.base import Effect
+from fem.effects.base import Effect, PlacedEffect
 
 Array = NDArray[np.float64]
 
@@ -41,6 +50,8 @@ VAGUE = 30.0
 LEADERS = 6
 # An effect of usual size must raise chi-square by this to be seen at all, and by this to be told by name.
 SEEN, TESTABLE = 2.0, 30.0
+# Fewer readings than these hardly tell their own scatter: usual values join those that they ask for.
+FEW = 80
 # Laws with more shapes than this keep only the best few of them at each of a few noises.
 MANY, KEPT = 40, 8
 
@@ -114,20 +125,21 @@ def rank(s: Setting, weight: Array, options: Options = Options(), skip: Sequence
     candidates: dict[str, list[Signature]] = {
         code: signatures(s, effect)
         for code, effect in s.known.items()
-        if code not in taken and impossible(s, effect) is None
+        if code not in taken and impossible(s, effect) is None and not _same_law(effect, s.accepted)
     }
     if not options.priors:
         candidates = {code: [_vague(c) for c in some] for code, some in candidates.items()}
-    first = fitted_noise(s, base.columns, weight)
+    free = free_columns(s, base)
+    first = fitted_noise(s, free, weight)
     hidden, usual = _hidden(s, base, weight, first, candidates)
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
-    noises = _noises(s, base, weight, first, options)
+    noises = _noises(s, free, weight, first, options)
     candidates = _pruned(s, base, weight, noises, candidates)
     table = [_at_noise(s, base, weight, noise, candidates, options) for noise in noises]
     # The noise that goes with each leader, where the base alone would call its effect scatter.
     for _ in range(1):
         leaders = _leaders(table)
-        more = [fitted_noise(s, np.hstack([base.columns, c.columns]), weight, first) for c in leaders]
+        more = [fitted_noise(s, np.hstack([free, c.columns]), weight, first) for c in leaders]
         more = [n for n in _limited(more, options) if n not in noises]
         noises += more
         table += [_at_noise(s, base, weight, noise, candidates, options) for noise in more]
@@ -163,6 +175,16 @@ def _pruned(
     }
 
 
+# Laws of one joint's torque: a second one on the same joint only corrects the first.
+TORQUE_LAWS = ("hardening", "softening", "backlash")
+
+
+def _same_law(effect: Effect, accepted: Sequence[PlacedEffect]) -> bool:
+    kind, _, joint = effect.code.partition(":")
+    others = [e.effect.code.partition(":") for e in accepted]
+    return kind in TORQUE_LAWS and any(k in TORQUE_LAWS and j == joint for k, _, j in others)
+
+
 def impossible(s: Setting, effect: Effect) -> str | None:
     """Why these readings can say nothing about an effect, whatever its size; None if they might."""
     kind, _, joint = effect.code.partition(":")
@@ -175,13 +197,15 @@ def impossible(s: Setting, effect: Effect) -> str | None:
     return None
 
 
-def _noises(s: Setting, base: Base, weight: Array, first: Noise, options: Options) -> list[Noise]:
+def _noises(s: Setting, free: Array, weight: Array, first: Noise, options: Options) -> list[Noise]:
     """Noise by the base alone, and where readings may follow a smooth discrepancy, with more and less scatter."""
     out = around(first)
     smooth = next(iter(discrepancies(s)))
-    calm = fitted_noise(s, np.hstack([base.columns, _strongest(smooth, len(s.data.poses) // 3)]), weight, first)
+    calm = fitted_noise(s, np.hstack([free, _strongest(smooth, len(s.data.poses) // 3)]), weight, first)
     out += around(calm)
     out += [with_setup(calm, share) for share in (0.005, 0.01, 0.02, 0.03)]
+    if len(s.data) < FEW:
+        out += plain_noises(s)
     return _limited(out, options)
 
 
@@ -235,6 +259,15 @@ def _at_noise(
 def _log_sum(z: Array) -> float:
     most = float(z.max())
     return most + math.log(float(np.exp(z - most).sum()))
+
+
+def _as_if(s: Setting, base: Base, c: Signature, V: Covariance) -> Array:
+    """Change of the readings (m,) if an effect without amplitudes were there, springs as they would then be."""
+    assert c.shift is not None  # noqa: S101 - asked before
+    assert c.springs is not None  # noqa: S101
+    n = len(s.free)
+    springs = Whitened(_with_springs(s, base, c), V).u[:n] + s.typical - s.springs
+    return np.asarray(c.shift + c.springs @ springs)
 
 
 def _with_springs(s: Setting, base: Base, c: Signature) -> Base:
@@ -304,7 +337,7 @@ def _hidden(
         found = []
         for c in some:
             if c.shift is not None:
-                WX = w.V.whiten(c.shift[:, None])
+                WX = w.V.whiten(_as_if(s, base, c, w.V)[:, None])
                 found.append(float(w.schur(WX, WX)[0, 0]))
                 continue
             WX = w.V.whiten(c.columns)

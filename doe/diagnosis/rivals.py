@@ -36,7 +36,9 @@ Array = NDArray[np.float64]
 SHAPES, LEAST_SHARE = 3, 0.1
 # Hypotheses of a diagnosis that are looked at for more than their best shape.
 LEADING = 6
-# Fewer rivals than these are no question.
+# Rivals are the fewest hypotheses that together hold this share: what is named from 80 % on may still be wrong.
+SURVIVING = 0.99
+# Fewer families of rivals than these are no question.
 FEWEST = 2
 # When new readings are taken, on the clock of those so far, which ends at 1.
 LATER = 1.3
@@ -56,11 +58,11 @@ class Question:
 
 
 def question_of(s: Setting, d: Diagnosis) -> Question:
-    """The ranking that the verdict rests on if anything survives beside its best name, else what comes after it."""
+    """The ranking that the verdict rests on while its name is open, else the one of what comes after that name."""
     found = len(d.effects) + len(d.provisional)
     k = min(max(len(d.effects) - 1, 0), len(d.rankings) - 1)
-    families = {s.known[c].family if c in s.known else c for c in d.rankings[k].credible()}
-    if len(families) < FEWEST and found == k + 1 < len(d.rankings):
+    families = {_family(s, code) for code in d.rankings[k].credible()}
+    if d.verdict != "ambiguous" and len(families) < FEWEST and found == k + 1 < len(d.rankings):
         k += 1
     start = s
     if 0 < k <= found:
@@ -69,9 +71,16 @@ def question_of(s: Setting, d: Diagnosis) -> Question:
     return _question(start, d.rankings[k])
 
 
+def _family(s: Setting, code: str) -> str:
+    return s.known[code].family if code in s.known else code
+
+
 def _question(s: Setting, r: Ranking) -> Question:
-    kept = list(r.credible())
-    kept += [h.code for h in r.hypotheses if h.code not in kept][: max(FEWEST - len(kept), 0)]
+    kept = list(r.credible(SURVIVING))
+    for h in r.hypotheses[len(kept) :]:
+        # Twins of one family are no question that a reading could answer: there is always something else beside them.
+        if len({_family(s, code) for code in kept}) < FEWEST:
+            kept.append(h.code)
     hidden = tuple(r.hidden)
     prior = log_priors(s, [*(h.code for h in r.hypotheses), *hidden], Options())
     # What cannot be seen is as likely as nothing missing, relative to what each was beforehand.
@@ -210,7 +219,8 @@ def _shapes(g: _Ground, code: str, leads: bool) -> list[tuple[float, Array]]:
     w = Whitened(base_of(s), g.V)
     found = fit_all(w, [signature(s, s.known[code], values) for values in every])
     share = softmax(np.array([f.log_evidence for f in found]))
-    top = [k for k in np.argsort(-share)[:SHAPES] if share[k] >= LEAST_SHARE]
+    order = np.argsort(-share)[:SHAPES]
+    top = [k for place, k in enumerate(order) if place == 0 or share[k] >= LEAST_SHARE]
     total = float(share[top].sum())
     return [(float(share[k]) / total, every[k]) for k in top]
 

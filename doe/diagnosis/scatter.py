@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 # Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 1 %, seldom by 2.
 READING, READING_FACTOR = 0.03, math.log(2.5)
 SETUP = 0.008
+# Directions of columns (of norm one) weaker than this are others over again.
+SAME = 1e-5
 # Resolution below which no gauge is believed, m and rad.
 FLOOR = (5e-7, 5e-7)
 
@@ -46,10 +48,13 @@ def fitted_noise(s: Setting, columns: Array, weight: Array, start: Noise | None 
     """Variances by restricted likelihood where the readings may follow ``columns`` (m, k)."""
     f = s.prediction
     begin = start or Noise(white=(max(1e-5, 0.01 * typical_size(s)[0]), max(1e-5, 0.01 * typical_size(s)[1])))
-    if columns.shape[1] >= len(f) - 1:
+    norm = np.linalg.norm(columns, axis=0)
+    U, sv, _ = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
+    # Directions that only rounding tells apart would make the restricted likelihood hang on rounding.
+    basis = U[:, sv > SAME * sv.max(initial=1e-300)]
+    if basis.shape[1] >= len(f) - 1:
         return begin
-    error = s.residual
-    return fit_noise(s.data, f, columns, error, begin, FLOOR, weight, blocks=s.blocks)
+    return fit_noise(s.data, f, basis, s.residual, begin, FLOOR, weight, blocks=s.blocks)
 
 
 def around(noise: Noise) -> list[Noise]:
@@ -62,6 +67,16 @@ def around(noise: Noise) -> list[Noise]:
             white = (max(scale * noise.white[0], FLOOR[0]), max(scale * noise.white[1], FLOOR[1]))
             out.append(replace(calmer, white=white, share=scale * noise.share))
     return out
+
+
+def plain_noises(s: Setting) -> list[Noise]:
+    """White noise of usual sizes, as shares of what was read, with little or usual scatter between set-ups."""
+    size = typical_size(s)
+    return [
+        Noise((max(share * size[0], FLOOR[0]), max(share * size[1], FLOOR[1])), pose_share=common)
+        for share in (0.01, 0.02, 0.03, 0.045, 0.07)
+        for common in (0.0, 0.01)
+    ]
 
 
 def with_setup(noise: Noise, share: float) -> Noise:

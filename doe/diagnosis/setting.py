@@ -23,8 +23,9 @@ from robots import InputError, ModelDescription
 
 Array = NDArray[np.float64]
 
-# What the law of an accepted effect may be off by, as a share of the effect (one standard deviation each way).
-DOUBT = 0.1
+# What the law of an accepted effect may be off by, as a share of the effect (one standard deviation each way): laws of
+# torque, angle and clock are assumed, a structure's compliance is nearly straight, and geometry is exact.
+DOUBT_LAW, DOUBT_STRUCTURE = 0.1, 0.04
 # Effects whose law hangs on the joint's angle, not on the torque.
 VARYING = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
 
@@ -86,16 +87,17 @@ class Setting:
     def doubts(self) -> Array:
         """Change of the readings (m, d) by one standard deviation of what accepted effects' laws are off by.
 
-        No law is exact: each accepted effect's own share of the readings may be off by :data:`DOUBT` of itself, in a
-        way that is smooth in the torque (or load) it acts on, and another on the way down.
+        No law is exact: each accepted effect's part of the readings may be off by a share of itself
+        (:func:`doubt_of`), in a way that is smooth in the torque (or load) it acts on, and another on the way down.
         """
         columns = [np.zeros((len(self.data), 0))]
         for number, placed in enumerate(self.accepted):
-            if not placed.effect.amplitudes:
+            doubt = doubt_of(placed.effect)
+            if doubt == 0.0:
                 continue
             rest = [e for k, e in enumerate(self.accepted) if k != number]
             own = self.prediction - self.read(self.arm, rest)
-            columns.append(DOUBT * own[:, None] * self._bends(placed))
+            columns.append(doubt * own[:, None] * self._bends(placed))
         return np.hstack(columns)
 
     def _bends(self, placed: PlacedEffect) -> Array:
@@ -144,6 +146,15 @@ class Setting:
     def moved(self, springs: Array, accepted: Sequence[PlacedEffect]) -> Setting:
         """Copy with other numbers."""
         return replace(self, springs=springs, accepted=tuple(accepted))
+
+
+def doubt_of(effect: Effect) -> float:
+    """What an effect's law may be off by, as a share of the effect."""
+    if not effect.amplitudes:
+        return 0.0
+    if effect.stage == "arm" or effect.code.startswith((*VARYING, "drift")):
+        return DOUBT_LAW
+    return DOUBT_STRUCTURE if effect.stage == "model" or effect.code == "payload" else 0.0
 
 
 def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) -> ArmModel:

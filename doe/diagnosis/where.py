@@ -61,18 +61,22 @@ def shares(z: Array, residual: Array, labels: Sequence[str]) -> tuple[Group, ...
 
 
 def where(d: Diagnosis) -> dict[str, tuple[Group, ...]]:
-    """Disagreement of the model before with its readings, by ``pose``, ``load``, ``direction`` and ``phase``."""
+    """Disagreement of the model before with its readings, by ``pose``, ``load``, ``direction`` and ``phase``.
+
+    Where nothing is missing there are no shares.
+    """
     s = d.before.setting
     z = d.before.residual / spread(s, own_noise(d))
-    return {kind: shares(z, d.before.residual, labels) for kind, labels in labels_of(s).items()}
+    found = {kind: shares(z, d.before.residual, labels) for kind, labels in labels_of(s).items()}
+    if d.verdict != "none":
+        return found
+    # What is beyond the expected by chance is no disagreement that could lie anywhere.
+    return {kind: tuple(replace(g, share=float("nan")) for g in groups) for kind, groups in found.items()}
 
 
 def own_noise(d: Diagnosis) -> Noise:
     """The readings' own noise as the best explanation has it, with set-ups that scatter no more than usual."""
-    if d.effects or d.provisional:
-        noise = d.after.refit.noise
-    else:
-        noise = d.rankings[0].of(UNKNOWN).noise if d.verdict == "unknown" else d.before.refit.noise
+    noise = d.rankings[-1].of(UNKNOWN).noise if d.verdict == "unknown" else d.after.refit.noise
     return with_setup(noise, min(noise.pose_share, USUAL_SETUP))
 
 
@@ -82,9 +86,9 @@ def noise_floor_mm(d: Diagnosis) -> float:
     Where nothing of the catalogue explains the readings, set-ups are taken to scatter no more than usual: what they
     seem to scatter there is the disagreement itself.
     """
-    if d.verdict != "unknown" or d.effects or d.provisional:
+    if d.verdict != "unknown":
         return d.after.noise_floor_mm
-    s = d.before.setting
+    s = d.after.setting
     return rms_mm(spread(s, own_noise(d)), s.data.component)
 
 

@@ -44,9 +44,11 @@ def structure(model: ArmModel) -> Iterator[Effect]:
         "base-vertical", "the base or rail gives way vertically", "model",
         (translational("stiffness", 5e6, 5e8, ASSUMED),), _at_place("base", (2,)), "base-vertical",
     )  # fmt: skip
+    across = [translational(f"stiffness_{axis}", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS) for axis in "xy"]
+    along = translational("stiffness_z", 1.0 / 1.5e-7, 1.0 / 2e-8, ASSUMED)
     yield Effect(
-        "tool-compliance", "the tool or sensor gives way across its axis", "model",
-        (translational("stiffness", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS),), _tool, "tool-compliance",
+        "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, along),
+        _at_place("tool", (0, 1, 2)), "tool-compliance",
     )  # fmt: skip
     if model.bar is not None:
         yield Effect(
@@ -106,12 +108,6 @@ def _at_place(place: str, rows: tuple[int, ...]) -> Law:
         return replace(model, **{place: C})
 
     return law
-
-
-def _tool(model: ArmModel, _: object, v: Array) -> ArmModel:
-    C = model.tool.copy()
-    C[[0, 1], [0, 1]] += v[0]
-    return replace(model, tool=C)
 
 
 def _bar(model: ArmModel, _: object, v: Array) -> ArmModel:

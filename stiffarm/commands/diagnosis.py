@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from doe import Measurements, read_measurements
+from doe import Measurements, read_measurements, write_measurements
+from doe.diagnosis.next_readings import as_measurements, columns_to_fill
 from robots import InputError, save_description
 from stiffarm import diagnosing, diagnosis_payload, diagnosis_words, inputs
 from stiffarm.console import emit_json, say, show_table, user_errors
@@ -22,6 +23,7 @@ from stiffarm.options import (
     Loads,
     ModelArg,
     Out,
+    Seed,
     folder_if,
     model_hash,
     open_tables,
@@ -52,6 +54,10 @@ def diagnose(
         str | None,
         typer.Option("--free", help="joints whose springs are fitted, as in j2,j3; default: all with a spring"),
     ] = None,
+    next_poses: Annotated[
+        int, typer.Option("--next", help="set-ups to propose where something is not settled", min=0, max=30)
+    ] = 3,
+    seed: Seed = 0,
     loads: Loads = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -69,10 +75,10 @@ def diagnose(
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
         names = inputs.parse_names(free, given.robot.joint_names, "--free")
-        table = open_tables(given, model, data or (), files, check=_check(given))
+        table = open_tables(given, model, data or (), files, check=_check)
         other = None if holdout is None else _held_out(given, holdout, files)
-        with folder_if(out, files) as folder:
-            found = _run(given, table, Request(chosen_loads, names), other, folder)
+        with folder_if(out, files, seed) as folder:
+            found = _run(given, table, Request(chosen_loads, names, next_poses, seed), other, folder)
             content = diagnosis_payload.diagnosis(found)
             if folder is not None:
                 _write(found, content, folder)
@@ -84,15 +90,11 @@ def diagnose(
             _show(found)
 
 
-def _check(given: inputs.ModelInput) -> Any:
-    def check(table: Measurements) -> None:
-        diagnosing.refuse_other_robot(table, given.robot)
-        refuse_implausible(table)
-        remark = against_load(table)
-        if remark is not None:
-            say(f"note: {remark}")
-
-    return check
+def _check(table: Measurements) -> None:
+    refuse_implausible(table)
+    remark = against_load(table)
+    if remark is not None:
+        say(f"note: {remark}")
 
 
 def _held_out(given: inputs.ModelInput, file: Path, files: dict[str, Path | str]) -> Measurements:
@@ -123,6 +125,9 @@ def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> N
 
     folder.write_json("diagnosis.json", content)
     save_description(described(found), folder.path("model.toml"))
+    if found.proposal is not None:
+        sheet, robot = as_measurements(found.proposal), found.given.robot
+        write_measurements(sheet, folder.path("next_readings.csv"), robot, to_fill=columns_to_fill(found.proposal))
     with folder.timed("report"):
         write_report(found, folder)
 

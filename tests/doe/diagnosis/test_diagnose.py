@@ -1,0 +1,102 @@
+"""The diagnosis on readings whose effect follows the catalogue's own law: it must find it, and find nothing in none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up import read, setting
+
+from doe.diagnosis.diagnose import Diagnosis, diagnose
+from doe.diagnosis.outset import replicate_weights
+from doe.diagnosis.ranking import NONE, Options, rank
+
+BACKLASH = {"gap": 8e-4, "crossing": 20.0, "preload": 0.0}
+FRICTION = {"share": 0.9, "friction": 120.0}
+
+
+def diagnosed(effects: dict[str, dict[str, float]], **changes: object) -> Diagnosis:
+    return diagnose(setting(read(effects, **changes)))
+
+
+def test_nothing_is_found_where_nothing_is_missing() -> None:
+    d = diagnosed({})
+    assert d.verdict == "none"
+    assert d.effects == ()
+    assert d.before.fit_rms_mm == d.after.fit_rms_mm
+    assert d.rankings[0].best.code == NONE
+
+
+@pytest.mark.parametrize(
+    ("code", "values", "name"),
+    [
+        ("friction:j2", FRICTION, "friction"),
+        ("payload", {"force": 40.0}, "force"),
+        pytest.param("backlash:j3", BACKLASH, "gap", marks=pytest.mark.slow),
+        pytest.param("joint-zero-offset:j2", {"angle": np.radians(2.0)}, "angle", marks=pytest.mark.slow),
+    ],
+)
+def test_an_effect_is_named_and_its_number_found(code: str, values: dict[str, float], name: str) -> None:
+    d = diagnosed({code: values}, seed=1)
+    assert d.verdict == "named"
+    assert [f.code for f in d.effects] == [code]
+    found = d.effects[0]
+    # Four standard deviations: one in 16 000 right ones would fail.
+    assert abs(found.placed.by_name[name] - values[name]) < 4.0 * found.sd[name]
+    assert d.after.left_out_rms_mm < d.before.left_out_rms_mm
+
+
+@pytest.mark.slow
+def test_two_effects_are_found_one_after_the_other() -> None:
+    d = diagnosed({"friction:j2": FRICTION, "load-misalignment": {"tilt_x": 0.0, "tilt_y": np.radians(4.0)}}, poses=27)
+    assert {f.code for f in d.effects} == {"friction:j2", "load-misalignment"}
+
+
+def test_friction_cannot_be_judged_without_a_history() -> None:
+    data = read({"friction:j2": FRICTION}, poses=10, repeats=1)
+    up = data.select(np.array([phase == "loading" for phase in data.phase]))
+    up = replace(up, phase=(None,) * up.n, step=np.full(up.n, np.nan))
+    d = diagnose(setting(up))
+    assert "loading" in d.not_testable()["friction:j2"]
+    assert "step" in d.not_testable()["drift"]
+    assert all(h.code.partition(":")[0] != "friction" for h in d.rankings[0].hypotheses)
+
+
+def test_what_no_reading_sees_is_not_testable() -> None:
+    reasons = diagnosed({}, poses=9, repeats=1).not_testable()
+    # Vertical loads have no lever about the first axis, nor about the last one at a point on it.
+    assert {"hardening:j1", "friction:j6", "gauge-scale"} <= set(reasons)
+
+
+def test_probabilities_sum_to_one_and_none_keeps_its_share() -> None:
+    s = setting(read({}, poses=10, repeats=1))
+    r = rank(s, np.ones(len(s.data)))
+    assert sum(h.probability for h in r.hypotheses) == pytest.approx(1.0, abs=1e-9)  # round-off
+    assert r.of(NONE).probability > 0.3
+
+
+def test_without_a_term_for_set_ups_scatter_between_them_looks_like_an_effect() -> None:
+    s = setting(read({}, setup=0.03, share=0.01, poses=20, seed=3))
+    weight = np.ones(len(s.data))
+    with_term, without = (rank(s, weight, Options(pose_term=term)).of(NONE) for term in (True, False))
+    assert without.probability < 1e-3
+    assert with_term.log_evidence > without.log_evidence + 10.0
+
+
+def test_a_replicate_that_the_others_contradict_loses_its_weight() -> None:
+    data = read({}, poses=8, repeats=3)
+    wrong = data.displacement.copy()
+    wrong[20, 2] *= 1.5
+    s = setting(replace(data, displacement=wrong))
+    weight = replicate_weights(s.data)
+    assert weight[20] < 1e-3
+    # 2 % noise leaves few of 140 good ones beyond the limit.
+    assert np.sum(weight < 1.0) <= 3
+
+
+def test_the_same_readings_give_the_same_diagnosis() -> None:
+    first, again = (diagnosed({"payload": {"force": 40.0}}, poses=8, repeats=1) for _ in range(2))
+    assert [h.probability for h in first.rankings[0].hypotheses] == [
+        h.probability for h in again.rankings[0].hypotheses
+    ]
