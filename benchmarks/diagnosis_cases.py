@@ -69,6 +69,7 @@ class Row:
     verdict: str
     found: tuple[str, ...]
     sure: int
+    odds: float
     probability: float
     set95: tuple[str, ...]
     not_testable: tuple[str, ...]
@@ -125,7 +126,7 @@ def run_set(spec: SetSpec, seed: int, options: Options) -> Row:
     return Row(
         spec.name, spec.group, spec.robot, tuple(spec.effects), spec.setup_scatter, float(made.key["excess_chi2"]),
         float(made.key.get("best_imitation", {}).get("excess_chi2_left", np.nan)), d.verdict,
-        tuple(f.code for f in found), len(d.effects), found[0].probability if found else top.probability,
+        tuple(f.code for f in found), len(d.effects), d.odds, found[0].probability if found else top.probability,
         d.rankings[0].credible(), tuple(d.not_testable()), before, after, seconds,
     )  # fmt: skip
 
@@ -139,6 +140,7 @@ def unseen_errors(spec: SetSpec, seed: int, d: Diagnosis) -> tuple[float, float]
     q = q[robot.reachable(q)][:UNSEEN]
     # Within the angles and at the loads that were read.
     loads = np.unique(np.round(d.start.data.free.at.wrench[:, 2], 6))
+    loads = loads[np.argsort(np.abs(loads))]
     sheet = sheet_of(robot.coordinates, np.degrees(np.repeat(q, len(loads), axis=0)), np.tile(loads, len(q)))
     truth = truth_at(spec, seed, sheet)
     components = np.unique(d.start.data.component)

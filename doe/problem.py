@@ -134,11 +134,14 @@ def problem(
     row, component = np.nonzero(data.used)
     labels = tuple(dict.fromkeys(data.pose))
     number = {label: k for k, label in enumerate(labels)}
-    phase = np.unique([p or "" for p in data.phase], return_inverse=True)[1]
+    then = history or history_of(data)
+    down = then.unloading(np.linalg.norm(at.wrench[:, :3], axis=1) + np.linalg.norm(at.wrench[:, 3:], axis=1))
+    phase = 2 * np.unique([p or "" for p in data.phase], return_inverse=True)[1] + down
     case = np.column_stack([at.q, at.wrench, at.point, phase, [number[p] for p in data.pose]])
     same = np.unique(np.round(case, 12), axis=0, return_inverse=True)[1].reshape(-1)
-    then = (history or history_of(data)) if effects else None
-    free = FreeModel(model, tuple(parameters), at, tuple(laws), dict(walls or {}), tuple(effects), then)
+    free = FreeModel(
+        model, tuple(parameters), at, tuple(laws), dict(walls or {}), tuple(effects), then if effects else None
+    )
     return Problem(
         free=free,
         value=data.displacement[row, component],

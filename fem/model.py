@@ -179,7 +179,8 @@ class ArmModel:
 
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
-        return replace(self, joints=tuple(replace(j, axial=RIGID, bearing=np.zeros((6, 6)), housing=np.zeros((6, 6))) for j in self.joints))
+        none = np.zeros((6, 6))
+        return replace(self, joints=tuple(replace(j, axial=RIGID, bearing=none, housing=none) for j in self.joints))
 
 
 def build_model(

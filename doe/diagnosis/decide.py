@@ -9,9 +9,8 @@ from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Ranking
 
 Kind = Literal["none", "named", "ambiguous", "unknown"]
 
-# Below this probability of "nothing missing" there is something to explain. The unknown needs less than a name: it
-# makes no promise.
-ALARM, UNKNOWN_ALARM = 0.05, 0.12
+# Below this probability of "nothing missing" there is something to explain.
+ALARM = 0.12
 # A name is sure from this share of the probability of all effects on.
 NAME = 0.8
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
@@ -36,8 +35,7 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     """
     none, unknown = r.of(NONE), r.of(UNKNOWN)
     named = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
-    alarm = UNKNOWN_ALARM if unknown.probability > 1.0 - none.probability - unknown.probability else ALARM
-    if none.probability >= alarm or not named:
+    if none.probability >= ALARM or not named:
         return Decision("none", None, "the readings do not ask for more than the model has")
     top, mass = named[0], sum(h.probability for h in named)
     if further and (mass < FURTHER * (1.0 - unknown.probability) or top.log_evidence - none.log_evidence < GAIN):

@@ -32,9 +32,11 @@ Progress = Callable[[str], None]
 MOST = 3
 # A further effect must explain at least this share of what the first one did: less is the first one's law being not
 # quite right.
-FURTHER = 0.02
+FURTHER = 0.01
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.05, 0.9
+# Where the unknown beats the best single effect by this log evidence, effects that imitate it together are no names.
+LEADS = 6.0
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,15 @@ class Diagnosis:
 
     ``rankings``: one for each look, the first with nothing accepted; ``decisions`` go with them. ``before`` and
     ``after``: the model without and with the effects found (the most probable one where the verdict is ambiguous);
-    ``start``: the setting that was ranked first. ``provisional``: effects taken up that are not sure.
+    ``start``: the setting that was ranked first. ``provisional``: effects taken up that are not sure; ``odds``: log
+    odds of all effects taken up against something unknown.
     """
 
     verdict: Verdict
     reason: str
     effects: tuple[Found, ...]
     provisional: tuple[Found, ...]
+    odds: float
     rankings: tuple[Ranking, ...]
     decisions: tuple[Decision, ...]
     before: State
@@ -96,7 +100,8 @@ class Diagnosis:
     def not_testable(self) -> dict[str, str]:
         """Codes that these readings cannot judge, with the reason."""
         found = [f.code for f in (*self.effects, *self.provisional)]
-        return not_testable(self.before.setting, self.rankings[0], found)
+        look = min(len(found), len(self.rankings) - 1)
+        return not_testable(self.after.setting, self.rankings[look], found)
 
     def twins(self, codes: Sequence[str] | None = None) -> dict[str, tuple[str, ...]]:
         """For each code (of ``codes``), those that these readings could not tell from it."""
@@ -132,17 +137,20 @@ def diagnose(s: Setting, options: Options = Options(), progress: Progress | None
         found.append(_Pick(d.hypothesis, gain, d.kind != "ambiguous"))
         if len(found) == 2:
             here, found = _swapped(s, here, found, weight, options, say)
-    before = state_of(s, rankings[0].of(NONE).noise, weight)
+    # Both models at the scatter that the better one leaves: by its own the poorer one would fit its springs loosely.
+    noise = rankings[min(len(found), len(rankings) - 1)].of(NONE).noise
+    before = state_of(s, noise, weight)
     after = before
     all_found: tuple[Found, ...] = ()
     if found:
-        after = state_of(here, rankings[min(len(found), len(rankings) - 1)].of(NONE).noise, weight)
+        after = state_of(here, noise, weight)
         all_found = tuple(_found(after.refit, len(s.accepted) + k, pick) for k, pick in enumerate(found))
-    verdict, reason = _verdict(s, rankings, decisions, found, options)
+    odds = _odds_against_unknown(s, rankings, found, options)
+    verdict, reason = _verdict(rankings, decisions, found, odds)
     certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
     # A name that leaves most unexplained is no name: what it took up may not be it.
     rest = tuple(f for f in all_found if f not in certain)
-    return Diagnosis(verdict, reason, certain, rest, tuple(rankings), tuple(decisions), before, after, s, weight)
+    return Diagnosis(verdict, reason, certain, rest, odds, tuple(rankings), tuple(decisions), before, after, s, weight)
 
 
 @dataclass(frozen=True)
@@ -199,23 +207,31 @@ def _found(fitted: Refit, number: int, pick: _Pick) -> Found:
     return Found(placed, dict(fitted.spread(number)), pick.hypothesis.probability, pick.gain)
 
 
-def _verdict(
-    s: Setting, rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], options: Options
-) -> tuple[Verdict, str]:
-    """Named effects together against the unknown: the evidence of either, with what it was worth beforehand."""
+def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick], options: Options) -> float:
+    """Log odds of the effects found, all together, against something unknown; NaN where none was found."""
     if not found:
-        return decisions[0].kind, decisions[0].reason
+        return math.nan
     prior = log_priors(s, [h.code for h in rankings[0].hypotheses], options)
-    last = rankings[min(len(found), len(rankings) - 1)]
-    least = min(prior.values())
+    last, least = rankings[min(len(found), len(rankings) - 1)], min(prior.values())
     known = last.of(NONE).log_evidence
     for pick in found:
         # The shapes were chosen by these readings: their number is part of what the name is worth beforehand.
         known += prior.get(pick.hypothesis.code, least) - math.log(shape_count(s.known[pick.hypothesis.code]))
-    strange = rankings[0].of(UNKNOWN).log_evidence + prior[UNKNOWN]
+    return known - rankings[0].of(UNKNOWN).log_evidence - prior[UNKNOWN]
+
+
+def _verdict(
+    rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float
+) -> tuple[Verdict, str]:
+    if not found:
+        return decisions[0].kind, decisions[0].reason
+    last = rankings[min(len(found), len(rankings) - 1)]
     left = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
     gained = sum(pick.gain for pick in found)
-    if strange > known:
+    first = rankings[0]
+    best = max(h.log_evidence for h in first.hypotheses if h.code not in (NONE, UNKNOWN))
+    lead = first.of(UNKNOWN).log_evidence - best
+    if odds < 0.0 or lead > LEADS:
         return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"

@@ -57,16 +57,8 @@ class Setting:
 
     @cached_property
     def unloading(self) -> NDArray[np.bool_]:
-        """Whether a loaded pose (n,) was read on the way down: a larger load came before it in its cycle."""
-        size = np.linalg.norm(self.data.free.at.wrench[:, :3], axis=1)
-        most = np.zeros(int(self.history.cycle.max(initial=-1)) + 1)
-        out = np.zeros(len(size), dtype=bool)
-        for step in range(int(self.history.order.max(initial=-1)) + 1):
-            now = np.flatnonzero(self.history.order == step)
-            mine = self.history.cycle[now]
-            out[now] = size[now] < most[mine] - 1e-9
-            np.maximum.at(most, mine, size[now])
-        return out
+        """Whether a loaded pose (n,) was read on the way down."""
+        return self.history.unloading(np.linalg.norm(self.data.free.at.wrench[:, :3], axis=1))
 
     @cached_property
     def arm(self) -> ArmModel:

@@ -26,6 +26,20 @@ class History:
     clock: Array
     is_known: bool
 
+    def unloading(self, size: Array) -> NDArray[np.bool_]:
+        """Whether readings (n,) were taken on the way down; ``size`` (n,): of their loads.
+
+        That is, a larger load came before in the cycle.
+        """
+        most = np.zeros(int(self.cycle.max(initial=-1)) + 1)
+        out = np.zeros(len(size), dtype=bool)
+        for step in range(int(self.order.max(initial=-1)) + 1):
+            now = np.flatnonzero(self.order == step)
+            mine = self.cycle[now]
+            out[now] = size[now] < most[mine] - 1e-9
+            np.maximum.at(most, mine, size[now])
+        return out
+
     def play(self, x: Array, width: Array | float) -> Array:
         """The play operator over every cycle: y (n,) follows x (n,) at a distance of at most ``width``.
 

@@ -17,7 +17,20 @@ import stiffarm
 from robots import ModelDescription, bundled_names, load_description
 from stiffarm.cli import app
 
-COMMANDS = ("robots", "simulate", "sensitivity", "calibrate", "plan", "fit", "query", "map", "import", "export", "run")
+COMMANDS = (
+    "robots",
+    "simulate",
+    "sensitivity",
+    "calibrate",
+    "diagnose",
+    "plan",
+    "fit",
+    "query",
+    "map",
+    "import",
+    "export",
+    "run",
+)
 LOADS_USED_N = 650.0
 
 

@@ -84,6 +84,6 @@ def test_the_real_readings_are_told_about_whatever_they_say(cli: Command, tmp_pa
     if loads == "650":
         # Known from the calibration of the serial chain with constant springs: 0.098 mm, the most of it at pose 41.
         assert gap["before"]["least_rms_of_any_springs_mm"] == pytest.approx(0.098, abs=0.003)
-        largest = max(r["where"]["pose"], key=lambda g: g["share"])
+        largest = max(r["where"]["pose"], key=lambda g: g["mean_square"])
         assert largest["pose"] == "41"
     assert load_description(str(out / "model.toml")).load_path == "serial"

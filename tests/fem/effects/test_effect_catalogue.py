@@ -82,7 +82,11 @@ def test_bent_laws_are_linear_for_small_amplitudes(
     [
         ("base-tilt", {"stiffness_x": 3e6, "stiffness_y": 5e6}, {"base": {"rx": 3e6, "ry": 5e6}}),
         ("base-vertical", {"stiffness": 2e7}, {"base": {"tz": 2e7}}),
-        ("tool-compliance", {"stiffness": 4e6}, {"tool": {"tx": 4e6, "ty": 4e6}}),
+        (
+            "tool-compliance",
+            {"stiffness_x": 4e6, "stiffness_y": 5e6, "stiffness_z": 2e7},
+            {"tool": {"tx": 4e6, "ty": 5e6, "tz": 2e7}},
+        ),
         ("joint-tilt:j2", {"stiffness_x": 1e6, "stiffness_y": 2e6, "turning": 1.0}, {"j2": {"rx": 1e6, "ry": 2e6}}),
     ],
 )
