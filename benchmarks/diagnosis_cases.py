@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
+from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.outset import setting_of
-from doe.diagnosis.ranking import Options
 from doe.diagnosis.setting import Setting
 from doe.load_history import history_of
 from doe.measurements import Measurements, read_measurements

@@ -12,9 +12,9 @@ from doe import Measurements, select_loads
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.holdout import HeldOutReadings, hold_out, refuse_seen
+from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
-from doe.diagnosis.ranking import NONE, UNKNOWN
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.load_history import history_of

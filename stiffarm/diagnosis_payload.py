@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from doe.diagnosis.diagnose import Found, State
-from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Ranking
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from stiffarm.calibration_payload import COMPONENT_KEYS
 from stiffarm.diagnosed_model import FittedSpring, fitted_springs

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from doe.diagnosis.diagnose import State
-from doe.diagnosis.ranking import NONE, UNKNOWN, Ranking
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.where import labels_of, least_rms_mm, noise_floor_mm
 from stiffarm import diagnosis_words as words
 from stiffarm.diagnosed_model import fitted_springs

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Found
+from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
-from doe.diagnosis.ranking import NONE, UNKNOWN
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from stiffarm.diagnosing import Diagnosed
 from stiffarm.effect_numbers import Number, numbers_of

@@ -67,7 +67,7 @@ def match_figure(fits: Sequence[Fit]) -> Figure:
     room = 0.05 * max(high - low, 1e-9)
     ends = np.array([low - room, high + room])
     with house_style():
-        figure, axes = new_figure((10.0, 5.6), 1, len(fits), sharey=True)
+        figure, axes = new_figure((10.0, 5.9), 1, len(fits), sharey=True)
         for ax, f, colour in zip(axes, fits, _colours(len(fits)), strict=True):
             ax.fill_between(ends, ends - 2.0 * f.noise, ends + 2.0 * f.noise, color=FAINT, alpha=0.35, linewidth=0)
             ax.plot(ends, ends, color=INK, linewidth=0.9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Ranking
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 
 Kind = Literal["none", "named", "ambiguous", "unknown"]
 

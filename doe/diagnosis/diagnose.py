@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from doe.diagnosis.decide import Decision, decide
 from doe.diagnosis.held_out import leave_one_pose_out
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of
 from doe.diagnosis.outset import replicate_weights
-from doe.diagnosis.ranking import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors, rank
+from doe.diagnosis.ranking import rank
 from doe.diagnosis.refit import Refit, accept, refit
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import choose, divergence, joint, right_names
-from doe.diagnosis.ranking import NONE, UNKNOWN
+from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.rivals import Cycle, Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.measurement_columns import DISPLACEMENTS, LOADS

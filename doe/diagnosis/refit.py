@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.diagnosis.evidence import Base, Whitened
+from doe.diagnosis.hypotheses import Hypothesis
 from doe.diagnosis.known import base_mean, base_of, error_count, free_numbers
-from doe.diagnosis.ranking import Hypothesis
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.noise import Noise

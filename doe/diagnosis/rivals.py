@@ -19,8 +19,8 @@ from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import Predictions
 from doe.diagnosis.evidence import Base, Whitened, fit_all
 from doe.diagnosis.held_out import extended
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, errors_of
-from doe.diagnosis.ranking import NONE, UNKNOWN, Options, Ranking, log_priors
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shapes, signature

@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from doe.diagnosis.candidates import MANY, impossible
 from doe.diagnosis.evidence import Whitened
-from doe.diagnosis.ranking import MANY, NONE, TESTABLE, UNKNOWN, Ranking, impossible
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count, signatures
 
 Array = NDArray[np.float64]
 
+# An effect of usual size must raise chi-square by this to be told by name.
+TESTABLE = 30.0
 # Chi-square by which two effects must differ to be told apart by these readings.
 APART = 9.0
 # Set-ups scatter at least this much where twins are looked for, unless they are known to scatter less.

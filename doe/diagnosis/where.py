@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from doe.diagnosis.diagnose import Diagnosis
-from doe.diagnosis.ranking import UNKNOWN
+from doe.diagnosis.hypotheses import UNKNOWN
 from doe.diagnosis.scatter import with_setup
 from doe.diagnosis.setting import Setting
 from doe.noise import Noise

@@ -15,8 +15,8 @@ from blind.spec import SetSpec
 from cli_runs import Command, run_here
 
 from doe import read_measurements
+from doe.diagnosis.candidates import impossible
 from doe.diagnosis.outset import setting_of
-from doe.diagnosis.ranking import impossible
 from doe.diagnosis.where import labels_of, load_labels, shares, without_history
 from fem.effects import build_plain, catalogue
 from robots import load_description
