@@ -12,9 +12,10 @@ from doe import Measurements, select_loads
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.holdout import HeldOutReadings, hold_out, refuse_seen
-from doe.diagnosis.hypotheses import NONE, UNKNOWN
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
+from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.load_history import history_of
@@ -35,13 +36,15 @@ class Request:
     """What is asked.
 
     ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those that the readings see;
-    ``next_poses``: how many set-ups to propose where something is not settled.
+    ``next_poses``: how many set-ups to propose where something is not settled; ``setup``: scatter between set-ups to
+    expect, as a share of the deflection.
     """
 
     loads: tuple[float, ...] = ()
     free: tuple[str, ...] | None = None
     next_poses: int = 3
     seed: int = 0
+    setup: float = SETUP
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,7 @@ def diagnose(
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)
-    found = find_missing(s, progress=say)
+    found = find_missing(s, Options(noise=NoisePrior(request.setup)), progress=say)
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 # Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 1 %, seldom by 2.
 READING, READING_FACTOR = 0.03, math.log(2.5)
 SETUP = 0.008
+# Scatter between set-ups, as a share of the deflection, beyond which it is none.
+MOST = 0.3
 # Directions of columns (of norm one) weaker than this are others over again.
 SAME = 1e-5
 # Resolution below which no gauge is believed, m and rad.
@@ -54,7 +56,18 @@ def fitted_noise(s: Setting, columns: Array, weight: Array, start: Noise | None 
     basis = U[:, sv > SAME * sv.max(initial=1e-300)]
     if basis.shape[1] >= len(f) - 1:
         return begin
-    return fit_noise(s.data, f, basis, s.residual, begin, FLOOR, weight, blocks=s.blocks)
+    try:
+        found = fit_noise(s.data, f, basis, s.residual, begin, FLOOR, weight, blocks=s.blocks)
+    except np.linalg.LinAlgError:
+        # Columns that follow all set-ups but one leave nothing to tell their scatter by.
+        return begin
+    return _believed(found, typical_size(s))
+
+
+def _believed(noise: Noise, size: tuple[float, float]) -> Noise:
+    """The noise with no more scatter between set-ups than can be believed: few set-ups may ask for any amount."""
+    pose = (min(noise.pose[0], MOST * size[0]), min(noise.pose[1], MOST * size[1]))
+    return replace(noise, pose=pose, pose_share=min(noise.pose_share, MOST))
 
 
 def around(noise: Noise) -> list[Noise]:

@@ -9,6 +9,7 @@ import typer
 
 from doe import Measurements, read_measurements, write_measurements
 from doe.diagnosis.next_readings import as_measurements, columns_to_fill
+from doe.diagnosis.scatter import SETUP
 from robots import InputError, save_description
 from stiffarm import diagnosing, diagnosis_payload, diagnosis_words, inputs
 from stiffarm.console import emit_json, say, show_table, user_errors
@@ -57,6 +58,16 @@ def diagnose(
     next_poses: Annotated[
         int, typer.Option("--next", help="set-ups to propose where something is not settled", min=0, max=30)
     ] = 3,
+    setup_percent: Annotated[
+        float,
+        typer.Option(
+            "--setup-percent",
+            help="scatter between set-ups to expect, in percent of the deflection: more than twice as much counts as "
+            "something unknown",
+            min=0.05,
+            max=20.0,
+        ),
+    ] = 100.0 * SETUP,
     seed: Seed = 0,
     loads: Loads = None,
     links: Links = None,
@@ -78,7 +89,9 @@ def diagnose(
         table = open_tables(given, model, data or (), files, check=_check)
         other = None if holdout is None else _held_out(given, holdout, files)
         with folder_if(out, files, seed) as folder:
-            found = _run(given, table, Request(chosen_loads, names, next_poses, seed), other, folder)
+            found = _run(
+                given, table, Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0), other, folder
+            )
             content = diagnosis_payload.diagnosis(found)
             if folder is not None:
                 _write(found, content, folder)
