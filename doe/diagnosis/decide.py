@@ -15,7 +15,7 @@ ALARM = 0.12
 NAME = 0.8
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
-FURTHER, GAIN = 0.9, 8.0
+FURTHER, GAIN = 0.9, 5.5
 
 
 @dataclass(frozen=True)

@@ -232,7 +232,9 @@ def _verdict(
     first = rankings[0]
     best = max(h.log_evidence for h in first.hypotheses if h.code not in (NONE, UNKNOWN))
     lead = first.of(UNKNOWN).log_evidence - best
-    if odds < 0.0 or lead > LEADS:
+    # One effect may have a law that is not quite right; two or more that take the unknown's place are too many.
+    together = len(found) > 1 and UNKNOWN in first.credible()
+    if odds < 0.0 or lead > LEADS or together:
         return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"

@@ -73,7 +73,7 @@ def free_numbers(placed: PlacedEffect) -> list[tuple[int, EffectParameter]]:
     return [
         (k, p)
         for k, p in enumerate(placed.effect.parameters)
-        if p.role == "amplitude" or (p.dimension == "torque" and len(p.grid) > 1)
+        if p.role == "amplitude" or (p.dimension == "torque" and len(p.grid) > 1 and min(p.grid) > 0.0)
     ]
 
 

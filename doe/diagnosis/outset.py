@@ -17,6 +17,7 @@ from doe.measurements import Measurements
 from doe.problem import Problem, problem
 from fem.effects.base import PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
+from fem.effects.history import History
 from fem.model import ArmModel
 from fem.parameters import parameter
 from robots import ModelDescription
@@ -54,10 +55,23 @@ def setting_of(
     typical = np.where(own_compliance > 0.0, np.maximum(own_compliance, found.u), np.maximum(usual, found.u))
     known = catalogue(model, description, own)
     s = Setting(
-        description, model, problem(model, data, ()), history_of(data), joints, found.u, typical,
+        description, model, problem(model, data, ()), _history(data), joints, found.u, typical,
         np.zeros((len(p), 0)), known, tuple(accepted),
     )  # fmt: skip
     return replace(s, errors=errors_of(s))
+
+
+def _history(data: Measurements) -> History:
+    """The readings' history; known as soon as some readings tell loading from unloading.
+
+    A sheet of such readings is what a diagnosis asks for where the first ones did not: these count as loadings from
+    zero beside it.
+    """
+    history = history_of(data)
+    if history.is_known:
+        return history
+    down = history.unloading(np.linalg.norm(data.wrench[:, :3], axis=1))
+    return replace(history, is_known=bool(down.any()))
 
 
 def _own(model: ArmModel, name: str) -> float:

@@ -40,7 +40,7 @@ class EffectParameter:
 
     ``dimension``: of :data:`robots.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of it.
     ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
-    have either sign; its range is then that of its size. ``grid``: values tried for a shape. ``unit``: in which files
+    have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value where none is given. ``unit``: in which files
     and screens show it.
     """
 
@@ -54,6 +54,7 @@ class EffectParameter:
     scale: Scale = "linear"
     signed: bool = False
     grid: tuple[float, ...] = ()
+    default: float | None = None
 
     def __post_init__(self) -> None:
         if self.dimension not in UNITS:
@@ -148,6 +149,7 @@ class Effect:
             A name that the effect does not have, one that is missing, or a value that is not finite.
         """
         names = [p.name for p in self.parameters]
+        values = {p.name: p.default for p in self.parameters if p.default is not None} | dict(values)
         unknown = sorted(set(values) - set(names))
         missing = [name for name in names if name not in values]
         if unknown or missing:

@@ -202,10 +202,10 @@ def _values(effect: Effect, table: EffectTable, where: str, faults: list[InputEr
     for parameter in effect.parameters:
         place, number = f"{where}.parameters.{parameter.name}", table.parameters.get(parameter.name)
         if number is None:
-            if parameter.role == "shape":
+            if parameter.role == "shape" and parameter.default is None:
                 remedy = "add it (a table { value, unit, source })"
                 faults.append(InputError(f"{place}: this key is missing", allowed=_range(parameter), remedy=remedy))
-            values.append(0.0)
+            values.append(parameter.default or 0.0)
             continue
         value = _si(parameter, number, place, faults)
         values.append(0.0 if value is None else parameter.amplitude(value))

@@ -94,7 +94,9 @@ def _joint_tilt(joint: JointPart) -> Effect:
 
     # Behind a vertical first axis the base's tilt and the joint's are one.
     family = "base-tilt" if joint.joint == 0 else "joint-tilt"
-    behind = EffectParameter("turning", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0))
+    behind = EffectParameter(
+        "turning", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=1.0
+    )
     return Effect(
         f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
         (rotational("stiffness_x", 5e5, 5e6, CLASS), rotational("stiffness_y", 5e5, 5e6, CLASS), behind), law, family,

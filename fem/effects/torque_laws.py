@@ -43,7 +43,7 @@ def _hardening(joint: JointPart) -> Effect:
         bent = np.tanh(tau / knee) if v[2] >= 1.0 else np.sign(tau) * np.abs(tau / knee) ** v[2]
         return s.turned(joint.name, -v[0] * s.compliance(joint.name) * (tau - knee * bent))
 
-    power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65))
+    power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65), default=1.0)
     return Effect(
         f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
         (share("share", 0.1, 0.9, signed=False), _torque("knee", 60.0, 1500.0, 7), power), law, "hardening",
@@ -72,12 +72,12 @@ def _backlash(joint: JointPart) -> Effect:
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau, width = s.torque(joint.name), v[1]
-        g = v[2] * s.preload[:, joint.joint]
-        way = np.tanh((tau + g) / width) - np.tanh(g / width)
+        rest = v[2] * s.preload[:, joint.joint]
+        way = np.tanh((tau + rest) / width) - np.tanh(rest / width)
         return s.turned(joint.name, 0.5 * v[0] * way)
 
     gap = EffectParameter("gap", "angle", "mrad", 0.2e-3, 1.8e-3, CLASS)
-    preload = EffectParameter("preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0))
+    preload = EffectParameter("preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0), default=0.0)
     return Effect(
         f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
         (gap, _torque("crossing", 3.0, 60.0, 4), preload), law, "backlash",

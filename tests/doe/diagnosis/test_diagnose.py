@@ -101,3 +101,12 @@ def test_the_same_readings_give_the_same_diagnosis() -> None:
     assert [h.probability for h in first.rankings[0].hypotheses] == [
         h.probability for h in again.rankings[0].hypotheses
     ]
+
+
+def test_readings_that_unload_make_friction_testable_for_the_others_too() -> None:
+    data = read({}, poses=10, repeats=1)
+    first = np.array([int(label[1:]) < 6 for label in data.pose])
+    bare = tuple(None if early else phase for early, phase in zip(first, data.phase, strict=True))
+    mixed = replace(data, phase=bare, step=np.full(data.n, np.nan))
+    up = mixed.select(~first | np.array([phase == "loading" for phase in data.phase]))
+    assert "friction:j2" not in {c for c, why in diagnose(setting(up)).not_testable().items() if "phase" in why}
