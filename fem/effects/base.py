@@ -40,8 +40,8 @@ class EffectParameter:
 
     ``dimension``: of :data:`robots.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of it.
     ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
-    have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value where none is given. ``unit``: in which files
-    and screens show it.
+    have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value
+    where none is given. ``unit``: in which files and screens show it.
     """
 
     name: str
