@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import fem
 import machining
 import robots
-from robots.inverse_kinematics import inverse_kinematics
+from robots.inverse import inverse_kinematics
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,7 @@
-"""Use: Cartesian stiffness and stiffness indices; posture, placement, toolpaths, NC programs (still to come)."""
+"""Use: Cartesian stiffness and stiffness indices, posture; placement, NC programs (still to come)."""
 
 from machining.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
+from machining.drive import Drive, Smoothness, limit_distance, singular_distance
 from machining.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid
 from machining.indices import (
     INDICES,
@@ -21,13 +22,30 @@ from machining.loaded import (
     softest_share,
     spring_jacobian,
 )
+from machining.objective import Objective
+from machining.path_file import read_path
+from machining.path_posture import Course, PathPosture, optimise_path
+from machining.posture import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
+from machining.task import Task, ToolPath, tool_path
 
 __all__ = [
     "INDICES",
     "Blocks",
+    "Course",
+    "Drive",
+    "GammaRange",
     "Index",
+    "Objective",
+    "PathPosture",
+    "Postures",
+    "Smoothness",
     "StiffnessEllipsoid",
+    "Sweep",
+    "Task",
+    "ToolPath",
     "average_stiffness",
+    "best_of",
+    "best_postures",
     "blocks",
     "cartesian_stiffness",
     "complementary_stiffness",
@@ -36,15 +54,22 @@ __all__ = [
     "evaluate",
     "in_axes",
     "jacobian_derivative",
+    "limit_distance",
     "loaded_compliance",
     "moved",
     "normal_stiffness_index",
     "nspi",
+    "optimise_path",
+    "postures_at",
     "rayleigh_of_force",
     "rayleigh_quotient",
+    "read_path",
+    "singular_distance",
     "softest_share",
     "spring_jacobian",
     "stiffness_ellipsoid",
     "stiffness_index",
+    "sweep_gamma",
+    "tool_path",
     "translational",
 ]

@@ -58,8 +58,8 @@ class Branch:
 
     front / back: the wrist centre lies before or behind axis 1, the front being the side that joint 2 sits on
     (where it sits on axis 1: the base's X). elbow up / down: the elbow's side where the arm reaches outwards
-    level. no flip / flip: joint 5 at or above, or below, the angle at which the wrist is straight (0 for most
-    robots). The names change exactly at the shoulder, elbow and wrist singularity.
+    level. no flip / flip: joint 5 above or below the angle at which the hand points straight on from the forearm
+    (0 for most robots). The names change exactly at the shoulder, elbow and wrist singularity.
     """
 
     shoulder: Literal["front", "back"]
@@ -143,12 +143,12 @@ class InverseSolutions:
             )
         wanted = as_near(self.robot, q, n)
         turned = self.turns()
-        best, column, cost = np.full((n, dof), np.nan), np.full(n, -1), np.full(n, np.inf)
+        best, column = np.full((n, dof), np.nan), np.full(n, -1)
         each = ((turned.q - wanted[turned.target]) ** 2 * w).sum(axis=1)
         # Sorted from far to near, the nearest of each target is written last.
         order = np.argsort(-each, kind="stable")
         target = turned.target[order]
-        best[target], column[target], cost[target] = turned.q[order], turned.column[order], each[order]
+        best[target], column[target] = turned.q[order], turned.column[order]
         return best, column
 
     def turns(self) -> EquivalentPoses:

@@ -42,7 +42,8 @@ def quartic_roots(constant: Array, cosine: Array, sine: Array, mixed: Array) -> 
     Notes
     -----
     The tangent of half the angle, counted from where the equation is farthest from zero, makes a quartic with a
-    safe leading coefficient. Eigenvalues of its companion matrix are corrected by Newton's method in the angle.
+    safe leading coefficient; its roots are the eigenvalues of the companion matrix. Newton's method afterwards was
+    tried and changed nothing.
     """
     A0, A1, B1 = constant + 0.5 * (mixed[0] + mixed[2]), cosine, sine
     A2, B2 = np.full_like(A0, 0.5 * (mixed[0] - mixed[2])), np.full_like(A0, 0.5 * mixed[1])
@@ -61,10 +62,6 @@ def quartic_roots(constant: Array, cosine: Array, sine: Array, mixed: Array) -> 
     t = np.linalg.eigvals(np.clip(companion, -1e200, 1e200)).T
     real = np.abs(t.imag) < NEARLY_REAL * (1.0 + np.abs(t) ** 2)
     angle = start + 2.0 * np.arctan(t.real)
-    for _ in range(4):
-        value, slope = _value((A0, A1, B1, A2, B2), angle)
-        step = -value / np.where(np.abs(slope) < 1e-12 * size, np.inf, slope)
-        angle = angle + np.clip(step, -NEARLY_REAL, NEARLY_REAL)
     value, slope = _value((A0, A1, B1, A2, B2), angle)
     angle = np.where(real & (np.abs(value) < MET * size), angle, np.nan)
     angle -= 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

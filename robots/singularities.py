@@ -73,7 +73,8 @@ def configuration(arm: SphericalWristArm, robot: Robot, q: Array) -> Array:
     x, y, _ = arm.B1.T @ centre.T
     shoulder = arm.front * (np.cos(q[:, 0]) * y - np.sin(q[:, 0]) * x)
     elbow = arm.elbow_up * _half_turn(arm.elbow_zero + arm.sign3 * q[:, 2])
-    return np.stack([shoulder, elbow, _half_turn(q[:, 4] + arm.wrist.zero)])
+    straight = 0.0 if arm.wrist.outward > 0.0 else np.pi
+    return np.stack([shoulder, elbow, _half_turn(q[:, 4] + arm.wrist.zero + straight)])
 
 
 def branch_of(robot: Robot, q: Array) -> NDArray[np.int64]:

@@ -29,6 +29,8 @@ class Wrist:
     B4 : (3, 3) basis of axis 4 (its z) in the base frame; axis 5 lies in its xz plane, on the side of -x
     alpha, beta : rad, angles between axes 4 and 5, 5 and 6
     zero : rad, angle between the planes of axes 4, 5 and 5, 6 at q5 = 0 (0: the wrist is straight)
+    outward : 1, or -1 where axes 4 and 6 count as pointing one away from and one towards the flange; the wrist is
+        then straight, as a user sees it, half a turn from ``zero``'s straight
     centre_flange : (3,) m, wrist centre in the flange frame
     z6_flange, x6_flange : (3,) axis 6 and a direction across it in the flange frame
     """
@@ -37,6 +39,7 @@ class Wrist:
     alpha: float
     beta: float
     zero: float
+    outward: float
     centre_flange: Array
     z6_flange: Array
     x6_flange: Array
@@ -55,10 +58,22 @@ def wrist_from(lines: AxisLines, centre: Array) -> Wrist:
         alpha=_angle(a4, a5),
         beta=_angle(a5, a6),
         zero=zero,
+        outward=_outward(lines, centre),
         centre_flange=R_home.T @ (centre - p_home),
         z6_flange=R_home.T @ a6,
         x6_flange=R_home.T @ x6,
     )
+
+
+def _outward(lines: AxisLines, centre: Array) -> float:
+    """Whether axis 4 points from the elbow to the wrist and axis 6 from the wrist to the flange, or both do not."""
+    _, _, a3, a4, _, a6 = lines.direction
+    forearm = centre - lines.point[2]
+    forearm = forearm - (forearm @ a3) * a3
+    hand = lines.T_home[:3, 3] - centre
+    # A flange in the wrist centre: its z points outwards by custom.
+    along = [forearm @ a4, hand @ a6 if abs(hand @ a6) > 1e-6 * lines.length else lines.T_home[:3, 2] @ a6]
+    return float(np.prod([-1.0 if x < -1e-6 * lines.length else 1.0 for x in along]))
 
 
 def _angle(a: Array, b: Array) -> float:
@@ -104,7 +119,7 @@ def solve_wrist(
     given = np.arctan2(sb * sin5, ca * sb * cos5 - sa * cb)
     free = off_axis < BOUNDARY
     for flip in (0, 1):
-        sign = 1.0 - 2.0 * flip
+        sign = wrist.outward * (1.0 - 2.0 * flip)
         q4 = np.where(free, near4, asked - sign * given)
         cos4, sin4 = np.cos(q4), np.sin(q4)
         x, y = cos4 * x6[0] + sin4 * x6[1], cos4 * x6[1] - sin4 * x6[0]

@@ -13,7 +13,7 @@ from robots.kinematics import jacobian
 from robots.numerical_inverse import refine, search
 from robots.robot import Robot
 from robots.skew_arm import SKEW_NAMES, skew_arm, solve_skew_arm
-from robots.spherical_wrist import spherical_wrist_arm, why_not_spherical
+from robots.spherical_wrist import spherical_wrist_arm, why_no_spherical_wrist, why_not_spherical
 from robots.turns import nearest_turn
 
 Array = NDArray[np.float64]
@@ -35,8 +35,9 @@ def inverse_kinematics(
     """All joint angles that bring the robot's tool to each of n frames.
 
     Arms with six joints, axes 4, 5, 6 through one point and 2 parallel to 3 are solved in closed form: eight
-    branches, none lost. Where a file's rounding spoils that picture slightly, the closed form of the nearest such
-    arm is refined on the real one. All others are searched from random starts.
+    branches, none lost. Where 2 and 3 are not parallel, a quartic gives up to eight solutions, but no names that
+    mean anything. Where a file's rounding spoils such a picture slightly, the solutions of the nearest ideal arm
+    are refined on the real one. All others are searched from random starts.
 
     Parameters
     ----------
@@ -68,6 +69,13 @@ def inverse_kinematics(
     if skew is None:
         return _searched(robot, flange, wanted, generator)
     return _refined(robot, skew.deviation, SKEW_NAMES, solve_skew_arm(skew, flange, wanted), flange, wanted)
+
+
+def why_no_closed_form(robot: Robot) -> str | None:
+    """Say in words why :func:`inverse_kinematics` has to search for this robot; None if it need not."""
+    if why_not_spherical(robot) is None or skew_arm(robot) is not None:
+        return None
+    return why_no_spherical_wrist(robot) or "joints 1 to 3 cannot move the wrist centre in all directions"
 
 
 def _exact(robot: Robot, solved: ClosedForm, near: Array) -> InverseSolutions:
@@ -108,7 +116,7 @@ def _refined(
 def _searched(robot: Robot, flange: Array, near: Array, generator: np.random.Generator | None) -> InverseSolutions:
     if generator is None:
         raise InputError(
-            f"inverse kinematics of {robot.name} needs a search, because {why_not_spherical(robot)}",
+            f"inverse kinematics of {robot.name} needs a search, because {why_no_closed_form(robot)}",
             allowed="a random generator",
             remedy="pass generator=numpy.random.default_rng(0)",
         )

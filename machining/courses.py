@@ -1,0 +1,166 @@
+"""Cheapest course through layers of states: dynamic programming, exact for the states and links that there are.
+
+A layer holds the poses that the arm may take at one path point. Two poses of neighbouring layers are linked if no
+joint moves farther than it may. A course takes one state a layer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+# A motion of exactly the allowed size must not fail by rounding.
+ROUNDING = 1.0 + 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """States of n layers, sorted by layer.
+
+    ``start`` (n + 1,) offsets of the layers, ``q`` (k, dof) rad, ``gamma`` (k,) rad, ``cost`` (k,) of being there,
+    ``merit`` (k,) large is good.
+    """
+
+    start: Integers
+    q: Array
+    gamma: Array
+    cost: Array
+    merit: Array
+
+    @property
+    def n(self) -> int:
+        """Number of layers."""
+        return len(self.start) - 1
+
+    def rows(self, i: int) -> slice:
+        """States of layer i."""
+        return slice(int(self.start[i]), int(self.start[i + 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """What links states: ``step`` (n - 1, dof) rad each joint may move, inf for any; ``gamma_step`` rad, likewise.
+
+    The cost of a link is ``weight * mean over joints of (dq / unit)^2`` with ``unit`` (n - 1, dof) rad.
+    """
+
+    step: Array
+    gamma_step: float
+    unit: Array
+    weight: float
+
+    def cost(self, i: int, dq: Array) -> Array:
+        """Cost (...) of motions dq (..., dof) rad from layer i to the next."""
+        if self.weight == 0.0:
+            return np.zeros(dq.shape[:-1])
+        return np.asarray(self.weight * ((dq / self.unit[i]) ** 2).mean(axis=-1))
+
+
+@dataclass(frozen=True)
+class Gap:
+    """No link leads on from layer ``after``: the nearest pair of states ``before`` and ``behind`` of all layers.
+
+    ``dq`` (dof,) rad between them, ``excess`` the largest share of the allowed step; 1 or less if gamma is in the way.
+    """
+
+    after: int
+    before: int
+    behind: int
+    dq: Array
+    excess: float
+
+
+def cheapest_course(layers: Layers, links: Links) -> Integers | Gap:
+    """Indices (n,) of the states of the cheapest course, or where all courses end."""
+    total = layers.cost[layers.rows(0)]
+    back: list[Integers] = []
+    for i in range(layers.n - 1):
+        a, b = _pairs(layers, links, i, np.isfinite(total))
+        onto = layers.rows(i + 1)
+        dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
+        through = total[a] + links.cost(i, dq)
+        best, source = _least(through, a, b, onto.stop - onto.start)
+        if not np.isfinite(best).any():
+            return _gap(layers, links, i, np.isfinite(total))
+        total = best + layers.cost[onto]
+        back.append(source)
+    return _trace(layers, back, int(np.argmin(total)))
+
+
+def highest_floor(layers: Layers, links: Links) -> float | Gap:
+    """Largest merit that some course nowhere goes below, or where all courses end."""
+    floor = layers.merit[layers.rows(0)]
+    for i in range(layers.n - 1):
+        a, b = _pairs(layers, links, i, np.isfinite(floor))
+        onto = layers.rows(i + 1)
+        lost, _ = _least(-floor[a], a, b, onto.stop - onto.start)
+        if not np.isfinite(lost).any():
+            return _gap(layers, links, i, np.isfinite(floor))
+        floor = np.minimum(-lost, layers.merit[onto])
+    return float(floor.max())
+
+
+def course_cost(layers: Layers, links: Links, course: Integers) -> float:
+    """Cost of a course; its links are not checked."""
+    dq = np.diff(layers.q[course], axis=0)
+    return float(layers.cost[course].sum() + sum(float(links.cost(i, dq[i])) for i in range(len(dq))))
+
+
+def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers, Integers]:
+    """States of layer i that a course leads to, and states of the next that they are linked with."""
+    sources = np.flatnonzero(open_)
+    A, B = layers.q[layers.rows(i)][sources], layers.q[layers.rows(i + 1)]
+    if np.isfinite(links.step[i]).any():
+        scale = np.where(np.isfinite(links.step[i]), 1.0 / links.step[i], 0.0)
+        # Neighbours in the largest share of its step that any joint moves.
+        found = cKDTree(A * scale).sparse_distance_matrix(cKDTree(B * scale), ROUNDING, p=np.inf, output_type="ndarray")
+        a, b = found["i"].astype(np.int64), found["j"].astype(np.int64)
+    else:
+        a, b = (index.ravel() for index in np.indices((len(A), len(B))))
+    if np.isfinite(links.gamma_step):
+        turn = layers.gamma[layers.rows(i + 1)][b] - layers.gamma[layers.rows(i)][sources][a]
+        near = _short_way(turn) <= links.gamma_step * ROUNDING + 1e-12
+        a, b = a[near], b[near]
+    return sources[a], b
+
+
+def _short_way(turn: Array) -> Array:
+    return np.abs(turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi)))
+
+
+def _least(value: Array, a: Integers, b: Integers, size: int) -> tuple[Array, Integers]:
+    """Least value and its source a for each of ``size`` targets b; inf and -1 where there is none."""
+    best, source = np.full(size, np.inf), np.full(size, -1, dtype=np.int64)
+    # Sorted by target, then value, then source: the first of each target is the least, ties by order.
+    order = np.lexsort((a, value, b))
+    target = b[order]
+    first = order[np.flatnonzero(np.diff(target, prepend=-1))]
+    best[b[first]], source[b[first]] = value[first], a[first]
+    return best, source
+
+
+def _trace(layers: Layers, back: list[Integers], last: int) -> Integers:
+    course = np.empty(layers.n, dtype=np.int64)
+    course[-1] = last
+    for i in range(layers.n - 2, -1, -1):
+        course[i] = back[i][course[i + 1]]
+    return course + layers.start[:-1]
+
+
+def _gap(layers: Layers, links: Links, i: int, open_: Bools) -> Gap:
+    before, behind = layers.start[i] + np.flatnonzero(open_), np.arange(layers.start[i + 1], layers.start[i + 2])
+    least = (np.inf, int(before[0]), int(behind[0]))
+    for a in before:
+        share = (np.abs(layers.q[behind] - layers.q[a]) / links.step[i]).max(axis=1)
+        b = int(np.argmin(share))
+        if share[b] < least[0]:
+            least = (float(share[b]), int(a), int(behind[b]))
+    excess, a, b = least
+    return Gap(i, a, b, layers.q[b] - layers.q[a], excess)

@@ -1,0 +1,191 @@
+"""The machining task: a tool on the flange, a part in the cell, and the path that the tool follows on it.
+
+The **tool axis** at a path point leads from the tip into the holder. The tool frame's z axis leads out of the holder
+through the tip, so it is minus the tool axis. The angle **gamma** about the tool axis is what milling leaves free.
+Right-handed about the tool axis; at gamma = 0 the tool frame's x axis is the reference direction, laid onto the plane
+across the tool axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from machining.inputs import as_rotations, as_units
+from robots import InputError, InputErrors
+
+Array = NDArray[np.float64]
+
+# Neighbouring points nearer than this (m) are one point: no direction of feed, no time to move.
+REPEATED = 1e-9
+# Sine of the angle between reference direction and tool axis below which gamma = 0 is not defined well.
+ALONG = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """Path of n points in the part frame.
+
+    ``points`` (n, 3) m; ``normals`` (n, 3) of the surface, out of the part; ``axes`` (n, 3) tool axis from the tip
+    into the holder; both are made unit vectors. ``feed`` (n,) m/s of the move that ends at the point, NaN where it
+    is not given; that of the first point is not used.
+
+    Raises
+    ------
+    InputError
+        Shapes, no point, values that are not finite, directions of length zero, a feed that is not positive.
+    InputErrors
+        Points that repeat the one before, all of them.
+    """
+
+    points: Array
+    normals: Array
+    axes: Array
+    feed: Array
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not np.isfinite(points).all():
+            allowed = "finite numbers (n, 3) in m, n at least 1"
+            raise InputError("path points", value=f"shape {points.shape}", allowed=allowed)
+        n = len(points)
+        feed = np.asarray(self.feed, dtype=np.float64)
+        if feed.shape != (n,) or (feed <= 0.0).any() or np.isinf(feed).any():
+            raise InputError("feed", allowed=f"({n},) m/s, more than 0, NaN where it is not given")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "normals", as_units("surface normal of the path", self.normals, n))
+        object.__setattr__(self, "axes", as_units("tool axis of the path", self.axes, n))
+        object.__setattr__(self, "feed", feed)
+        repeated = np.flatnonzero(self.lengths < REPEATED) + 1
+        if len(repeated):
+            allowed, remedy = "neighbouring points at different places", "remove one of the two"
+            raise InputErrors(
+                "path",
+                [InputError(f"point {i} repeats point {i - 1}", allowed=allowed, remedy=remedy) for i in repeated],
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of points."""
+        return len(self.points)
+
+    @property
+    def lengths(self) -> Array:
+        """Length (n - 1,) m of each segment."""
+        return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
+
+    @property
+    def times(self) -> Array:
+        """Time (n - 1,) s of each segment at its feed; NaN without one."""
+        return np.asarray(self.lengths / self.feed[1:])
+
+
+def tool_path(
+    points: ArrayLike, normals: ArrayLike, axes: ArrayLike | None = None, feed: ArrayLike | None = None
+) -> ToolPath:
+    """Make a :class:`ToolPath`; normals and axes may be one vector for all, feed one number (m/s) or None.
+
+    Without ``axes`` the tool stands along the normals. Errors as :class:`ToolPath`.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    n = len(p) if p.ndim == 2 else 0
+    normal = np.asarray(normals, dtype=np.float64)
+    speed = np.full(n, np.nan) if feed is None else np.broadcast_to(np.asarray(feed, dtype=np.float64), (n,))
+    return ToolPath(p, normal, normal if axes is None else np.asarray(axes, dtype=np.float64), speed)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A path, where its part stands, and the tool.
+
+    ``T_flange_tool`` (4, 4): tool frame on the flange, origin at the tip, m. ``T_base_part`` (4, 4) m.
+    ``reference`` (3,): direction in the part frame that gamma counts from; None: the part axis that stays farthest
+    from the tool axis along the path, x before y before z.
+
+    Raises
+    ------
+    InputError
+        A frame that is not rigid, or a reference direction along the tool axis of some point.
+    """
+
+    path: ToolPath
+    T_flange_tool: Array
+    T_base_part: Array
+    reference: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("T_flange_tool", "T_base_part"):
+            object.__setattr__(self, name, _frame(name, getattr(self, name)))
+        chosen = _farthest_axis(self.path.axes) if self.reference is None else self.reference
+        reference = as_units("reference direction of gamma", chosen, 1)[0]
+        sine = np.linalg.norm(np.cross(self.path.axes, reference), axis=1)
+        if (sine < ALONG).any():
+            raise InputError(
+                f"reference direction of gamma at path point {int(np.argmax(sine < ALONG))}",
+                value=reference.tolist(),
+                allowed="not along the tool axis",
+                remedy="give another reference, or split the path",
+            )
+        object.__setattr__(self, "reference", reference)
+
+    @property
+    def tip(self) -> Array:
+        """Tool point (3,) m in the flange frame."""
+        return np.asarray(self.T_flange_tool[:3, 3])
+
+    @property
+    def normals(self) -> Array:
+        """Surface normals (n, 3) in base axes."""
+        return np.asarray(self.path.normals @ self.T_base_part[:3, :3].T)
+
+    def tool_frames(self, gamma: ArrayLike) -> Array:
+        """Frames (n, m, 4, 4) of the tool in the base frame for gamma (m,) or (n, m) rad.
+
+        Raises
+        ------
+        InputError
+            Shape, or angles that are not finite.
+        """
+        angle = as_gammas(gamma, self.path.n)
+        R, t = self.T_base_part[:3, :3], self.T_base_part[:3, 3]
+        axis, reference = self.path.axes @ R.T, R @ np.asarray(self.reference)
+        x0 = reference - (axis @ reference)[:, None] * axis
+        x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
+        x = np.cos(angle)[..., None] * x0[:, None] + np.sin(angle)[..., None] * np.cross(axis, x0)[:, None]
+        z = np.broadcast_to(-axis[:, None], x.shape)
+        T = np.zeros((*angle.shape, 4, 4))
+        T[..., :3, 0], T[..., :3, 1], T[..., :3, 2] = x, np.cross(z, x), z
+        T[..., :3, 3] = (self.path.points @ R.T + t)[:, None]
+        T[..., 3, 3] = 1.0
+        return T
+
+
+def as_gammas(gamma: ArrayLike, n: int) -> Array:
+    """Angles (n, m) rad from (m,) or (n, m).
+
+    Raises
+    ------
+    InputError
+        Another shape, none at all, or angles that are not finite.
+    """
+    angle = np.asarray(gamma, dtype=np.float64)
+    fits = (angle.ndim == 1 or (angle.ndim == 2 and len(angle) == n)) and angle.shape[-1] > 0
+    if not fits or not np.isfinite(angle).all():
+        raise InputError("gamma", value=f"shape {angle.shape}", allowed=f"finite, (m,) or ({n}, m) rad, m at least 1")
+    return np.broadcast_to(angle, (n, angle.shape[-1]))
+
+
+def _farthest_axis(axes: Array) -> Array:
+    # Rounded, so that axes equally far fall to the first by name, not by the last digit.
+    return np.asarray(np.eye(3)[int(np.argmin(np.abs(axes).max(axis=0).round(9)))])
+
+
+def _frame(name: str, T: ArrayLike) -> Array:
+    frame = np.asarray(T, dtype=np.float64)
+    if frame.shape != (4, 4) or not np.isfinite(frame).all() or not np.array_equal(frame[3], [0.0, 0.0, 0.0, 1.0]):
+        allowed = "finite (4, 4): rotation, position in m, and 0 0 0 1 below"
+        raise InputError(name, value=f"shape {frame.shape}", allowed=allowed)
+    as_rotations(name, frame[:3, :3], 1)
+    return frame

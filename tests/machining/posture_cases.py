@@ -1,0 +1,37 @@
+"""What the tests of posture share: a spindle across the flange of the KR60, and short paths within its reach."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.task import Task, ToolPath, tool_path
+
+Array = NDArray[np.float64]
+
+
+def spindle() -> Array:
+    """Tool frame: axis across the flange's, tip 200 mm to the side and 80 mm ahead."""
+    T = np.eye(4)
+    T[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    T[:3, 3] = 0.2, 0.0, 0.08
+    return T
+
+
+def part(x: float = 1.2, y: float = 0.2, z: float = 0.6) -> Array:
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def dome(n: int, length: float = 0.7, feed: float | None = None) -> ToolPath:
+    """A curved path with normals that tilt along it."""
+    u = np.linspace(0.0, 1.0, n)
+    wave = 2.0 * np.pi * u
+    points = np.stack([length * (u - 0.5), 0.15 * np.sin(wave), 0.08 * np.cos(wave)], axis=1)
+    normals = np.stack([0.35 * np.sin(wave), 0.25 * np.cos(0.5 * wave), np.ones(n)], axis=1)
+    return tool_path(points, normals, feed=feed)
+
+
+def dome_task(n: int, length: float = 0.7, feed: float | None = None) -> Task:
+    return Task(dome(n, length, feed), spindle(), part())
