@@ -123,8 +123,8 @@ def main() -> int:
     sys.stdout.write(
         f"{result.readings} readings, {result.candidates} candidates: one ranking {result.one_ranking_s:.2f} s, whole "
         f"diagnosis {result.diagnosis_s:.2f} s; refitting each candidate once with numerical derivatives "
-        f"{result.plain_s:.0f} s (timed on {len(some)}): ratio {result.ratio:.1f}; from each of the {result.shapes} shapes "
-        f"that the ranking weighs: {result.ratio_of_all_shapes:.0f}\n"
+        f"{result.plain_s:.0f} s (timed on {len(some)}): ratio {result.ratio:.1f}; from each of the {result.shapes} "
+        f"shapes that the ranking weighs: {result.ratio_of_all_shapes:.0f}\n"
     )
     return 0
 
