@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from doe.measurement_columns import DISPLACEMENTS, POINT, Array, Faults
-from robots import Robot
+from robots import InputError, Robot
 
 if TYPE_CHECKING:
     from doe.measurements import Measurements
@@ -111,3 +111,25 @@ def plausibility_notes(m: Measurements) -> Iterator[str]:
     if 2 * against > int(known.sum()):
         yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "
                "(a downward load has fz_N < 0 and gives dz_mm < 0)")  # fmt: skip
+
+
+def refuse_seen(seen: Measurements, held_out: Measurements, by: str = "the diagnosis") -> None:
+    """Refuse readings to be held out whose poses (joint angles, whatever the label) were seen ``by`` what they judge.
+
+    Raises
+    ------
+    InputError
+        Another number of joints, or poses that are in both tables, which it names.
+    """
+    what = f"readings to hold out (--holdout {held_out.source})"
+    if seen.q.shape[1] != held_out.q.shape[1]:
+        raise InputError(f"{what}: joints", value=held_out.q.shape[1], allowed=f"{seen.q.shape[1]}")
+    known = set(joint_keys(seen.q))
+    both = [label for label, key in zip(held_out.pose, joint_keys(held_out.q), strict=True) if key in known]
+    if both:
+        raise InputError(
+            f"{what}: poses that are in {seen.source} too",
+            value=", ".join(dict.fromkeys(both)),
+            allowed=f"poses that {by} has not seen",
+            remedy="remove them from one of the two tables",
+        )

@@ -22,6 +22,7 @@ from doe.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimate import estimate
 from doe.joined_measurements import files_of
 from doe.lack_of_fit import downweighted
+from doe.measurement_checks import refuse_seen
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
 from fem import ArmModel
@@ -32,7 +33,7 @@ from robots import InputError, ModelDescription
 from robots.schema import Calibration as Origin
 from stiffarm import calibration_words as words
 from stiffarm.inputs import ModelInput
-from stiffarm.predicting import Count, Holdout, held_out, left_out, refuse_seen
+from stiffarm.predicting import Count, Holdout, held_out, left_out
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
@@ -143,7 +144,7 @@ def calibrate(
             remedy="choose the file of this robot, or name this robot in its 'robot' key",
         )
     if holdout is not None:
-        refuse_seen(table, holdout)
+        refuse_seen(table, holdout, "the calibration")
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
     build = _builder(given)

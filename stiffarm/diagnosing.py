@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from doe import Measurements, select_loads
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
-from doe.diagnosis.holdout import HeldOutReadings, hold_out, refuse_seen
+from doe.diagnosis.holdout import HeldOutReadings, hold_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
@@ -19,6 +19,7 @@ from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.load_history import history_of
+from doe.measurement_checks import refuse_seen
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, described_effects
 from robots import InputError
 from robots.quantities import RotationalStiffness

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from doe import Measurements, read_measurements
+from doe.measurement_checks import refuse_seen
 from doe.readings import rms_mm
 from robots import Robot
 from stiffarm.console import say
 from stiffarm.options import say_notes
 from stiffarm.payloads import number
-from stiffarm.predicting import prediction_error, refuse_seen
+from stiffarm.predicting import prediction_error
 from stiffarm.steps import Variant
 
 # Angles this far (deg) beyond a law's range are beyond it, less is rounding.
@@ -41,7 +42,7 @@ def read(file: Path, robot: Robot, seen: Measurements) -> Measurements:
     """
     data = read_measurements(file, robot)
     say_notes(tuple(f"{data.source}: {note}" for note in data.notes))
-    refuse_seen(seen, data)
+    refuse_seen(seen, data, "the calibration")
     return data
 
 

@@ -111,18 +111,3 @@ def held_out(found: Calibration, data: Measurements) -> Holdout:
     f = system.evaluate(np.zeros(0))[0]
     expected = np.sqrt(noise.variance(system, f) + np.sum(noise.common(system, f) ** 2, axis=1))
     return Holdout(data, system, error, expected, blind)
-
-
-def refuse_seen(table: Measurements, holdout: Measurements) -> None:
-    """Refuse poses by their angles: labels may differ."""
-    seen = {tuple(row) for row in np.round(table.q, 9).tolist()}
-    both = [
-        label for label, row in zip(holdout.pose, np.round(holdout.q, 9).tolist(), strict=True) if tuple(row) in seen
-    ]
-    if both:
-        raise InputError(
-            f"--holdout {holdout.source}: poses that are in {table.source} too",
-            value=", ".join(dict.fromkeys(both)),
-            allowed="poses that the calibration has not seen",
-            remedy="remove them from one of the two tables",
-        )

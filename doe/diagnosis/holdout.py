@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.setting import Setting
 from doe.load_history import history_of
-from doe.measurement_checks import joint_keys
+from doe.measurement_checks import refuse_seen
 from doe.measurements import Measurements
 from doe.problem import problem
 from doe.readings import rms_mm
-from robots import InputError
 
 Array = NDArray[np.float64]
 
@@ -43,36 +42,13 @@ class HeldOutReadings:
         return rms_mm(self.after, self.setting.data.component)
 
 
-def refuse_seen(seen: Measurements, held_out: Measurements) -> None:
-    """Refuse readings to be held out whose poses (joint angles, whatever the label) the diagnosis has seen.
-
-    Raises
-    ------
-    InputError
-        Another number of joints, or poses that are in both tables, which it names.
-    """
-    if seen.q.shape[1] != held_out.q.shape[1]:
-        raise InputError(
-            f"readings to hold out, {held_out.source}: joints", value=held_out.q.shape[1], allowed=f"{seen.q.shape[1]}"
-        )
-    known = set(joint_keys(seen.q))
-    both = [label for label, key in zip(held_out.pose, joint_keys(held_out.q), strict=True) if key in known]
-    if both:
-        raise InputError(
-            f"readings to hold out, {held_out.source}: poses that are in {seen.source} too",
-            value=", ".join(dict.fromkeys(both)),
-            allowed="poses that the diagnosis has not seen",
-            remedy="remove them from one of the two tables",
-        )
-
-
 def hold_out(d: Diagnosis, seen: Measurements, held_out: Measurements) -> HeldOutReadings:
     """Predict readings by the model before and after a diagnosis, with the numbers that are written into its file.
 
     Raises
     ------
     InputError
-        As of :func:`refuse_seen`.
+        As of :func:`doe.measurement_checks.refuse_seen`.
     """
     refuse_seen(seen, held_out)
     before, after = applied(d.before.setting, held_out), applied(d.after.setting, held_out)
