@@ -59,7 +59,9 @@ class Quantity(Strict):
         return np.atleast_1d(np.asarray(self.value, dtype=np.float64)) * factor(self.dimension, self.unit)
 
 
-class _Scalar(Quantity):
+class Scalar(Quantity):
+    """One number, not a list."""
+
     @field_validator("value")
     @classmethod
     def _one(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
@@ -68,7 +70,7 @@ class _Scalar(Quantity):
         return value
 
 
-class _Positive(_Scalar):
+class _Positive(Scalar):
     @field_validator("value")
     @classmethod
     def _above_zero(cls, value: float) -> float:
@@ -95,7 +97,7 @@ class _Range(Quantity):
         return value
 
 
-class Length(_Scalar):
+class Length(Scalar):
     """A length, which may be zero or negative."""
 
     dimension = "length"
@@ -113,7 +115,7 @@ class Position(_Triple):
     dimension = "length"
 
 
-class Angle(_Scalar):
+class Angle(Scalar):
     """An angle."""
 
     dimension = "angle"
@@ -149,7 +151,7 @@ class Modulus(_Positive):
     dimension = "pressure"
 
 
-class Ratio(_Scalar):
+class Ratio(Scalar):
     """A pure number."""
 
     dimension = "ratio"
@@ -177,7 +179,7 @@ class TranslationalStiffness(_Positive):
     dimension = "translational stiffness"
 
 
-class Compliance(_Scalar):
+class Compliance(Scalar):
     """A displacement per force, rotation per force or rotation per moment; may be negative off a diagonal."""
 
     dimension = "compliance"

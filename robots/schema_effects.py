@@ -6,19 +6,12 @@ from typing import Any
 
 from pydantic import Field, field_validator
 
-from robots.quantities import Quantity, Strict
+from robots.quantities import Scalar, Strict
 from robots.units import UNITS
 
 
-class EffectNumber(Quantity):
+class EffectNumber(Scalar):
     """A number of an effect's law; whether its unit fits is checked where the law is known (:mod:`fem.effects`)."""
-
-    @field_validator("value")
-    @classmethod
-    def _one(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if isinstance(value, tuple):
-            raise ValueError("must be one number, not a list")  # noqa: TRY004 - pydantic wants ValueError
-        return value
 
     @field_validator("unit")
     @classmethod

@@ -25,6 +25,14 @@ DataArg = Annotated[
     Path | None,
     typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one"),
 ]
+TablesArg = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="DATA",
+        help="measurement tables, CSV or XLSX, as one; a filled-in sheet goes beside the table that it adds to; "
+        "default, and by the name bundled: the robot's own",
+    ),
+]
 Links = Annotated[
     str | None,
     typer.Option(

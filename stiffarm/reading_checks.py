@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from doe import Measurements
 from robots import InputError
+from stiffarm.console import say
 
 Array = NDArray[np.float64]
 
@@ -62,3 +63,11 @@ def _work(data: Measurements) -> tuple[Array, Array, NDArray[np.bool_]]:
     work = np.where(force != 0.0, force * data.displacement[:, :3], 0.0).sum(axis=1)
     told = (force != 0.0).any(axis=1) & np.isfinite(work) & (work != 0.0)
     return work[told], data.loads_N[told], told
+
+
+def check_readings(data: Measurements) -> None:
+    """Refuse what :func:`refuse_implausible` does, and remark on readings against their load."""
+    refuse_implausible(data)
+    remark = against_load(data)
+    if remark is not None:
+        say(f"note: {remark}")

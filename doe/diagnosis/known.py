@@ -28,7 +28,7 @@ def base_of(s: Setting) -> Base:
 
 def base_mean(s: Setting) -> Array:
     """Prior means (b,) of the base's numbers, from where they stand."""
-    return np.concatenate([p[1] for p in (_springs(s), _errors(s), _accepted(s))])
+    return np.concatenate([s.typical - s.springs, np.zeros(error_count(s)), _accepted_priors(s)[0]])
 
 
 def _springs(s: Setting) -> tuple[Array, Array, Array, Array]:
@@ -53,19 +53,27 @@ def error_count(s: Setting) -> int:
 
 
 def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:
-    columns, mean, sd, floor = [], [], [], []
+    columns = []
     for number, placed in enumerate(s.accepted):
         for k, p in free_numbers(placed):
+            step = 0.05 * _prior_of(p, placed)[1]
+            if p.role == "shape":
+                step = min(step, 0.2 * abs(float(placed.values[k])))
+            columns.append(_slope(s, number, k, step))
+    stacked = np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
+    return (stacked, *_accepted_priors(s))
+
+
+def _accepted_priors(s: Setting) -> tuple[Array, Array, Array]:
+    """Prior means, standard deviations and floors (a,) of accepted effects' numbers, from where they stand."""
+    mean, sd, floor = [], [], []
+    for placed in s.accepted:
+        for k, p in free_numbers(placed):
             m, spread = _prior_of(p, placed)
-            value = abs(float(placed.values[k]))
-            columns.append(
-                _slope(s, number, k, min(0.05 * spread, 0.2 * value) if p.role == "shape" else 0.05 * spread)
-            )
             mean.append(m - placed.values[k])
             sd.append(spread)
             floor.append(-np.inf if p.signed or p.role == "shape" else -placed.values[k])
-    stacked = np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
-    return stacked, np.array(mean), np.array(sd), np.array(floor)
+    return np.array(mean), np.array(sd), np.array(floor)
 
 
 def free_numbers(placed: PlacedEffect) -> list[tuple[int, EffectParameter]]:

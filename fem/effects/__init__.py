@@ -1,7 +1,7 @@
 """Physical effects that a plain arm model leaves out, as parts with a law, parameters and a plausible range."""
 
 from fem.effects.base import Effect, EffectParameter, PlacedEffect, Stage
-from fem.effects.catalogue import catalogue, effect_of, family_of
+from fem.effects.catalogue import catalogue, effect_of
 from fem.effects.described import (
     LOAD_PATH,
     build_arm,
@@ -36,7 +36,6 @@ __all__ = [
     "described_effects",
     "effect_of",
     "effect_tables",
-    "family_of",
     "observed",
     "path_of",
     "plain_history",

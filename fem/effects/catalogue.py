@@ -14,7 +14,7 @@ from fem.effects.torque_laws import torque_laws
 from fem.model import ArmModel, build_model
 from robots import InputError, ModelDescription
 
-__all__ = ["Maker", "catalogue", "effect_of", "family_of"]
+__all__ = ["Maker", "catalogue", "effect_of"]
 
 
 def catalogue(
@@ -51,11 +51,6 @@ def effect_of(
     if code not in known:
         raise InputError("effect", value=code, allowed=", ".join(known))
     return known[code]
-
-
-def family_of(code: str, known: dict[str, Effect]) -> str:
-    """Family of an effect."""
-    return known[code].family
 
 
 def _of_links(model: ArmModel, description: ModelDescription | None) -> list[Effect]:

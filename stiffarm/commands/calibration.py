@@ -27,6 +27,7 @@ from stiffarm.options import (
     Out,
     SchemeFile,
     Seed,
+    TablesArg,
     folder_if,
     model_hash,
     open_tables,
@@ -35,12 +36,8 @@ from stiffarm.options import (
 from stiffarm.outputs import OutputFolder
 from stiffarm.own_effects import own_effects, own_files
 from stiffarm.plan_options import parse_parameters
-from stiffarm.reading_checks import against_load, refuse_implausible
+from stiffarm.reading_checks import check_readings
 
-TablesArg = Annotated[
-    list[Path] | None,
-    typer.Argument(metavar="DATA", help="measurement tables, CSV or XLSX; default, and by the name bundled: its own"),
-]
 Free = Annotated[
     str | None,
     typer.Option("--free", help="numbers set free, as in j2.stiffness,j3.rx,forearm.modulus; instead of --joints"),
@@ -101,7 +98,7 @@ def calibrate(
         own, files = own_effects(effect), own_files(effect)
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
-        table = open_tables(given, model, data or (), files, check=_check)
+        table = open_tables(given, model, data or (), files, check=check_readings)
         staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
         if staged:
             inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
@@ -131,13 +128,6 @@ def calibrate(
             emit_json(content)
         else:
             show()
-
-
-def _check(table: Measurements) -> None:
-    refuse_implausible(table)
-    remark = against_load(table)
-    if remark is not None:
-        say(f"note: {remark}")
 
 
 def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:

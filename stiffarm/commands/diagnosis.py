@@ -25,6 +25,7 @@ from stiffarm.options import (
     ModelArg,
     Out,
     Seed,
+    TablesArg,
     folder_if,
     model_hash,
     open_tables,
@@ -32,16 +33,7 @@ from stiffarm.options import (
 )
 from stiffarm.outputs import OutputFolder
 from stiffarm.own_effects import own_effects, own_files
-from stiffarm.reading_checks import against_load, refuse_implausible
-
-TablesArg = Annotated[
-    list[Path] | None,
-    typer.Argument(
-        metavar="DATA",
-        help="measurement tables, CSV or XLSX, as one; a filled-in sheet goes beside the table that it adds to; "
-        "default, and by the name bundled: the robot's own",
-    ),
-]
+from stiffarm.reading_checks import check_readings
 
 
 def diagnose(
@@ -86,7 +78,7 @@ def diagnose(
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
         names = inputs.parse_names(free, given.robot.joint_names, "--free")
-        table = open_tables(given, model, data or (), files, check=_check)
+        table = open_tables(given, model, data or (), files, check=check_readings)
         other = None if holdout is None else _held_out(given, holdout, files)
         with folder_if(out, files, seed) as folder:
             found = _run(
@@ -101,13 +93,6 @@ def diagnose(
             emit_json(content)
         else:
             _show(found)
-
-
-def _check(table: Measurements) -> None:
-    refuse_implausible(table)
-    remark = against_load(table)
-    if remark is not None:
-        say(f"note: {remark}")
 
 
 def _held_out(given: inputs.ModelInput, file: Path, files: dict[str, Path | str]) -> Measurements:
