@@ -24,7 +24,8 @@ from machining.loaded import (
 )
 from machining.objective import Objective
 from machining.path_file import read_path
-from machining.path_posture import Course, PathPosture, optimise_path
+from machining.path_posture import PathPosture, course_at, optimise_path
+from machining.path_problem import Course
 from machining.posture import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
 from machining.task import Task, ToolPath, tool_path
 
@@ -49,6 +50,7 @@ __all__ = [
     "blocks",
     "cartesian_stiffness",
     "complementary_stiffness",
+    "course_at",
     "directional_stiffness",
     "ellipsoid_radius",
     "evaluate",

@@ -52,7 +52,7 @@ class Drive:
     speed: ArrayLike | None = None
     jump: float = float(np.radians(20.0))
     gamma_step: float = np.inf
-    motion: float = 0.01
+    motion: float = 0.3
     limit: float = 0.05
     limit_zone: float = float(np.radians(10.0))
     limit_least: float = 0.0

@@ -14,8 +14,10 @@ from stiffarm.commands import (
     diagnosis,
     exporting,
     importing,
+    indexing,
     models,
     planning,
+    posture,
     sensitivity,
     surrogates,
 )
@@ -38,6 +40,8 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "fit": surrogates.fit,
     "query": surrogates.query,
     "map": surrogates.map_command,
+    "index": indexing.index,
+    "posture": posture.posture,
     "import": importing.import_command,
     "export": exporting.export,
 }

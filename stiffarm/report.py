@@ -82,8 +82,15 @@ class KeyFigure:
     label: str
 
 
-def render(title: str, lede: str, key: Sequence[KeyFigure], sections: Sequence[Section], footer: str) -> str:
-    """The page as HTML text; all content is escaped."""
+def render(
+    title: str,
+    lede: str,
+    key: Sequence[KeyFigure],
+    sections: Sequence[Section],
+    footer: str,
+    question: str = "how stiff is it, and how well do we know?",
+) -> str:
+    """The page as HTML text; all content is escaped. ``question``: what the page answers about its title."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("stiffarm", "templates"),
         autoescape=True,
@@ -91,4 +98,4 @@ def render(title: str, lede: str, key: Sequence[KeyFigure], sections: Sequence[S
         undefined=jinja2.StrictUndefined,
     )
     page = environment.get_template("report.html.j2")
-    return page.render(title=title, lede=lede, key=key, sections=sections, footer=footer)
+    return page.render(title=title, question=question, lede=lede, key=key, sections=sections, footer=footer)

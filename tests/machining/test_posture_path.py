@@ -14,7 +14,8 @@ import fem
 from machining import stiffness_index
 from machining.drive import Drive, limit_distance, singular_distance
 from machining.objective import Objective
-from machining.path_posture import PathPosture, _better, optimise_path
+from machining.path_posture import PathPosture, optimise_path
+from machining.path_problem import is_better
 from machining.posture import GammaRange, best_postures
 from machining.task import Task, tool_path
 from robots import InputError, forward_kinematics, inverse_kinematics, singularity_distance
@@ -150,10 +151,10 @@ def test_the_worst_point_comes_before_the_cost(kr60: fem.ArmModel) -> None:
         problem = SimpleNamespace(objective=objective)
         up, down = (replace(course, worst=course.worst * f, cost=course.cost) for f in (1.1, 0.9))
         better, worse = (down, up) if lower_is_better else (up, down)
-        assert _better(problem, replace(better, cost=9.0), course)  # type: ignore[arg-type]
-        assert not _better(problem, replace(worse, cost=-9.0), course)  # type: ignore[arg-type]
-        assert not _better(problem, course, course)  # type: ignore[arg-type]
-        assert _better(problem, replace(course, cost=course.cost - 1.0), course)  # type: ignore[arg-type]
+        assert is_better(problem, replace(better, cost=9.0), course)  # type: ignore[arg-type]
+        assert not is_better(problem, replace(worse, cost=-9.0), course)  # type: ignore[arg-type]
+        assert not is_better(problem, course, course)  # type: ignore[arg-type]
+        assert is_better(problem, replace(course, cost=course.cost - 1.0), course)  # type: ignore[arg-type]
 
 
 def test_a_lower_speed_costs_and_a_feed_too_high_is_refused(kr60: fem.ArmModel) -> None:

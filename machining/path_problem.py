@@ -1,0 +1,188 @@
+"""Courses of postures along a path: what may be driven, what it costs, which is best; the parts of path optimisation.
+
+A state is a posture that one path point allows: gamma, branch and turns of the joints. :mod:`machining.courses` finds
+the cheapest course through them; here is what they cost and what is said where there is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining.courses import Gap, Layers, Links, cheapest_course, course_cost, highest_floor
+from machining.drive import Drive, Smoothness, singular_distance, smoothness
+from machining.objective import Objective
+from machining.posture import GammaRange, Sweep, sweep_gamma
+from machining.task import Task
+from robots import InputError
+from robots.turns import every_turn
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """One posture a path point: as :class:`machining.posture.Postures`, with its cost and its motion.
+
+    ``value`` (n,) of the objective; ``mean`` and ``worst`` of it along the path; ``cost`` as this module says.
+    """
+
+    gamma: Array
+    q: Array
+    value: Array
+    branch: Integers
+    names: tuple[str, ...]
+    mean: float
+    worst: float
+    cost: float
+    smoothness: Smoothness
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Postures that the points allow, and for each its value of the objective and its branch."""
+
+    layers: Layers
+    value: Array
+    branch: Integers
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All that a course depends on; ``links``: allowed steps, ``scale``: the unit of its cost."""
+
+    model: fem.ArmModel
+    task: Task
+    objective: Objective
+    gammas: GammaRange
+    drive: Drive
+    links: Links
+    scale: float
+    generator: np.random.Generator | None
+
+    def states(self, gamma: Array) -> States:
+        """States for gamma (n, m); InputError where a point has none."""
+        sweep = sweep_gamma(self.model, self.task, self.objective, gamma, generator=self.generator)
+        return states_of(self, sweep)
+
+
+def problem_of(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective,
+    gammas: GammaRange,
+    drive: Drive,
+    sweep: Sweep,
+    generator: np.random.Generator | None,
+) -> Problem:
+    """The problem whose states a sweep holds; InputError where a point cannot be reached."""
+    sweep.check_reached()
+    scale = float(np.abs(sweep.merit.max(axis=(1, 2))).mean()) or 1.0
+    links = drive.links(model.robot, task.path)
+    links = replace(links, weight=links.weight / task.path.n)
+    return Problem(model, task, objective, gammas, drive, links, scale, generator)
+
+
+def states_of(problem: Problem, sweep: Sweep) -> States:
+    """All allowed postures of a sweep with all their turns, and their costs."""
+    sweep.check_reached()
+    robot, drive, n = problem.model.robot, problem.drive, len(sweep.gamma)
+    point, at, branch = np.nonzero(sweep.valid)
+    q, value = sweep.q[sweep.valid], sweep.value[sweep.valid]
+    singular, off_singular = drive.near_singular(robot, q)
+    _check_left(n, point[off_singular], "a singularity", "singular_least")
+    clear, off_things = drive.near_things(q)
+    _check_left(n, point[off_singular & off_things], "an obstacle", "clearance_least")
+    keep = np.flatnonzero(off_singular & off_things)
+    turned = every_turn(robot, q[keep])
+    near, off_limits = drive.near_limits(robot, turned.q)
+    row = keep[turned.target[off_limits]]
+    _check_left(n, point[row], "a joint limit", "limit_least")
+    merit = problem.objective.sign * value
+    cost = (-merit / problem.scale + singular + clear)[row] + near[off_limits]
+    start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
+    layers = Layers(start, turned.q[off_limits], sweep.gamma[point, at][row], cost / n, merit[row])
+    return States(layers, value[row], branch[row], sweep.names)
+
+
+def _check_left(n: int, point: Integers, thing: str, least: str) -> None:
+    empty = np.flatnonzero(np.bincount(point, minlength=n) == 0)
+    if len(empty):
+        raise InputError(
+            f"path point {int(empty[0])} ({len(empty)} of {n} points): all postures are too near to {thing}",
+            allowed=f"a distance of {least} or more",
+            remedy=f"move the part, tilt the tool, or lower {least}",
+        )
+
+
+def solve(problem: Problem, states: States, links: Links) -> Course | Gap:
+    """Best course through the states, or where there is none."""
+    layers = states.layers
+    if problem.objective.aim == "worst":
+        floor = highest_floor(layers, links)
+        if isinstance(floor, Gap):
+            return floor
+        states = _kept(states, np.asarray(layers.merit >= floor))
+        layers = states.layers
+    course = cheapest_course(layers, links)
+    return course if isinstance(course, Gap) else course_of(problem, states, course)
+
+
+def _kept(states: States, keep: Bools) -> States:
+    old = states.layers
+    start = np.concatenate([[0], np.cumsum(keep)]).astype(np.int64)[old.start]
+    layers = Layers(start, old.q[keep], old.gamma[keep], old.cost[keep], old.merit[keep])
+    return States(layers, states.value[keep], states.branch[keep], states.names)
+
+
+def course_of(problem: Problem, states: States, course: Integers) -> Course:
+    """What a course of states (n,) comes to."""
+    layers, task = states.layers, problem.task
+    q, gamma, value, branch = layers.q[course], layers.gamma[course], states.value[course], states.branch[course]
+    return Course(
+        gamma=gamma,
+        q=q,
+        value=value,
+        branch=branch,
+        names=states.names,
+        mean=float(value.mean()),
+        worst=float(value.max() if problem.objective.minimised else value.min()),
+        cost=course_cost(layers, problem.links, course),
+        smoothness=smoothness(problem.model.robot, task.path, problem.links, q, gamma, branch),
+    )
+
+
+def is_better(problem: Problem, new: Course | Gap, old: Course | Gap) -> bool:
+    """Whether one course is better than another by the objective's aim; any is better than none."""
+    if isinstance(new, Gap) or isinstance(old, Gap):
+        return not isinstance(new, Gap)
+    if problem.objective.aim == "worst" and new.worst != old.worst:
+        return problem.objective.sign * new.worst > problem.objective.sign * old.worst
+    return new.cost < old.cost
+
+
+def gap_error(problem: Problem, states: States, gap: Gap) -> InputError:
+    """Say where the path cannot be driven on, what is in the way, and how near a singularity is."""
+    robot, step = problem.model.robot, problem.links.step[gap.after]
+    share = np.abs(gap.dq) / step
+    joint = int(np.argmax(share))
+    near = float(singular_distance(robot, states.layers.q[[gap.before, gap.behind]]).min())
+    if gap.excess > 1.0:
+        value = (
+            f"{robot.joint_names[joint]} would have to move {np.degrees(abs(gap.dq[joint])):.3g} deg at once "
+            f"({share[joint]:.3g} times what speed and jump allow)"
+        )
+    else:
+        value = "gamma would have to change by more than allowed"
+    return InputError(
+        f"path cannot be driven from point {gap.after} to {gap.after + 1}",
+        value=f"{value}; distance to the nearest singularity there {near:.2g}",
+        allowed=f"at most {np.degrees(step[joint]):.3g} deg of {robot.joint_names[joint]}",
+        remedy="lower the feed, give points closer together, a finer grid or more range of gamma, or move the part",
+    )

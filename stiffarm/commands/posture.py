@@ -1,0 +1,155 @@
+"""The command `posture`: from a part's path to the posture along it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from machining import INDICES, Drive, GammaRange, Objective, Task, read_path
+from machining.objective import DISPLACEMENTS
+from robots import InputError
+from stiffarm import inputs, posture_payload
+from stiffarm.console import emit_json, progress, say, show_table, user_errors
+from stiffarm.inputs import ModelInput
+from stiffarm.machining_options import (
+    GammaOpt,
+    PartOpt,
+    ToolOpt,
+    parse_frame,
+    parse_gammas,
+    parse_joint_figures,
+    parse_vector,
+    tool_of,
+)
+from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
+from stiffarm.outputs import OutputFolder
+from stiffarm.posing import CHOSEN, Posed, PostureRequest, pose_along
+
+FIXED_HALF_WIDTH = 1e-6
+
+
+def posture(
+    model: ModelArg,
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz")],
+    tool: ToolOpt = None,
+    part: PartOpt = None,
+    gamma: GammaOpt = "-180:180:5",
+    before: Annotated[
+        float, typer.Option("--before", metavar="DEG", help="gamma of the program as it stands, to compare with")
+    ] = 0.0,
+    quantity: Annotated[
+        str, typer.Option("--quantity", help=f"what is optimised: {', '.join((*INDICES, *DISPLACEMENTS))}")
+    ] = "k_fs",
+    aim: Annotated[str, typer.Option("--aim", help="mean, or worst: of the path's points")] = "mean",
+    force: Annotated[
+        str | None, typer.Option("--force", metavar="X,Y,Z", help="N on the tool, base axes, where --quantity needs it")
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option("--speed", metavar="DEG/S", help="joint speeds, one for all or one each, separated by commas"),
+    ] = None,
+    jump: Annotated[
+        float, typer.Option("--jump", metavar="DEG", help="most that a joint may move from point to point", min=1e-6)
+    ] = 20.0,
+    gamma_step: Annotated[
+        float | None,
+        typer.Option("--gamma-step", metavar="DEG", help="most that gamma may change a point; 0: one gamma", min=0.0),
+    ] = None,
+    motion: Annotated[
+        float,
+        typer.Option("--motion", help="weight of joint motion against stiffness; 0: none, more: calmer", min=0.0),
+    ] = Drive.motion,
+    seed: Seed = 0,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """The stiffest posture that can be driven along a path: redundant angle, branch and turns of the joints.
+
+    Writes posture.csv, posture.json and a report into --out.
+    """
+    with user_errors(debug):
+        given = inputs.read_model(model, links, load_path, without="the postures")
+        task = Task(
+            read_path(path), tool_of(given.robot, tool), np.eye(4) if part is None else parse_frame(part, "--part")
+        )
+        request = PostureRequest(
+            task,
+            _objective(quantity, aim, force),
+            _gammas(gamma),
+            Drive(
+                speed=None if speed is None else np.radians(parse_joint_figures(given.robot, speed, "--speed")),
+                jump=float(np.radians(jump)),
+                motion=motion,
+                gamma_step=np.inf if gamma_step is None else float(np.radians(gamma_step)),
+            ),
+            float(np.radians(before)),
+            seed,
+        )
+        files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
+        with folder_if(out, files, seed) as folder:
+            with progress("posture along the path") as bar:
+                posed = pose_along(given.model, request, bar)
+            content = posture_payload.payload(posed)
+            if folder is not None:
+                _write(folder, given, posed, content)
+        if as_json:
+            emit_json(content)
+            return
+        _show(posed)
+        if out is not None:
+            say(f"written: {out / 'report.html'}, posture.csv, posture.json")
+
+
+def _objective(quantity: str, aim: str, force: str | None) -> Objective:
+    if aim not in ("mean", "worst"):
+        raise InputError("--aim", value=aim, allowed="mean, worst", remedy="choose one of them")
+    if quantity not in (*INDICES, *DISPLACEMENTS):
+        raise InputError("--quantity", value=quantity, allowed=", ".join((*INDICES, *DISPLACEMENTS)))
+    vector = None if force is None else parse_vector(force, "--force", "N in base axes")
+    return Objective(quantity, vector, "worst" if aim == "worst" else "mean")
+
+
+def _gammas(text: str) -> GammaRange:
+    gammas = parse_gammas(text)
+    if isinstance(gammas, GammaRange):
+        return gammas
+    return GammaRange(gammas - FIXED_HALF_WIDTH, gammas + FIXED_HALF_WIDTH, 2)
+
+
+def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[str, Any]) -> None:
+    import pandas as pd
+
+    from stiffarm.posture_report import write_report
+
+    folder.write_json("posture.json", content)
+    folder.write_text("posture.csv", pd.DataFrame(posture_payload.rows(posed)).to_csv(index=False))
+    write_report(posed, given.description.title.split(" (")[0], folder)
+
+
+def _show(posed: Posed) -> None:
+    from stiffarm.posture_report import gain_words, remarks
+
+    _, words, factor = posture_payload.quantity(posed.request.objective)
+    rows = []
+    for name, course in ({CHOSEN: posed.course} | posed.others).items():
+        moves = course.smoothness
+        rows.append(
+            [
+                name,
+                f"{course.mean * factor:.4g}",
+                f"{course.worst * factor:.4g}",
+                f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
+                "yes" if not moves.undrivable else f"no ({len(moves.undrivable)} jumps)",
+                "" if name == CHOSEN else gain_words(posed, course),
+            ]
+        )
+    title = f"{words} on {posed.request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm"
+    show_table(title, ["course", "mean", "worst", "gamma, deg", "drivable", "gain"], rows)
+    for text in remarks(posed):
+        say(f"note: {text}")

@@ -1,0 +1,101 @@
+"""The step `posture`: from a part's path to the posture that the arm should take along it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining import (
+    Course,
+    Drive,
+    GammaRange,
+    Objective,
+    PathPosture,
+    Task,
+    course_at,
+    optimise_path,
+)
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+# Passes of finer grids of gamma: from 5 deg to 0.02 deg.
+PASSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class PostureRequest:
+    """What is asked. ``before`` rad: gamma of the program as it stands, that the result is compared with."""
+
+    task: Task
+    objective: Objective
+    gammas: GammaRange
+    drive: Drive
+    before: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """The result: the recommended course beside others.
+
+    ``before``: the course at the gamma that the program has now, None where ``why_no_before`` says that there is none.
+    """
+
+    request: PostureRequest
+    model: fem.ArmModel
+    found: PathPosture
+    before: Course | None
+    why_no_before: str | None
+
+    @property
+    def course(self) -> Course:
+        """What is recommended."""
+        return self.found.course
+
+    @property
+    def arc_mm(self) -> Array:
+        """Length (n,) mm of the path up to each point."""
+        return np.concatenate([[0.0], np.cumsum(self.request.task.path.lengths)]) * 1e3
+
+    @property
+    def others(self) -> dict[str, Course]:
+        """The courses that the recommended one is compared with, by what they are called."""
+        named = {BEFORE: self.before, FIXED: self.found.fixed, EACH: self.found.each_point}
+        return {name: course for name, course in named.items() if course is not None}
+
+
+CHOSEN, BEFORE, FIXED, EACH = "recommended", "as programmed", "best fixed gamma", "each point by itself"
+
+
+def pose_along(
+    model: fem.ArmModel, request: PostureRequest, progress: Callable[[int, int], None] | None = None
+) -> Posed:
+    """Find the course along the path, and the one it is compared with.
+
+    Raises
+    ------
+    InputError
+        As :func:`machining.optimise_path`.
+    """
+    seeds = np.random.default_rng(request.seed).spawn(2)
+    found = optimise_path(
+        model, request.task, request.objective, request.gammas, request.drive,
+        passes=PASSES, generator=seeds[0], progress=progress,
+    )  # fmt: skip
+    before, why = None, None
+    try:
+        before = course_at(model, request.task, request.before, request.objective, request.drive, generator=seeds[1])
+    except InputError as error:
+        why = str(error)
+    return Posed(request, model, found, before, why)
+
+
+def gain(objective: Objective, course: Course, other: Course) -> float:
+    """By what factor the recommended course's mean is better: 1.2 is a fifth stiffer, or so much less displaced."""
+    better, worse = (other.mean, course.mean) if objective.minimised else (course.mean, other.mean)
+    return better / worse if worse > 0.0 else float("inf")

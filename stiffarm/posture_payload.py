@@ -1,0 +1,94 @@
+"""A posture along a path as JSON and as table rows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining import Course, Objective, limit_distance, singular_distance
+from machining.indices import INDICES
+from stiffarm.payloads import number
+from stiffarm.posing import BEFORE, CHOSEN, EACH, FIXED, Posed
+
+Array = NDArray[np.float64]
+
+KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
+
+
+def quantity(objective: Objective) -> tuple[str, str, float]:
+    """Key with unit, words with unit, and the factor from SI to that unit."""
+    name = objective.quantity
+    if objective.minimised:
+        return f"{name.replace(' ', '_')}_um", f"{name}, um", 1e6
+    if INDICES[name].degree == 0:
+        return name, name, 1.0
+    return f"{name}_N_per_mm", f"{name}, N/mm", 1e-3
+
+
+def payload(posed: Posed) -> dict[str, Any]:
+    """Everything that was found, keys with units."""
+    request = posed.request
+    key, _, factor = quantity(request.objective)
+    courses = {KEYS[CHOSEN]: posed.course} | {KEYS[name]: course for name, course in posed.others.items()}
+    not_found = {KEYS[BEFORE]: posed.why_no_before, KEYS[FIXED]: posed.found.why_no_fixed}
+    return {
+        "robot": posed.model.robot.name,
+        "quantity": key,
+        "aim": request.objective.aim,
+        "points": request.task.path.n,
+        "path_length_mm": number(float(posed.arc_mm[-1])),
+        "gamma_grid_deg": {
+            "from": number(float(np.degrees(request.gammas.lower))),
+            "to": number(float(np.degrees(request.gammas.upper))),
+            "count": request.gammas.count,
+        },
+        "as_programmed_gamma_deg": number(float(np.degrees(request.before))),
+        "all_solutions_found": posed.found.sure,
+        "courses": {name: _course(posed, course, key, factor) for name, course in courses.items()},
+        "not_found": {name: why for name, why in not_found.items() if why is not None},
+    }
+
+
+def _course(posed: Posed, course: Course, key: str, factor: float) -> dict[str, Any]:
+    moves, robot = course.smoothness, posed.model.robot
+    peak = np.degrees(moves.peak_speed)
+    return {
+        f"mean_{key}": number(course.mean * factor),
+        f"worst_{key}": number(course.worst * factor),
+        "gamma_deg": [number(float(v)) for v in np.degrees([course.gamma.min(), course.gamma.max()])],
+        "branches": sorted({course.names[b] for b in course.branch}),
+        "branch_changes": moves.branch_changes,
+        "undrivable_segments": len(moves.undrivable),
+        "largest_step_deg": _by_joint(robot.coordinates, np.degrees(moves.largest_step)),
+        "peak_speed_deg_per_s": None if np.isnan(peak).all() else _by_joint(robot.coordinates, peak),
+        "joint_travel_deg": number(float(np.degrees(moves.travel))),
+        "least_distance_to_limit_deg": number(float(np.degrees(moves.limit_distance))),
+        "least_distance_to_singularity": number(moves.singular_distance),
+    }
+
+
+def _by_joint(names: tuple[str, ...], values: Array) -> dict[str, float | None]:
+    return {name.removesuffix("_deg"): number(float(v)) for name, v in zip(names, values, strict=True)}
+
+
+def rows(posed: Posed) -> list[dict[str, Any]]:
+    """One row a path point: where, the recommended posture, and the quantity of the other courses."""
+    request, course, robot = posed.request, posed.course, posed.model.robot
+    key, _, factor = quantity(request.objective)
+    path = request.task.path
+    limit = np.degrees(limit_distance(robot, course.q))
+    singular = singular_distance(robot, course.q)
+    out = []
+    for i in range(path.n):
+        row: dict[str, Any] = {"point": i, "path_mm": number(float(posed.arc_mm[i]), 9)}
+        row |= {f"{a}_mm": number(float(v), 9) for a, v in zip("xyz", path.points[i] * 1e3, strict=True)}
+        row["gamma_deg"] = number(float(np.degrees(course.gamma[i])), 9)
+        row["branch"] = course.names[course.branch[i]]
+        row |= {name: number(float(v), 10) for name, v in zip(robot.coordinates, np.degrees(course.q[i]), strict=True)}
+        row[key] = number(float(course.value[i] * factor))
+        row |= {f"{KEYS[name]}_{key}": number(float(c.value[i] * factor)) for name, c in posed.others.items()}
+        row["limit_distance_deg"], row["singular_distance"] = number(float(limit[i])), number(float(singular[i]))
+        out.append(row)
+    return out

@@ -1,0 +1,131 @@
+"""The command `posture`: what it writes is the best drivable course, and says what was not looked at."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runs import Command, tree
+
+import fem
+from machining import stiffness_index
+from robots import forward_kinematics, load_description
+from stiffarm.machining_options import parse_frame
+
+TOOL, PART = "200,0,80,0,90,0", "1200,200,600"
+SPEED = "128,102,128,260,245,322"
+
+
+@pytest.fixture
+def dome(tmp_path: Path) -> Path:
+    """A curved path of twelve points with a feed."""
+    u = np.linspace(0.0, 1.0, 12)
+    wave = 2.0 * np.pi * u
+    rows = np.stack(
+        [150 * (u - 0.5), 60 * np.sin(wave), 30 * np.cos(wave), 0.3 * np.sin(wave), 0.2 * np.cos(wave), 1 + 0 * u,
+         3000 + 0 * u], axis=1,
+    )  # fmt: skip
+    file = tmp_path / "dome.csv"
+    header = "x_mm,y_mm,z_mm,nx,ny,nz,feed_mm_per_min"
+    file.write_text(header + "\n" + "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows) + "\n")
+    return file
+
+
+def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    outcome = cli(
+        "posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--speed", SPEED, "--gamma",
+        "-180:180:10", "--out", out,
+    )  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    with (out / "posture.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    content = json.loads((out / "posture.json").read_text(encoding="utf-8"))
+    model = fem.build_model(load_description("kr60-3"), links="rigid")
+    q = np.radians([[float(row[name]) for name in model.robot.coordinates] for row in rows])
+    table = np.loadtxt(dome, delimiter=",", skiprows=1)
+    T = parse_frame(TOOL, "--tool")
+    frames = forward_kinematics(model.robot, q)
+    tip = frames.p_flange + frames.R_flange @ T[:3, 3]
+    # Angles are written with ten digits: 1e-7 deg on two metres.
+    np.testing.assert_allclose(tip, table[:, :3] * 1e-3 + [1.2, 0.2, 0.6], atol=1e-8)
+    axis = -frames.R_flange @ T[:3, 2]
+    unit = table[:, 3:6] / np.linalg.norm(table[:, 3:6], axis=1, keepdims=True)
+    np.testing.assert_allclose(axis, unit, atol=1e-8)
+    k = stiffness_index(model, q, table[:, 3:6], T[:3, 3]) * 1e-3
+    np.testing.assert_allclose([float(row["k_fs_N_per_mm"]) for row in rows], k, rtol=2e-6)
+    assert content["courses"]["recommended"]["mean_k_fs_N_per_mm"] == pytest.approx(k.mean(), rel=2e-6)
+    assert (
+        content["courses"]["recommended"]["mean_k_fs_N_per_mm"]
+        >= content["courses"]["as_programmed"]["mean_k_fs_N_per_mm"]
+    )
+    length = np.linalg.norm(np.diff(table[:, :3], axis=0), axis=1)
+    speed = np.abs(np.diff(np.degrees(q), axis=0)) / (length / 50.0)[:, None]
+    assert (speed <= np.array([float(v) for v in SPEED.split(",")]) * 1.001).all()
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Collisions were not looked at" in page
+    assert 'src="http' not in page
+
+
+def test_json_alone_writes_nothing(cli: Command, dome: Path, tmp_path: Path) -> None:
+    before = tree(tmp_path)
+    outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
+                  "--gamma", "-30:30:10", "--aim", "worst")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    assert outcome.json["aim"] == "worst"
+    assert outcome.json["gamma_grid_deg"] == {"from": -30.0, "to": 30.0, "count": 7}
+    assert tree(tmp_path) == before
+
+
+def test_one_gamma_is_kept(cli: Command, dome: Path) -> None:
+    outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
+                  "--gamma", "20", "--before", "20")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    courses = outcome.json["courses"]
+    np.testing.assert_allclose(courses["recommended"]["gamma_deg"], 20.0, atol=1e-3)
+    key = "mean_k_fs_N_per_mm"
+    assert courses["recommended"][key] == pytest.approx(courses["as_programmed"][key], rel=1e-4)
+
+
+def test_a_program_that_cannot_be_driven_is_said_to_be_so(cli: Command, dome: Path) -> None:
+    outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", "2000,200,500", "--json",
+                  "--before", "180")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    text = json.dumps(outcome.json["not_found"])
+    assert "as_programmed" in outcome.json["not_found"]
+    assert "cannot be reached" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--part", "9000,0,0"), "cannot be reached"),
+        (("--tool", "0,0,5000"), "cannot be reached"),
+        (("--quantity", "kfs"), "--quantity"),
+        (("--quantity", "displacement"), "force for displacement"),
+        (("--aim", "best"), "--aim"),
+        (("--speed", "1,2"), "--speed"),
+        (("--speed", "0"), "--speed"),
+    ],
+)
+def test_bad_input_is_named(cli: Command, dome: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    outcome = cli("posture", "kr60-3", dome, *arguments, "--out", tmp_path / "none")
+    assert outcome.code == 2
+    assert words in outcome.err.replace("\n", " ")
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [("0,0,0,0,0,1", "the point of the row before once more"), ("5,0,0,0,0,0", "normal of length zero")],
+)
+def test_bad_paths_are_named_by_row(cli: Command, tmp_path: Path, row: str, words: str) -> None:
+    path = tmp_path / "path.csv"
+    path.write_text(f"x_mm,y_mm,z_mm,nx,ny,nz\n0,0,0,0,0,1\n{row}\n")
+    outcome = cli("posture", "kr60-3", path)
+    assert outcome.code == 2
+    assert words in outcome.err.replace("\n", " ")
+    assert "row 3" in outcome.err
