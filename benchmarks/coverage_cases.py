@@ -1,4 +1,4 @@
-"""Calibrations of made-up readings with known parameters, for ``benchmarks/coverage.py`` and its test.
+"""Calibrations of made-up readings with known parameters, for ``benchmarks/interval_coverage.py`` and its test.
 
 Parameters: springs about the joint axes log-uniform in 1e5 to 3e6 N m/rad, tilting stiffnesses 5e5 to 5e6 N m/rad (RV
 gearboxes and joints of this size), translations of joints 3e7 to 1e9 N/m (assumed), zero offsets with a standard

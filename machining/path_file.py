@@ -39,13 +39,13 @@ def read_path(path: str | Path) -> ToolPath:
     values = [_numbers(f"{path.name}, row {line}", row, columns, len(header), errors) for line, row in rows]
     last: Array | None = None
     for (line, _), value in zip(rows, values, strict=True):
-        point = np.array([value.get(name, np.nan) for name in POINT])
-        # NaN compares false: a bad row is reported for what is bad about it only.
-        if last is not None and np.linalg.norm(point - last) < REPEATED * 1e3:
+        # The tool may turn on the spot. NaN compares false: a bad row is reported for what is bad about it only.
+        point = np.array([value.get(name, np.nan) for name in (*POINT, *(AXIS if AXIS[0] in columns else ()))])
+        if last is not None and np.abs(point - last).max() < REPEATED * 1e3:
             errors.append(
                 InputError(
                     f"{path.name}, row {line}: the point of the row before once more",
-                    value=point.tolist(),
+                    value=point[:3].tolist(),
                     allowed="neighbouring points at different places",
                     remedy="remove one of the two",
                 )

@@ -99,7 +99,7 @@ def optimise_path(
     states = states_of(problem, sweep)
     found = solve(problem, states, problem.links)
     said.next()
-    best = _refined(problem, states, found, passes, said) if passes > 0 else found
+    best = refine_course(problem, states, found, passes, said.next) if passes > 0 else found
     if isinstance(best, Gap):
         raise gap_error(problem, states, best)
     each = best_postures(
@@ -150,8 +150,14 @@ class _Said:
             self.progress(self.done, self.total)
 
 
-def _refined(problem: Problem, states: States, found: Course | Gap, passes: int, said: _Said) -> Course | Gap:
-    """Courses on finer grids around those found, four times as fine each time."""
+def refine_course(
+    problem: Problem,
+    states: States,
+    found: Course | Gap,
+    passes: int,
+    said: Callable[[], None] = lambda: None,
+) -> Course | Gap:
+    """Courses on finer grids around those found, four times as fine each time; ``said`` is called after each."""
     best, half = found, problem.gammas.cell
     centres = [] if isinstance(found, Gap) else [found.gamma]
     centres += _between_knots(problem, states)
@@ -160,7 +166,7 @@ def _refined(problem: Problem, states: States, found: Course | Gap, passes: int,
             trial = _around(problem, centre, half)
             if is_better(problem, trial, best):
                 best = trial
-        said.next()
+        said()
         if isinstance(best, Gap):
             return best
         centres, half = [best.gamma], half / 4.0

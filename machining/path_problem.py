@@ -55,7 +55,10 @@ class States:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """All that a course depends on; ``links``: allowed steps, ``scale``: the unit of its cost."""
+    """All that a course depends on.
+
+    ``links``: allowed steps; ``scale``: the unit of its cost; ``share`` (n,): part of each point in the mean.
+    """
 
     model: fem.ArmModel
     task: Task
@@ -64,6 +67,7 @@ class Problem:
     drive: Drive
     links: Links
     scale: float
+    share: Array
     generator: np.random.Generator | None
 
     def states(self, gamma: Array) -> States:
@@ -86,7 +90,8 @@ def problem_of(
     scale = float(np.abs(sweep.merit.max(axis=(1, 2))).mean()) or 1.0
     links = drive.links(model.robot, task.path)
     links = replace(links, weight=links.weight / task.path.n)
-    return Problem(model, task, objective, gammas, drive, links, scale, generator)
+    share = np.full(task.path.n, 1.0 / task.path.n)
+    return Problem(model, task, objective, gammas, drive, links, scale, share, generator)
 
 
 def states_of(problem: Problem, sweep: Sweep) -> States:
@@ -107,7 +112,8 @@ def states_of(problem: Problem, sweep: Sweep) -> States:
     merit = problem.objective.sign * value
     cost = (-merit / problem.scale + singular + clear)[row] + near[off_limits]
     start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
-    layers = Layers(start, turned.q[off_limits], sweep.gamma[point, at][row], cost / n, merit[row])
+    cost = cost * problem.share[point[row]]
+    layers = Layers(start, turned.q[off_limits], sweep.gamma[point, at][row], cost, merit[row])
     return States(layers, value[row], branch[row], sweep.names)
 
 

@@ -18,7 +18,7 @@ from robots import InputError, InputErrors
 
 Array = NDArray[np.float64]
 
-# Neighbouring points nearer than this (m) are one point: no direction of feed, no time to move.
+# Neighbouring points nearer than this (m, and tool axes nearer than this in rad) are one point.
 REPEATED = 1e-9
 # Sine of the angle between reference direction and tool axis below which gamma = 0 is not defined well.
 ALONG = 1e-3
@@ -37,7 +37,7 @@ class ToolPath:
     InputError
         Shapes, no point, values that are not finite, directions of length zero, a feed that is not positive.
     InputErrors
-        Points that repeat the one before, all of them.
+        Points that repeat the one before, tool axis and all; all of them.
     """
 
     points: Array
@@ -58,7 +58,8 @@ class ToolPath:
         object.__setattr__(self, "normals", as_units("surface normal of the path", self.normals, n))
         object.__setattr__(self, "axes", as_units("tool axis of the path", self.axes, n))
         object.__setattr__(self, "feed", feed)
-        repeated = np.flatnonzero(self.lengths < REPEATED) + 1
+        turned = np.linalg.norm(np.diff(self.axes, axis=0), axis=1)
+        repeated = np.flatnonzero((self.lengths < REPEATED) & (turned < REPEATED)) + 1
         if len(repeated):
             allowed, remedy = "neighbouring points at different places", "remove one of the two"
             raise InputErrors(
@@ -78,8 +79,8 @@ class ToolPath:
 
     @property
     def times(self) -> Array:
-        """Time (n - 1,) s of each segment at its feed; NaN without one."""
-        return np.asarray(self.lengths / self.feed[1:])
+        """Time (n - 1,) s of each segment at its feed; NaN without one, and where only the tool turns."""
+        return np.where(self.lengths < REPEATED, np.nan, self.lengths / self.feed[1:])
 
 
 def tool_path(

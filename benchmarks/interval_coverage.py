@@ -1,6 +1,6 @@
 """Do 95 % intervals hold the truth 95 % of the time? Calibrations of made-up readings with known parameters.
 
-    python benchmarks/coverage.py [--repeats 200] [--case NAME] [--robot NAME] [--write docs/calibration_coverage.md]
+    python benchmarks/interval_coverage.py [--repeats 200] [--case NAME] [--robot NAME] [--write docs/calibration_coverage.md]
                                   [--json]
 
 Every repeat draws parameters, poses, load directions and noise anew, estimates parameters and noise, and looks
@@ -20,7 +20,7 @@ from doe.noise import FEWEST_POSES
 
 HEADING = """# Coverage of calibration intervals
 
-Written by `python benchmarks/coverage.py --repeats {repeats} --write docs/calibration_coverage.md`.
+Written by `python benchmarks/interval_coverage.py --repeats {repeats} --write docs/calibration_coverage.md`.
 
 Calibrations of made-up readings whose parameters are known: how often the 95 % intervals hold the truth. Every
 repeat draws parameters, poses, load directions and noise anew. Springs about the joint axes are drawn log-uniform
