@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from kr60_readings import FORCE_N, P1_M, P2_M, P_M, TABLE_4, UP, Reading, index, path
+from kr60_readings import FORCE_N, P1_M, P2_M, P_M, TABLE_4, UP, Reading, flange_frames, index, path
 from numpy.typing import NDArray
 from scipy.stats import kendalltau, spearmanr
 
 import fem
 import machining
+from machining.distribution import Distribution, Over, distribution
+from machining.grid import Grid, box_grid, grid_task
 
 Array = NDArray[np.float64]
 
@@ -85,41 +87,65 @@ def on_path(model: fem.ArmModel, reading: Reading) -> PathResult:
     )
 
 
+def tool_frame(reading: Reading) -> Array:
+    """Tool frame (4, 4) on the flange of a reading: z leads down out of the holder, x is base X at gamma = 0."""
+    T, tip = flange_frames(reading, np.zeros((1, 3)), np.zeros(1))
+    frame = np.eye(4)
+    frame[:3, :3] = T[0, :3, :3].T @ np.diag([1.0, -1.0, -1.0])
+    frame[:3, 3] = tip
+    return frame
+
+
 @dataclass(frozen=True)
 class PlaneResult:
-    """k_fs (N/mm) over the plane z = 486 mm: (gamma, y, x), NaN where no posture; grid in mm."""
+    """k_fs over the plane z = 486 mm at each of ``PLANE_GAMMA_DEG``; the distribution's gamma is the reading's own."""
 
-    x_mm: Array
-    y_mm: Array
-    k: Array
+    grid: Grid
+    found: Distribution
 
-    def statistics(self) -> dict[str, Array]:
-        """By gamma: mean, scatter, peak to valley and share reached, and the mean where every gamma reaches."""
-        flat = self.k.reshape(len(self.k), -1)
-        everywhere = np.isfinite(flat).all(axis=0)
+    @property
+    def k(self) -> Array:
+        """k_fs (gamma, x, y), N/mm, NaN where no posture."""
+        return np.asarray(1e-3 * self.found.value.T.reshape(-1, *self.grid.counts))
+
+    def statistics(self, over: Over = "reached") -> dict[str, Array]:
+        """Mean, standard deviation and peak to valley (N/mm) by gamma, and the share of the plane reached."""
+        s = self.found.statistics(over)
         return {
-            "mean": np.nanmean(flat, axis=1),
-            "std": np.nanstd(flat, axis=1),
-            "pv": np.nanmax(flat, axis=1) - np.nanmin(flat, axis=1),
-            "reached": np.isfinite(flat).mean(axis=1),
-            "common": flat[:, everywhere].mean(axis=1),
+            "mean": 1e-3 * s.mean,
+            "std": 1e-3 * s.standard_deviation,
+            "pv": 1e-3 * s.peak_to_valley,
+            "reached": s.share,
         }
 
     def near_the_base(self, gamma: int) -> float:
         """Rank correlation of k_fs with the distance from the base axis; -1: always stiffer when nearer."""
-        x, y = np.meshgrid(self.x_mm, self.y_mm)
-        distance, k = np.hypot(x, y).ravel(), self.k[gamma].ravel()
+        distance, k = np.hypot(*self.grid.points[:, :2].T), self.found.value[:, gamma]
         known = np.isfinite(k)
         return float(spearmanr(distance[known], k[known]).statistic)
+
+    def stiff_region(self) -> Array:
+        """Share (gamma,) of the plane that is stiffer than half of all points at all gamma: the paper's red region."""
+        middle = np.nanmedian(self.found.value)
+        return np.asarray((self.found.value > middle).mean(axis=0))
+
+    def together(self) -> NDArray[np.bool_]:
+        """Whether mean and peak to valley change the same way from one gamma to the next."""
+        s = self.statistics()
+        return np.asarray(np.diff(s["mean"]) * np.diff(s["pv"]) > 0.0)
 
 
 def on_plane(model: fem.ArmModel, reading: Reading, step_mm: float = 25.0) -> PlaneResult:
     """Figs. 10 and 11. The paper does not say where its plane ends: here 1.2 m across and 0.6 to 1.4 m ahead."""
     x_mm, y_mm = np.arange(-600.0, 601.0, step_mm), np.arange(600.0, 1401.0, step_mm)
-    x, y = np.meshgrid(x_mm * 1e-3, y_mm * 1e-3)
-    points = np.stack([x.ravel(), y.ravel(), np.full(x.size, P_M[2])], axis=1)
-    k = np.stack([index(model, reading, points, g) for g in PLANE_GAMMA_DEG])
-    return PlaneResult(x_mm, y_mm, k.reshape(len(k), *x.shape))
+    grid, gamma = box_grid(1e-3 * x_mm, 1e-3 * y_mm, P_M[2]), np.radians(PLANE_GAMMA_DEG)
+    if reading.branch is None and reading.at == "tool":
+        task = grid_task(grid, tool_frame(reading), normal=UP, reference=np.array([1.0, 0.0, 0.0]))
+        value = distribution(model, task, None, reading.turn * gamma).value
+    else:
+        # No rule of `distribution`: limits broken, one branch, Jacobian elsewhere.
+        value = 1e3 * np.stack([index(model, reading, grid.points, g) for g in PLANE_GAMMA_DEG], axis=1)
+    return PlaneResult(grid, Distribution(machining.Objective(), gamma, value))
 
 
 @dataclass(frozen=True)

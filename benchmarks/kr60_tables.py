@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 
 import fem
 import machining
+from machining.distribution import Over
 
 Array = NDArray[np.float64]
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -99,7 +100,6 @@ def holds(paths: PathResult) -> str:
 
 
 def claims(paths: Mapping[str, PathResult], points: Mapping[str, PointCurve], planes: Mapping[str, PlaneResult]) -> str:
-    statistics = {name: plane.statistics() for name, plane in planes.items()}
     by_reading: list[tuple[str, str, Callable[[str], str]]] = [
         ("Table 4: k_fs on the path", "", lambda n: f"{100 * paths[n].error:.2f} %" if paths[n].error >= 0 else "no"),
         ("Fig. 5: smallest k_fs at x, mm", "0", lambda n: number(paths[n].worst_x_mm)),
@@ -107,34 +107,63 @@ def claims(paths: Mapping[str, PathResult], points: Mapping[str, PointCurve], pl
         ("Fig. 4: the rise begins at gamma", "8", lambda n: f"{points[n].foot_deg:.0f}"),
         ("Fig. 4: k_fs at P over gamma, N/mm", "", lambda n: "{:.0f} to {:.0f}".format(*points[n].span)),
         ("Table 5: gamma = 0 worst, best posture better", "yes", lambda n: holds(paths[n])),
-        (
-            "Fig. 11: plane mean largest at gamma (where reached / where every gamma reaches)",
-            "60",
-            lambda n: " / ".join(f"{PLANE_GAMMA_DEG[statistics[n][key].argmax()]:.0f}" for key in ("mean", "common")),
-        ),
-        (
-            "Fig. 11: standard deviation, N/mm",
-            "varies little",
-            lambda n: f"{statistics[n]['std'].min():.0f} to {statistics[n]['std'].max():.0f}",
-        ),
-        (
-            "Fig. 11: peak to valley, N/mm",
-            "",
-            lambda n: f"{statistics[n]['pv'].min():.0f} to {statistics[n]['pv'].max():.0f}",
-        ),
-        (
-            "share of the plane reached",
-            "",
-            lambda n: f"{statistics[n]['reached'].min():.2f} to {statistics[n]['reached'].max():.2f}",
-        ),
+    ]
+    rows = [[what, said, *(cell(name) for name in paths)] for what, said, cell in by_reading]
+    rows += plane_claims(planes)
+    return table(["claim", "paper", *paths], rows)
+
+
+def plane_claims(planes: Mapping[str, PlaneResult]) -> list[list[str]]:
+    """Rows for Figs. 10 and 11, over the points that each gamma reaches unless they say otherwise."""
+    reached = {name: plane.statistics() for name, plane in planes.items()}
+    common = {name: plane.statistics("common") for name, plane in planes.items()}
+    together = {name: plane.together() for name, plane in planes.items()}
+    # The two steps from 15 to 45 deg, where the paper has mean and peak to valley go against each other.
+    opposite = (PLANE_GAMMA_DEG[:-1] >= 15.0) & (PLANE_GAMMA_DEG[1:] <= 45.0)
+
+    def span(values: Array, digits: int = 0) -> str:
+        return f"{values.min():.{digits}f} to {values.max():.{digits}f}"
+
+    def at(values: Array) -> str:
+        return f"{PLANE_GAMMA_DEG[values.argmax()]:.0f}"
+
+    by_reading: list[tuple[str, str, Callable[[str], str]]] = [
         (
             "Fig. 10: k_fs against distance from the base, rank correlation at gamma = 60",
             "stiffer near the base",
             lambda n: f"{planes[n].near_the_base(GAMMA_60):.2f}",
         ),
+        ("Fig. 10: stiff region largest at gamma", "60", lambda n: at(planes[n].stiff_region())),
+        (
+            "Fig. 11: plane mean largest at gamma (where reached / where every gamma reaches)",
+            "60",
+            lambda n: f"{at(reached[n]['mean'])} / {at(common[n]['mean'])}",
+        ),
+        ("Fig. 11: mean, N/mm", "", lambda n: span(reached[n]["mean"])),
+        ("Fig. 11: standard deviation, N/mm", "varies little", lambda n: span(reached[n]["std"])),
+        ("the same where every gamma reaches", "varies little", lambda n: span(common[n]["std"])),
+        ("Fig. 11: peak to valley, N/mm", "", lambda n: span(reached[n]["pv"])),
+        ("the same where every gamma reaches", "", lambda n: span(common[n]["pv"])),
+        (
+            "Fig. 11: steps of gamma on which mean and peak to valley change the same way, 15 to 45 left out",
+            f"all {int((~opposite).sum())}",
+            lambda n: f"{int(together[n][~opposite].sum())}",
+        ),
+        (
+            "Fig. 11: steps of gamma from 15 to 45 on which they change against each other",
+            "both",
+            lambda n: f"{int((~together[n][opposite]).sum())} of {int(opposite.sum())}",
+        ),
+        ("share of the plane reached", "", lambda n: span(reached[n]["reached"], 2)),
+        ("share that every gamma reaches", "", lambda n: f"{planes[n].found.common.mean():.2f}"),
     ]
-    rows = [[what, said, *(cell(name) for name in paths)] for what, said, cell in by_reading]
-    return table(["claim", "paper", *paths], rows)
+    return [[what, said, *(cell(name) for name in planes)] for what, said, cell in by_reading]
+
+
+def variation(planes: Mapping[str, PlaneResult], over: Over, key: str) -> str:
+    """Largest over smallest of a figure of the plane over gamma, reading by reading."""
+    figures = [plane.statistics(over)[key] for plane in planes.values()]
+    return ", ".join(f"{values.max() / values.min():.1f}" for values in figures)
 
 
 def force_table(studies: Mapping[str, ForceStudy]) -> str:
@@ -228,6 +257,10 @@ def main() -> None:
         table_4=table_4(paths),
         table_5=table_5(paths),
         claims=claims(paths, points, planes),
+        names=", ".join(planes),
+        std_reached=variation(planes, "reached", "std"),
+        std_common=variation(planes, "common", "std"),
+        mean_reached=variation(planes, "reached", "mean"),
         forces=force_table(studies),
         indices=index_table(),
         spindles=spindle_range(model, path(TABLE_4[:, 0])),
@@ -247,7 +280,8 @@ def main() -> None:
     (DOCS / "kr60_indices.md").write_text(page, encoding="utf-8")
     kr60_figures.save(kr60_figures.curves(paths, points), DOCS / "kr60_curves.png")
     kr60_figures.save(kr60_figures.scatter(studies["any, tool B"], rng), DOCS / "kr60_force.png")
-    kr60_figures.save(kr60_figures.plane(planes), DOCS / "kr60_plane.png")
+    kr60_figures.save(kr60_figures.maps(planes), DOCS / "kr60_plane.png")
+    kr60_figures.save(kr60_figures.statistics(planes), DOCS / "kr60_plane_statistics.png")
 
 
 if __name__ == "__main__":

@@ -140,8 +140,7 @@ def _gamma(
     passes: int,
 ) -> Array:
     """Gamma (n,) of the best course on the knots, interpolated to all points."""
-    coarse = _at_knots(task, objective, knots)
-    knot_task, knot_objective = coarse
+    knot_task, knot_objective = _at_knots(task, objective, knots)
     sweep = sweep_gamma(model, knot_task, knot_objective, gammas.angles)
     problem = problem_of(model, knot_task, knot_objective, gammas, drive, sweep, None)
     share = np.gradient(knots.astype(np.float64)) / (task.path.n - 1) if len(knots) > 1 else np.ones(1)
@@ -150,7 +149,8 @@ def _gamma(
     found = solve(problem, states, problem.links)
     best = refine_course(problem, states, found, passes) if passes > 0 else found
     if isinstance(best, Gap):
-        raise _gap_at(gap_error(problem, states, best), knots, best)
+        a, b = knots[best.after], knots[best.after + 1]
+        raise gap_error(problem, states, best).at(int(a), f"between points {a} and {b}")
     way = np.arange(task.path.n, dtype=np.float64)
     if len(knots) == task.path.n:
         return best.gamma
@@ -160,13 +160,10 @@ def _gamma(
 
 
 def _at_knots(task: Task, objective: Objective, knots: Integers) -> tuple[Task, Objective]:
-    path = task.path
     # The feed is in the links already; between knots the way is longer than the chord.
-    feed = np.full(len(knots), np.nan)
-    few = ToolPath(path.points[knots], path.normals[knots], path.axes[knots], feed)
-    forces = objective.forces(path.n)
-    force = None if forces is None else forces[knots]
-    return replace(task, path=few), replace(objective, force=force)
+    few = task.at(knots, feed=np.full(len(knots), np.nan))
+    forces = objective.forces(task.path.n)
+    return few, replace(objective, force=None if forces is None else forces[knots])
 
 
 def _summed(links: Links, knots: Integers, n: int) -> Links:
@@ -178,15 +175,6 @@ def _summed(links: Links, knots: Integers, n: int) -> Links:
     unit = np.add.reduceat(links.unit, knots[:-1], axis=0) / np.sqrt(many)
     gamma_step = links.gamma_step * float(many.min()) if np.isfinite(links.gamma_step) else links.gamma_step
     return Links(step, gamma_step, unit, links.weight / n)
-
-
-def _gap_at(error: InputError, knots: Integers, gap: Gap) -> InputError:
-    return InputError(
-        f"path between points {knots[gap.after]} and {knots[gap.after + 1]}: {error.what}",
-        value=error.value,
-        allowed=error.allowed,
-        remedy=error.remedy,
-    )
 
 
 def _follow(

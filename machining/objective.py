@@ -79,6 +79,11 @@ class Objective:
             value = np.linalg.norm(d, axis=1) if self.quantity == "displacement" else along
         else:
             value = evaluate(self.quantity, translational(model, q, task.tip), normal, force)
+        self.check_finite(value, point)
+        return np.asarray(value)
+
+    def check_finite(self, value: Array, point: Integers) -> None:
+        """Raise InputError for a value (k,) at the path points (k,) that is not finite."""
         if not np.isfinite(value).all():
             raise InputError(
                 f"{self.quantity} at path point {int(point[np.argmax(~np.isfinite(value))])}",
@@ -86,4 +91,3 @@ class Objective:
                 allowed="poses in which something gives way",
                 remedy="choose k_fs, or a model without rigid directions",
             )
-        return np.asarray(value)

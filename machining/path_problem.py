@@ -15,9 +15,9 @@ import fem
 from machining.courses import Gap, Layers, Links, cheapest_course, course_cost, highest_floor
 from machining.drive import Drive, Smoothness, singular_distance, smoothness
 from machining.objective import Objective
+from machining.path_error import PathError
 from machining.posture import GammaRange, Sweep, sweep_gamma
 from machining.task import Task
-from robots import InputError
 from robots.turns import every_turn
 
 Array = NDArray[np.float64]
@@ -120,10 +120,11 @@ def states_of(problem: Problem, sweep: Sweep) -> States:
 def _check_left(n: int, point: Integers, thing: str, least: str) -> None:
     empty = np.flatnonzero(np.bincount(point, minlength=n) == 0)
     if len(empty):
-        raise InputError(
+        raise PathError(
+            int(empty[0]),
             f"path point {int(empty[0])} ({len(empty)} of {n} points): all postures are too near to {thing}",
             allowed=f"a distance of {least} or more",
-            remedy=f"move the part, tilt the tool, or lower {least}",
+            remedy=f"move the part, tilt the tool, or lower that distance ({least})",
         )
 
 
@@ -173,7 +174,7 @@ def is_better(problem: Problem, new: Course | Gap, old: Course | Gap) -> bool:
     return new.cost < old.cost
 
 
-def gap_error(problem: Problem, states: States, gap: Gap) -> InputError:
+def gap_error(problem: Problem, states: States, gap: Gap) -> PathError:
     """Say where the path cannot be driven on, what is in the way, and how near a singularity is."""
     robot, step = problem.model.robot, problem.links.step[gap.after]
     share = np.abs(gap.dq) / step
@@ -186,7 +187,8 @@ def gap_error(problem: Problem, states: States, gap: Gap) -> InputError:
         )
     else:
         value = "gamma would have to change by more than allowed"
-    return InputError(
+    return PathError(
+        gap.after,
         f"path cannot be driven from point {gap.after} to {gap.after + 1}",
         value=f"{value}; distance to the nearest singularity there {near:.2g}",
         allowed=f"at most {np.degrees(step[joint]):.3g} deg of {robot.joint_names[joint]}",

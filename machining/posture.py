@@ -13,9 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import fem
+from machining.fast_index import FastSweep, fast_sweep
 from machining.objective import Objective
+from machining.path_error import PathError
 from machining.task import Task, as_gammas
 from robots import InputError, Reason, inverse_kinematics
+from robots.branches import BRANCH_NAMES
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -111,7 +114,8 @@ class Sweep:
             if Reason(code) is not Reason.NO_SUCH
         )
         more = f" (and {len(lost) - 1} more: {', '.join(map(str, lost[1:6]))}{' ...' if len(lost) > 6 else ''})"
-        raise InputError(
+        raise PathError(
+            first,
             f"path point {first}{more if len(lost) > 1 else ''} cannot be reached at any of {self.gamma.shape[1]} "
             f"angles gamma from {np.degrees(self.gamma[first].min()):.4g} to "
             f"{np.degrees(self.gamma[first].max()):.4g} deg",
@@ -152,6 +156,9 @@ def sweep_gamma(
     """
     angle = as_gammas(gamma, task.path.n)
     n, m = angle.shape
+    fast = fast_sweep(model, task, objective.quantity, objective.forces(n), angle)
+    if fast is not None:
+        return _sweep_of(fast, model, task, objective, angle)
     frames = task.tool_frames(angle).reshape(n * m, 4, 4)
     parts = [
         inverse_kinematics(model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator)
@@ -177,6 +184,28 @@ def sweep_gamma(
         reason.reshape(shape),
         names,
         sure,
+    )
+
+
+def _sweep_of(fast: FastSweep, model: fem.ArmModel, task: Task, objective: Objective, angle: Array) -> Sweep:
+    n, m = angle.shape
+    valid, value = fast.valid, fast.value
+    target = np.nonzero(valid)[0]
+    if value is None:
+        value = np.full(valid.shape, np.nan)
+        value[valid] = objective.values(model, fast.q[valid], task, target // m)
+    else:
+        objective.check_finite(value[valid], target // m)
+    shape = (n, m, len(BRANCH_NAMES))
+    return Sweep(
+        objective,
+        angle,
+        fast.q.reshape(*shape, -1),
+        valid.reshape(shape),
+        value.reshape(shape),
+        fast.reason.reshape(shape),
+        BRANCH_NAMES,
+        np.ones((n, m), dtype=np.bool_),
     )
 
 

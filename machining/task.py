@@ -103,18 +103,21 @@ class Task:
 
     ``T_flange_tool`` (4, 4): tool frame on the flange, origin at the tip, m. ``T_base_part`` (4, 4) m.
     ``reference`` (3,): direction in the part frame that gamma counts from; None: the part axis that stays farthest
-    from the tool axis along the path, x before y before z.
+    from the tool axis along the path, x before y before z. ``shift`` (n, 3) m, base axes: how far the part is moved
+    from ``T_base_part`` at each point, for a robot on linear axes; None: it stands still.
 
     Raises
     ------
     InputError
-        A frame that is not rigid, or a reference direction along the tool axis of some point.
+        A frame that is not rigid, a reference direction along the tool axis of some point, or a shift of another
+        shape.
     """
 
     path: ToolPath
     T_flange_tool: Array
     T_base_part: Array
     reference: Array | None = None
+    shift: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("T_flange_tool", "T_base_part"):
@@ -130,6 +133,29 @@ class Task:
                 remedy="give another reference, or split the path",
             )
         object.__setattr__(self, "reference", reference)
+        if self.shift is not None and (self.shift.shape != (self.path.n, 3) or not np.isfinite(self.shift).all()):
+            raise InputError("shift of the part", value=f"shape {self.shift.shape}", allowed=f"({self.path.n}, 3) m")
+
+    def at(self, rows: slice | NDArray[np.int64], feed: Array | None = None) -> Task:
+        """The same task at some of its points; gamma counts from the same direction.
+
+        ``feed`` (k,) m/s of the moves between them; by default the points' own.
+        """
+        p = self.path
+        path = ToolPath(p.points[rows], p.normals[rows], p.axes[rows], p.feed[rows] if feed is None else feed)
+        shift = None if self.shift is None else self.shift[rows]
+        return Task(path, self.T_flange_tool, self.T_base_part, self.reference, shift)
+
+    @property
+    def targets(self) -> Array:
+        """Path points (n, 3) m in the base frame."""
+        points = self.path.points @ self.T_base_part[:3, :3].T + self.T_base_part[:3, 3]
+        return np.asarray(points if self.shift is None else points + self.shift)
+
+    @property
+    def axes(self) -> Array:
+        """Tool axes (n, 3) in base axes."""
+        return np.asarray(self.path.axes @ self.T_base_part[:3, :3].T)
 
     @property
     def tip(self) -> Array:
@@ -150,15 +176,14 @@ class Task:
             Shape, or angles that are not finite.
         """
         angle = as_gammas(gamma, self.path.n)
-        R, t = self.T_base_part[:3, :3], self.T_base_part[:3, 3]
-        axis, reference = self.path.axes @ R.T, R @ np.asarray(self.reference)
+        axis, reference = self.axes, self.T_base_part[:3, :3] @ np.asarray(self.reference)
         x0 = reference - (axis @ reference)[:, None] * axis
         x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
         x = np.cos(angle)[..., None] * x0[:, None] + np.sin(angle)[..., None] * np.cross(axis, x0)[:, None]
         z = np.broadcast_to(-axis[:, None], x.shape)
         T = np.zeros((*angle.shape, 4, 4))
         T[..., :3, 0], T[..., :3, 1], T[..., :3, 2] = x, np.cross(z, x), z
-        T[..., :3, 3] = (self.path.points @ R.T + t)[:, None]
+        T[..., :3, 3] = self.targets[:, None]
         T[..., 3, 3] = 1.0
         return T
 

@@ -52,9 +52,9 @@ def inverse_kinematics(
     InputError
         Frames of the wrong shape, not finite or not rigid; a search without a generator.
     """
-    targets = _frames(T_base_tool, "target frames")
+    targets = as_frames(T_base_tool, "target frames")
     tool = robot.T_flange_tool if T_flange_tool is None else np.asarray(T_flange_tool, dtype=np.float64)
-    tool = _frames(tool[None] if tool.ndim == 2 else tool, "tool frame")
+    tool = as_frames(tool[None] if tool.ndim == 2 else tool, "tool frame")
     if len(tool) != 1:
         raise InputError("tool frame", value=f"shape {tool.shape}", allowed="(4, 4)", remedy="give one tool")
     flange = targets @ _inverse(tool[0])
@@ -157,7 +157,7 @@ def _inverse(T: Array) -> Array:
     return out
 
 
-def _frames(T: Array, what: str) -> Array:
+def as_frames(T: Array, what: str) -> Array:
     """Check rigid transforms (n, 4, 4); rotations rounded by a file's digits are made orthonormal."""
     T = np.asarray(T, dtype=np.float64)
     if T.ndim != 3 or T.shape[1:] != (4, 4):

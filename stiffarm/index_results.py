@@ -20,6 +20,7 @@ from machining import (
     translational,
 )
 from robots import Robot
+from stiffarm.index_units import shown
 from stiffarm.payloads import number
 
 Array = NDArray[np.float64]
@@ -81,11 +82,6 @@ def answer(model: fem.ArmModel, question: IndexQuestion) -> IndexAnswer:
     )
 
 
-def key(name: str) -> str:
-    """Name of an index in files, with its unit: ``k_fs_N_per_mm``."""
-    return name if INDICES[name].degree == 0 else f"{name}_N_per_mm"
-
-
 def payload(robot: Robot, found: IndexAnswer) -> dict[str, Any]:
     """The answer as JSON; null where an index is infinite."""
     asked = found.question
@@ -116,9 +112,7 @@ def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
         "joints_deg": {
             name: number(v, 9) for name, v in zip(robot.coordinates, np.degrees(found.question.q[i]), strict=True)
         },
-        "indices": {
-            key(name): number(float(v[i]) * (1e-3 if INDICES[name].degree else 1.0)) for name, v in found.values.items()
-        },
+        "indices": {shown(name).column: number(float(v[i]) * shown(name).factor) for name, v in found.values.items()},
         "ellipsoid": [
             {
                 "stiffness_N_per_mm": number(float(axes.semi_axes[i, a]) * 1e-3),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,10 @@ from machining import (
     course_at,
     optimise_path,
 )
+from machining.axes_map import AxesMap, axes_map
+from machining.cutting import Comparison, SurfaceError, compare, surface_error
 from robots import InputError
+from stiffarm.machining_setup import Cut
 
 Array = NDArray[np.float64]
 
@@ -29,7 +32,11 @@ PASSES = 4
 
 @dataclass(frozen=True, eq=False)
 class PostureRequest:
-    """What is asked. ``before`` rad: gamma of the program as it stands, that the result is compared with."""
+    """What is asked.
+
+    ``before`` rad: gamma of the program as it stands, that the result is compared with; ``cut``: the cutting force,
+    None where no error is to be predicted.
+    """
 
     task: Task
     objective: Objective
@@ -37,6 +44,16 @@ class PostureRequest:
     drive: Drive
     before: float = 0.0
     seed: int = 0
+    cut: Cut | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MillingErrors:
+    """Predicted surface errors by course, and the recommended one compared with another, None without another."""
+
+    errors: dict[str, SurfaceError]
+    against: str | None
+    comparison: Comparison | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +68,7 @@ class Posed:
     found: PathPosture
     before: Course | None
     why_no_before: str | None
+    milling: MillingErrors | None = None
 
     @property
     def course(self) -> Course:
@@ -92,7 +110,31 @@ def pose_along(
         before = course_at(model, request.task, request.before, request.objective, request.drive, generator=seeds[1])
     except InputError as error:
         why = str(error)
-    return Posed(request, model, found, before, why)
+    posed = Posed(request, model, found, before, why)
+    return posed if request.cut is None else replace(posed, milling=_milling(posed, request.cut))
+
+
+def _milling(posed: Posed, cut: Cut) -> MillingErrors:
+    """Errors of the recommended course and of what it is compared with: as programmed, else the best fixed gamma."""
+    task, model = posed.request.task, posed.model
+    against = next((name for name in (BEFORE, FIXED) if name in posed.others), None)
+    courses = ({} if against is None else {against: posed.others[against]}) | {CHOSEN: posed.course}
+    errors = {name: surface_error(model, task, c.q, cut.force, tool=cut.tool) for name, c in courses.items()}
+    if against is None:
+        return MillingErrors(errors, None, None)
+    generator = np.random.default_rng(posed.request.seed)
+    return MillingErrors(errors, against, compare(errors[against], errors[CHOSEN], generator))
+
+
+def map_of(posed: Posed) -> AxesMap | None:
+    """The axes map behind a course; None for a path of one point or a single gamma."""
+    request = posed.request
+    if request.task.path.n < 2 or request.gammas.count < 3:
+        return None
+    generator = np.random.default_rng(request.seed)
+    return axes_map(
+        posed.model, request.task, request.objective, request.drive, request.gammas.angles, generator=generator
+    )
 
 
 def gain(objective: Objective, course: Course, other: Course) -> float:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from machining import Course, Objective, limit_distance, singular_distance
-from machining.indices import INDICES
+from machining.cutting import Estimated
+from stiffarm.index_units import shown
 from stiffarm.payloads import number
-from stiffarm.posing import BEFORE, CHOSEN, EACH, FIXED, Posed
+from stiffarm.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 
 Array = NDArray[np.float64]
 
@@ -19,12 +20,8 @@ KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EA
 
 def quantity(objective: Objective) -> tuple[str, str, float]:
     """Key with unit, words with unit, and the factor from SI to that unit."""
-    name = objective.quantity
-    if objective.minimised:
-        return f"{name.replace(' ', '_')}_um", f"{name}, um", 1e6
-    if INDICES[name].degree == 0:
-        return name, name, 1.0
-    return f"{name}_N_per_mm", f"{name}, N/mm", 1e-3
+    it = shown(objective.quantity)
+    return it.column, f"{it.quantity}, {it.unit}" if it.unit else it.quantity, it.factor
 
 
 def payload(posed: Posed) -> dict[str, Any]:
@@ -48,6 +45,33 @@ def payload(posed: Posed) -> dict[str, Any]:
         "all_solutions_found": posed.found.sure,
         "courses": {name: _course(posed, course, key, factor) for name, course in courses.items()},
         "not_found": {name: why for name, why in not_found.items() if why is not None},
+    } | ({} if posed.milling is None else {"surface_error": milling(posed.milling, request.seed)})
+
+
+def milling(found: MillingErrors, seed: int) -> dict[str, Any]:
+    """Predicted surface errors with 95 % intervals, um, and whether the change can be told."""
+    out: dict[str, Any] = {
+        KEYS[name]: {
+            f"{statistic}_um": _estimated(value)
+            for statistic, value in error.estimated(np.random.default_rng(seed)).items()
+        }
+        for name, error in found.errors.items()
+    }
+    if found.comparison is not None:
+        out["against"] = KEYS[found.against or BEFORE]
+        out["change"] = {
+            name: {"verdict": c.verdict, "difference_um": _estimated(c.difference), "factor": _estimated(c.factor, 1.0)}
+            for name, c in found.comparison.changes.items()
+        }
+        out["rests_on"] = list(found.comparison.notes)
+    return out
+
+
+def _estimated(value: Estimated, factor: float = 1e6) -> dict[str, float | None]:
+    return {
+        "value": number(value.value * factor),
+        "low95": number(value.low * factor),
+        "high95": number(value.high * factor),
     }
 
 
@@ -89,6 +113,11 @@ def rows(posed: Posed) -> list[dict[str, Any]]:
         row |= {name: number(float(v), 10) for name, v in zip(robot.coordinates, np.degrees(course.q[i]), strict=True)}
         row[key] = number(float(course.value[i] * factor))
         row |= {f"{KEYS[name]}_{key}": number(float(c.value[i] * factor)) for name, c in posed.others.items()}
+        if posed.milling is not None:
+            for name, error in posed.milling.errors.items():
+                prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
+                row[f"{prefix}error_um"] = number(float(error.normal[i] * 1e6))
+                row[f"{prefix}error_sd_um"] = number(float(error.sd[i] * 1e6))
         row["limit_distance_deg"], row["singular_distance"] = number(float(limit[i])), number(float(singular[i]))
         out.append(row)
     return out

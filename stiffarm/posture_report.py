@@ -8,12 +8,14 @@ import numpy as np
 
 from machining import Course
 from stiffarm import __version__
+from stiffarm.figures_axes_map import course_lines, draw_axes_map
+from stiffarm.figures_milling_error import milling_error_figure
 from stiffarm.figures_posture import joints_figure
 from stiffarm.machining_options import frame_words
 from stiffarm.outputs import OutputFolder
-from stiffarm.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, gain
+from stiffarm.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, gain, map_of
 from stiffarm.posture_payload import quantity
-from stiffarm.report import Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.story_blocks import Pictures
 
 MEANINGS = {
@@ -24,10 +26,11 @@ MEANINGS = {
 }
 
 
-def write_report(posed: Posed, title: str, folder: OutputFolder, extra: tuple[Section, ...] = ()) -> None:
-    """Draw the figures and write report.html; ``extra`` sections stand after the courses."""
+def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
+    """Draw the figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [courses_section(posed), *extra, motion_section(posed, pictures), how_section(posed)]
+    sections = [courses_section(posed), *map_sections(posed, pictures), *error_sections(posed, pictures)]
+    sections += [motion_section(posed, pictures), how_section(posed)]
     request = posed.request
     lede = (
         f"Posture along a path of {request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm; tool on the flange "
@@ -47,6 +50,10 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
     for name in (BEFORE, FIXED):
         if name in posed.others:
             out.append(KeyFigure(gain_words(posed, posed.others[name]), f"mean against {name}"))
+    if posed.milling is not None and posed.milling.comparison is not None:
+        change = posed.milling.comparison.changes["rms"]
+        label = f"RMS error under the cutting force, {posed.milling.against} and now"
+        out.append(KeyFigure(f"{change.before.value * 1e6:.3g} → {change.after.value * 1e6:.3g} um", label))
     return out
 
 
@@ -109,17 +116,72 @@ def remarks(posed: Posed) -> list[str]:
         out.append("Points without a feed: between them joint speeds could not be looked at.")
     if request.drive.clearance_of is None:
         out.append("Collisions were not looked at: give a cell file with --cell.")
+    if posed.milling is None:
+        out.append("No error was predicted: give --force or --milling.")
     if not posed.found.sure:
         out.append("This arm's inverse kinematics is searched; some postures may have been missed.")
     if moves.singular_distance < request.drive.singular_zone:
         out.append(f"The course comes near a singularity (distance {moves.singular_distance:.2g}).")
     if moves.limit_distance < request.drive.limit_zone:
         out.append(f"The course comes within {np.degrees(moves.limit_distance):.3g} deg of a joint limit.")
+    if posed.milling is not None and posed.milling.comparison is not None:
+        change = posed.milling.comparison.changes["rms"]
+        if change.verdict == "larger" and not request.objective.minimised:
+            out.append(
+                f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
+                'given: for the error itself ask for --quantity "normal displacement".'
+            )
     if moves.branch_changes:
         out.append(
             f"The course changes its branch {moves.branch_changes} times, through poses where two branches meet."
         )
     return out
+
+
+def map_sections(posed: Posed, pictures: Pictures) -> list[Section]:
+    """The axes map with the courses; nothing for a path of one point."""
+    made = map_of(posed)
+    if made is None:
+        return []
+    _, words, _ = quantity(posed.request.objective)
+    lines = course_lines(posed.found, posed.before)
+    figure = draw_axes_map(made, lines, title=f"Axes map: {words} by path and gamma")
+    caption = (
+        "Path across, gamma up; the colour is the best branch's value. Grey and hatched zones are barred. Lines are "
+        "the courses, below them their values. The map does not say between which cells the arm can be driven."
+    )
+    return [Section("Where the path is stiff", (pictures.add(figure, "axes_map", caption),))]
+
+
+def error_sections(posed: Posed, pictures: Pictures) -> list[Section]:
+    """The predicted surface error before and after; nothing without a cutting force."""
+    milling = posed.milling
+    if milling is None:
+        return []
+    columns = ("course", "RMS, um", "worst, um", "mean, um", "peak to valley, um")
+    rows = []
+    for name, error in milling.errors.items():
+        found = error.estimated(np.random.default_rng(posed.request.seed))
+        cells = [
+            f"{found[s].value * 1e6:.3g} ({found[s].low * 1e6:.3g} to {found[s].high * 1e6:.3g})"
+            for s in ("rms", "worst", "mean", "peak_to_valley")
+        ]
+        rows.append((name, *cells))
+    blocks: list[Text | Note | Table | Picture] = [
+        Text(
+            "Displacement of the tool along the surface normal under the cutting force, statics only; more than 0 "
+            "leaves material standing. In brackets: 95 % intervals."
+        ),
+        Table("Predicted surface error", columns, tuple(rows), best=len(rows) - 1),
+    ]
+    if posed.request.task.path.n > 1:
+        figure = milling_error_figure(milling.errors, milling.comparison)
+        blocks.append(pictures.add(figure, "milling_error", "Predicted error along the path with 95 % bands."))
+    if milling.comparison is not None:
+        blocks.append(Text(milling.comparison.sentence))
+    else:
+        blocks.append(Note("There is no other course that can be driven, so nothing to compare with."))
+    return [Section("What error the cutting force leaves", tuple(blocks))]
 
 
 def motion_section(posed: Posed, pictures: Pictures) -> Section:

@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
-from machining import INDICES, Drive, GammaRange, Objective, Task, read_path
+from machining import INDICES, Drive, GammaRange, Objective
 from machining.objective import DISPLACEMENTS
 from robots import InputError
 from stiffarm import inputs, posture_payload
@@ -18,16 +19,26 @@ from stiffarm.machining_options import (
     GammaOpt,
     PartOpt,
     ToolOpt,
-    parse_frame,
     parse_gammas,
-    parse_joint_figures,
-    parse_vector,
-    tool_of,
+)
+from stiffarm.machining_setup import (
+    CellOpt,
+    ForceAxesOpt,
+    ForceOpt,
+    MillingOpt,
+    parse_speed,
+    read_cut,
+    read_setup,
+    read_tool_path,
+    task_in,
 )
 from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
 from stiffarm.outputs import OutputFolder
 from stiffarm.posing import CHOSEN, Posed, PostureRequest, pose_along
 
+Array = NDArray[np.float64]
+
+# A range so narrow (rad) is one angle.
 FIXED_HALF_WIDTH = 1e-6
 
 
@@ -44,9 +55,10 @@ def posture(
         str, typer.Option("--quantity", help=f"what is optimised: {', '.join((*INDICES, *DISPLACEMENTS))}")
     ] = "k_fs",
     aim: Annotated[str, typer.Option("--aim", help="mean, or worst: of the path's points")] = "mean",
-    force: Annotated[
-        str | None, typer.Option("--force", metavar="X,Y,Z", help="N on the tool, base axes, where --quantity needs it")
-    ] = None,
+    cell: CellOpt = None,
+    force: ForceOpt = None,
+    force_axes: ForceAxesOpt = "base",
+    milling: MillingOpt = None,
     speed: Annotated[
         str | None,
         typer.Option("--speed", metavar="DEG/S", help="joint speeds, one for all or one each, separated by commas"),
@@ -58,6 +70,9 @@ def posture(
         float | None,
         typer.Option("--gamma-step", metavar="DEG", help="most that gamma may change a point; 0: one gamma", min=0.0),
     ] = None,
+    limit_margin: Annotated[
+        float, typer.Option("--limit-margin", metavar="DEG", help="distance to keep from joint limits", min=0.0)
+    ] = 0.5,
     motion: Annotated[
         float,
         typer.Option("--motion", help="weight of joint motion against stiffness; 0: none, more: calmer", min=0.0),
@@ -75,23 +90,27 @@ def posture(
     """
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path, without="the postures")
-        task = Task(
-            read_path(path), tool_of(given.robot, tool), np.eye(4) if part is None else parse_frame(part, "--part")
+        setup = read_setup(model, given.robot, cell, tool, part)
+        cut = read_cut(force, force_axes, milling)
+        task = task_in(setup, read_tool_path(path))
+        drive = Drive(
+            speed=parse_speed(given.robot, speed),
+            jump=float(np.radians(jump)),
+            motion=motion,
+            limit_least=float(np.radians(limit_margin)),
+            gamma_step=np.inf if gamma_step is None else float(np.radians(gamma_step)),
         )
         request = PostureRequest(
             task,
-            _objective(quantity, aim, force),
+            _objective(quantity, aim, None if cut is None else cut.force.along(task).force),
             _gammas(gamma),
-            Drive(
-                speed=None if speed is None else np.radians(parse_joint_figures(given.robot, speed, "--speed")),
-                jump=float(np.radians(jump)),
-                motion=motion,
-                gamma_step=np.inf if gamma_step is None else float(np.radians(gamma_step)),
-            ),
+            setup.drive(drive, given.robot),
             float(np.radians(before)),
             seed,
+            cut,
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
+        files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
         with folder_if(out, files, seed) as folder:
             with progress("posture along the path") as bar:
                 posed = pose_along(given.model, request, bar)
@@ -106,13 +125,14 @@ def posture(
             say(f"written: {out / 'report.html'}, posture.csv, posture.json")
 
 
-def _objective(quantity: str, aim: str, force: str | None) -> Objective:
+def _objective(quantity: str, aim: str, force: Array | None) -> Objective:
     if aim not in ("mean", "worst"):
         raise InputError("--aim", value=aim, allowed="mean, worst", remedy="choose one of them")
     if quantity not in (*INDICES, *DISPLACEMENTS):
         raise InputError("--quantity", value=quantity, allowed=", ".join((*INDICES, *DISPLACEMENTS)))
-    vector = None if force is None else parse_vector(force, "--force", "N in base axes")
-    return Objective(quantity, vector, "worst" if aim == "worst" else "mean")
+    if force is None and (quantity in DISPLACEMENTS or "force" in INDICES[quantity].uses):
+        raise InputError(f"--quantity {quantity} needs a force", remedy="give --force or --milling")
+    return Objective(quantity, force, "worst" if aim == "worst" else "mean")
 
 
 def _gammas(text: str) -> GammaRange:
@@ -153,3 +173,5 @@ def _show(posed: Posed) -> None:
     show_table(title, ["course", "mean", "worst", "gamma, deg", "drivable", "gain"], rows)
     for text in remarks(posed):
         say(f"note: {text}")
+    if posed.milling is not None and posed.milling.comparison is not None:
+        say(posed.milling.comparison.sentence)

@@ -1,4 +1,4 @@
-"""Commands of the surrogate: `fit`, `query`, `map`."""
+"""Commands of the surrogate: `fit`, `query`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from robots import InputError
 from stiffarm import inputs, learning, payloads, steps, tables
-from stiffarm.console import emit_json, progress, say, user_errors
+from stiffarm.console import emit_json, say, user_errors
 from stiffarm.options import (
     Debug,
     Json,
@@ -123,42 +123,3 @@ def query(
             emit_json(content)
         else:
             tables.answers(learned.robot, learned.inputs, rows)
-
-
-def map_command(
-    model: ModelArg,
-    out: Annotated[Path, typer.Option("--out", help="folder for the map")],
-    surrogate_file: Annotated[
-        Path | None, typer.Option("--surrogate", help="take the stiffness from this surrogate")
-    ] = None,
-    points: Annotated[int, typer.Option(help="values of each swept coordinate", min=2, max=200)] = 21,
-    layers: Annotated[
-        str | None, typer.Option("--layers", help="values in deg of the coordinate that leaves the plane")
-    ] = None,
-    pictures: Annotated[bool, typer.Option(help="also draw PNGs")] = True,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """The 3-D stiffness map as a .vtu for ParaView, with pictures."""
-    with user_errors(debug):
-        from stiffarm import maps
-
-        given = inputs.read_model(model, links, load_path, without="the map")
-        learned = None if surrogate_file is None else inputs.read_surrogate_for_map(given, surrogate_file)
-        if learned is not None and learned.model_hash != model_hash(given):
-            say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-        wanted = inputs.parse_layers(given.robot, layers)
-        files: dict[str, Path | str] = {"model": model_hash(given)}
-        if surrogate_file is not None:
-            files["surrogate"] = surrogate_file
-        with output_folder(out, files) as folder, progress("map poses") as bar:
-            made = steps.stiffness_map(given.description, given.model, points, learned, wanted, progress=bar)
-            content = maps.write(made, given.description, given.robot, folder, pictures)
-        if as_json:
-            emit_json(content)
-        else:
-            say(f"written: {', '.join(str(out / name) for name in content['files'])}")
-            for message in content["messages"]:
-                say(f"note: {message}")

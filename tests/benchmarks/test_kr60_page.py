@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kr60_claims import at_point, on_path
-from kr60_readings import A0, IN_LINE, READINGS, TABLE_4, B, Reading, S, arm, index, path, postures
+from kr60_claims import PLANE_GAMMA_DEG, PlaneResult, at_point, on_path, on_plane
+from kr60_readings import A0, B2, B3, IN_LINE, READINGS, TABLE_4, B, Reading, S, arm, index, path, postures
 
 import fem
 
@@ -70,3 +70,61 @@ def test_the_best_posture_is_never_below_a_fixed_gamma(model: fem.ArmModel) -> N
     result = on_path(model, B)
     assert result.optimum.mean() > np.nanmax(result.means)
     assert (result.optimum >= result.k - 1e-9).all()
+
+
+@pytest.fixture(scope="module")
+def planes(model: fem.ArmModel) -> dict[str, PlaneResult]:
+    return {r.name: on_plane(model, r) for r in READINGS}
+
+
+@pytest.mark.parametrize("reading", [B, B2, B3, S])
+def test_the_distribution_is_the_rule_of_the_readings(
+    model: fem.ArmModel, planes: dict[str, PlaneResult], reading: Reading
+) -> None:
+    """The same rule twice: the tool frame of `machining.Task`, and the readings' own flange frames."""
+    plane = planes[reading.name]
+    few = np.arange(0, plane.grid.n, 37)
+    for j, g in enumerate(PLANE_GAMMA_DEG[::4]):
+        k = index(model, reading, plane.grid.points[few], g)
+        found = 1e-3 * plane.found.value[few, 4 * j]
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(k))
+        # Next to a singularity of the wrist the angles keep some ten digits.
+        np.testing.assert_allclose(found, k, rtol=1e-6)
+
+
+def test_figs_10_and_11_are_what_the_page_says(planes: dict[str, PlaneResult]) -> None:
+    def shown(start: str) -> list[str]:
+        return row(start)[2:]
+
+    def span(over: str, key: str) -> list[str]:
+        figures = [p.statistics(over)[key] for p in planes.values()]  # type: ignore[arg-type]
+        return [f"{v.min():.0f} to {v.max():.0f}" for v in figures]
+
+    best = [
+        " / ".join(f"{PLANE_GAMMA_DEG[p.statistics(over)['mean'].argmax()]:.0f}" for over in ("reached", "common"))  # type: ignore[arg-type]
+        for p in planes.values()
+    ]
+    assert shown("Fig. 11: plane mean largest at gamma (where reached / where every gamma reaches)") == best
+    assert shown("Fig. 11: mean, N/mm") == span("reached", "mean")
+    assert shown("Fig. 11: standard deviation, N/mm") == span("reached", "std")
+    assert shown("Fig. 11: peak to valley, N/mm") == span("reached", "pv")
+    text = PAGE.read_text(encoding="utf-8")
+    for over, key in (("reached", "std"), ("common", "std"), ("reached", "mean")):
+        figures = [p.statistics(over)[key] for p in planes.values()]  # type: ignore[arg-type]
+        assert ", ".join(f"{v.max() / v.min():.1f}" for v in figures) in text
+    # What the page says in words: 60 deg for B2 and B3 over own points, for B alone over common ones.
+    assert [n for n, b in zip(planes, best, strict=True) if b.startswith("60 /")] == ["B2", "B3"]
+    assert [n for n, b in zip(planes, best, strict=True) if b.endswith("/ 60")] == ["B"]
+
+
+def test_the_standard_deviation_varies_more_than_the_mean(planes: dict[str, PlaneResult]) -> None:
+    for plane in planes.values():
+        s = plane.statistics()
+        assert s["std"].max() / s["std"].min() > s["mean"].max() / s["mean"].min()
+
+
+def test_mean_and_peak_to_valley_go_together_but_not_with_a_spindle(planes: dict[str, PlaneResult]) -> None:
+    opposite = (PLANE_GAMMA_DEG[:-1] >= 15.0) & (PLANE_GAMMA_DEG[1:] <= 45.0)
+    together = {name: plane.together() for name, plane in planes.items()}
+    assert all((t[~opposite].sum() >= 8) == (name != "S") for name, t in together.items())
+    assert [name for name, t in together.items() if not t[opposite].any()] == ["B3"]

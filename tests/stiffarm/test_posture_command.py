@@ -12,6 +12,7 @@ from cli_runs import Command, tree
 
 import fem
 from machining import stiffness_index
+from machining.cell import arm_of, clearance, read_cell, scene_of
 from robots import forward_kinematics, load_description
 from stiffarm.machining_options import parse_frame
 
@@ -105,10 +106,13 @@ def test_a_program_that_cannot_be_driven_is_said_to_be_so(cli: Command, dome: Pa
         (("--part", "9000,0,0"), "cannot be reached"),
         (("--tool", "0,0,5000"), "cannot be reached"),
         (("--quantity", "kfs"), "--quantity"),
-        (("--quantity", "displacement"), "force for displacement"),
+        (("--quantity", "displacement"), "--quantity displacement needs a force"),
         (("--aim", "best"), "--aim"),
         (("--speed", "1,2"), "--speed"),
         (("--speed", "0"), "--speed"),
+        (("--force", "1,2"), "--force"),
+        (("--force", "1,2,3", "--force-axes", "world"), "--force-axes"),
+        (("--cell", "none.toml"), "cell file"),
     ],
 )
 def test_bad_input_is_named(cli: Command, dome: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
@@ -129,3 +133,119 @@ def test_bad_paths_are_named_by_row(cli: Command, tmp_path: Path, row: str, word
     assert outcome.code == 2
     assert words in outcome.err.replace("\n", " ")
     assert "row 3" in outcome.err
+
+
+CELL = """
+schema = "stiffarm-cell/1"
+[tool]
+position_mm = [200, 0, 80]
+rpy_deg = [0, 90, 0]
+[[tool.body]]
+name = "spindle"
+shape = { kind = "cylinder", diameter_mm = 60, length_mm = 120 }
+position_mm = [180, 0, 80]
+rpy_deg = [0, -90, 0]
+[part]
+position_mm = [1200, 200, 600]
+[robot]
+joint_speed_deg_s = [128, 102, 128, 260, 245, 322]
+safety_mm = 10
+[[fixture]]
+name = "post"
+shape = { kind = "box", size_mm = [40, 40, 400] }
+position_mm = [1240, 20, 500]
+"""
+MILLING = """
+schema = "stiffarm-milling/1"
+[mill]
+diameter_mm = 10
+teeth = 4
+helix_deg = 30
+[cut]
+kind = "slot"
+axial_depth_mm = 1
+spindle_rpm = 9000
+[material]
+published = "al7075-t6"
+[tool]
+stickout_mm = 40
+diameter_mm = 8
+"""
+
+
+def test_a_post_beside_the_part_is_kept_clear_of(cli: Command, dome: Path, tmp_path: Path) -> None:
+    """The cell's tool, part, speeds and obstacles are taken; without the post the course is another one."""
+    cell, free = tmp_path / "cell.toml", tmp_path / "free.toml"
+    cell.write_text(CELL)
+    free.write_text(CELL[: CELL.index("[[fixture]]")])
+    scene = scene_of(read_cell(cell), arm_of("kr60-3"))
+    least = []
+    for file in (cell, free):
+        out = tmp_path / file.stem
+        outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--cell", file, "--gamma", "-180:180:20",
+                      "--out", out)  # fmt: skip
+        assert outcome.code == 0, outcome.err
+        with (out / "posture.csv").open(encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        q = np.radians([[float(row[name]) for name in scene.arm.robot.coordinates] for row in rows])
+        least.append(clearance(scene, q).distance.min())
+        assert "peak speed" in (out / "report.html").read_text(encoding="utf-8")
+    assert least[0] >= 0.01 - 1e-9
+    assert least[1] < 0.01
+
+
+def test_a_milling_file_predicts_the_error_before_and_after(cli: Command, dome: Path, tmp_path: Path) -> None:
+    milling = tmp_path / "milling.toml"
+    milling.write_text(MILLING)
+    out = tmp_path / "out"
+    outcome = cli(
+        "posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--milling", milling, "--gamma",
+        "-180:180:20", "--quantity", "normal displacement", "--out", out,
+    )  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    content = json.loads((out / "posture.json").read_text(encoding="utf-8"))
+    error = content["surface_error"]
+    assert error["against"] == "as_programmed"
+    rms = error["recommended"]["rms_um"]
+    assert rms["low95"] < rms["value"] < rms["high95"]
+    assert rms["value"] <= error["as_programmed"]["rms_um"]["value"]
+    with (out / "posture.csv").open(encoding="utf-8") as stream:
+        row = next(csv.DictReader(stream))
+    assert float(row["error_sd_um"]) > 0.0
+    # The table's quantity leaves the tool's own bending out, which along the tool axis is none.
+    assert abs(float(row["error_um"])) == pytest.approx(float(row["normal_displacement_um"]), rel=1e-4)
+    assert {p.stem for p in (out / "figures").iterdir()} == {"axes_map", "joints", "milling_error"}
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "What error the cutting force leaves" in page
+    assert "standard deviation 15 %" in page
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("teeth = 4", "teeth = 0"), "teeth"),
+        (("spindle_rpm = 9000", ""), "one of them"),
+        (('kind = "slot"', 'kind = "down"'), "radial_depth_mm is missing"),
+        (("axial_depth_mm = 1", "axial_depth_mm = -1"), "axial_depth_mm"),
+        (('published = "al7075-t6"', 'published = "cheese"'), "cheese"),
+        (('published = "al7075-t6"', "tc_N_per_mm2 = 700"), "complete it"),
+        (("stiffarm-milling/1", "stiffarm-milling/9"), "stiffarm-milling/1"),
+        (("[mill]", "[mill"), "TOML"),
+    ],
+)
+def test_bad_milling_files_are_named(
+    cli: Command, dome: Path, tmp_path: Path, change: tuple[str, str], words: str
+) -> None:
+    milling = tmp_path / "milling.toml"
+    milling.write_text(MILLING.replace(*change))
+    outcome = cli("posture", "kr60-3", dome, "--tool", TOOL, "--part", PART, "--milling", milling)
+    assert outcome.code == 2
+    assert words in outcome.err.replace("\n", " ")
+
+
+def test_frames_given_twice_are_refused(cli: Command, dome: Path, tmp_path: Path) -> None:
+    cell = tmp_path / "cell.toml"
+    cell.write_text(CELL)
+    outcome = cli("posture", "kr60-3", dome, "--cell", cell, "--tool", TOOL)
+    assert outcome.code == 2
+    assert "--tool with --cell" in outcome.err

@@ -1,0 +1,269 @@
+"""Load cycles: one slope a row, half the width of the hysteresis loop, and the noise of a reading.
+
+In a cycle the load goes up and down along one line. The reading of row r is ``y = u F + g h + e``: F the load's size,
+g = -1 on the way up and +1 on the way down, h half the loop's width. Fitting u and h together is the mean of the two
+branches, with each reading counted: friction holds back on the way up what it holds back on the way down. From the
+way up alone (through zero) friction stays in the slope. What a cycle leaves over is the noise of a reading, whatever
+the joint's stiffness matrix may be.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.joint_twists.readings import TwistReadings
+from fem import ArmModel
+from fem.transfers import joint_rows
+from robots import InputError, forward_kinematics
+from robots.kinematics import tool_position
+
+Array = NDArray[np.float64]
+Branches = Literal["mean", "loading"]
+
+# Directions of loads within this angle are one cycle's: a real force wanders a little as it rises.
+SAME_DIRECTION = np.cos(np.radians(8.0))
+# Of a noise that is zero to the last digit: weights must stay finite.
+LEAST = 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Load cycles of a campaign, m of them; rows tx, ty, tz, rx, ry, rz of the watched joint.
+
+    ``q`` (m, dof); ``joint`` (m,); ``setup`` (m,) number of the set-up; ``top`` (m,) N: the largest load; ``force``
+    (m, 3): its unit direction, flange axes. ``carried`` (m, 6): force and moment at the joint per newton of load.
+    ``slope`` (m, 6) per newton with ``variance``; NaN where not read. ``loading``: the same from the way up alone.
+    ``half_width`` (m, 6) m, rad, with ``half_width_variance``; NaN where the way down is missing. ``noise`` (dof, 2)
+    standard deviation of a reading's translations and rotations, by joint, with ``noise_dof``. ``setups``: labels.
+    """
+
+    q: Array
+    joint: NDArray[np.intp]
+    setup: NDArray[np.intp]
+    setups: tuple[str, ...]
+    top: Array
+    force: Array
+    carried: Array
+    slope: Array
+    variance: Array
+    loading: Array
+    half_width: Array
+    half_width_variance: Array
+    noise: Array
+    noise_dof: NDArray[np.intp]
+    number: NDArray[np.intp]
+
+    @property
+    def m(self) -> int:
+        """Number of cycles."""
+        return len(self.q)
+
+
+def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean") -> Cycles:
+    """Reduce readings to load cycles.
+
+    Raises
+    ------
+    InputError
+        A parallelogram's load path; loads all zero; no way up, or (with ``branches`` "mean") no way down in a
+        set-up.
+    """
+    if model.bar is not None:
+        raise InputError(
+            f"load path of {model.robot.name}",
+            value=model.load_path,
+            allowed="serial: behind a parallelogram the joint's spring does not sit between the two arms",
+            remedy="use --load-path serial, or calibrate with `stiffarm calibrate`",
+        )
+    if not data.wrench.any():
+        raise InputError(
+            f"{data.source}: loads", value="zero in every row", allowed="loads other than 0", remedy="give the forces"
+        )
+    number = _numbers(data)
+    _check_branches(data, number, branches)
+    m = int(number.max()) + 1
+    F, g = data.load, np.where(data.is_loading, -1.0, 1.0)
+    first = np.array([int(np.flatnonzero((number == c) & (F > 0.0))[0]) for c in range(m)], dtype=np.intp)
+    top = np.zeros(m)
+    np.maximum.at(top, number, F)
+    # A zero reading before the load is the reference itself and says nothing.
+    informs = (F > 0.0) | ~data.is_loading
+    sigma = np.where(np.isfinite(data.twist), data.sigma, np.nan)
+    use = np.where(np.isfinite(data.twist) & informs[:, None], 1.0, 0.0)
+    if branches == "loading":
+        use *= data.is_loading[:, None]
+        g = np.zeros(data.n)  # a straight line through zero, as the way up is usually read
+    w = use / np.where(np.isfinite(sigma), sigma, 1.0) ** 2
+    fit = _Sums.of(w, F, g, data.twist, number, m)
+    noise, dof = _noise(data, fit, use, sigma, number)
+    kind = noise[data.joint[first]][:, [0, 0, 0, 1, 1, 1]]
+    own = _cycle_sigma(sigma, use, number, m)
+    scale = np.where(own, 1.0, kind**2)
+    slope, variance, half, half_variance = fit.solved()
+    up = _Sums.of(w * data.is_loading[:, None], F, np.zeros(len(F)), data.twist, number, m)
+    force, carried = _loads(model, data, number, first)
+    return Cycles(
+        data.q[first], data.joint[first], *_setups(data, first), top, force, carried, slope, variance * scale,
+        up.solved()[0], half, half_variance * scale, noise, dof, number,
+    )  # fmt: skip
+
+
+def _numbers(data: TwistReadings) -> NDArray[np.intp]:
+    """Number of the cycle of each reading; zero loads join the cycle that they begin or end."""
+    seen: dict[str, list[tuple[int, Array]]] = {}
+    out = np.full(data.n, -1, dtype=np.intp)
+    size, count = data.load, 0
+    for i in range(data.n):
+        if size[i] == 0.0:
+            continue
+        way = data.wrench[i] / np.linalg.norm(data.wrench[i])
+        mine = seen.setdefault(data.setup[i], [])
+        known = [c for c, other in mine if other @ way > SAME_DIRECTION]
+        if not known:
+            mine.append((count, way))
+            known, count = [count], count + 1
+        out[i] = known[0]
+    rows_of: dict[str, list[int]] = {}
+    for i in np.flatnonzero(out >= 0).tolist():
+        rows_of.setdefault(data.setup[i], []).append(i)
+    for i in np.flatnonzero(out < 0).tolist():
+        same = rows_of.get(data.setup[i])
+        if not same:
+            raise InputError(
+                f"{data.source}, row {data.row_numbers[i]}: set-up {data.setup[i]} has no load other than zero",
+                remedy="remove the row, or give the loads of its cycle",
+            )
+        place = bisect(same, i)
+        # A zero before a load begins its cycle, a zero after one ends it.
+        after = data.phase[i] == "loading"
+        out[i] = out[same[min(place, len(same) - 1) if after else max(place - 1, 0)]]
+    return out
+
+
+def _check_branches(data: TwistReadings, number: NDArray[np.intp], branches: Branches) -> None:
+    up = np.bincount(number, data.is_loading & (data.load > 0.0))
+    down = np.bincount(number, ~data.is_loading & (data.load > 0.0))
+    for missing, name in ((up == 0, "loading"), ((down == 0) & (branches == "mean"), "unloading")):
+        if missing.any():
+            rows = np.flatnonzero(missing[number])
+            labels = list(dict.fromkeys(data.setup[i] for i in rows))
+            raise InputError(
+                f"{data.source}: {name} readings missing in {int(missing.sum())} of {len(missing)} load cycles",
+                value=", ".join(labels[:6]) + (" ..." if len(labels) > 6 else ""),
+                allowed="each load step on the way up and on the way down",
+                remedy="measure the way down too, or use the way up alone (--branches loading): then friction stays "
+                "in the stiffnesses" if name == "unloading" else "mark the readings of rising loads as loading",
+            )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Weighted sums of each cycle and row (m, 6) for the fit of slope and half width, loads over the top one's."""
+
+    ff: Array
+    fg: Array
+    gg: Array
+    fy: Array
+    gy: Array
+    yy: Array
+
+    @staticmethod
+    def of(w: Array, F: Array, g: Array, y: Array, number: NDArray[np.intp], m: int) -> _Sums:
+        y = np.where(np.isfinite(y), y, 0.0)
+
+        def total(x: Array) -> Array:
+            out = np.zeros((m, 6))
+            np.add.at(out, number, w * x)
+            return out
+
+        f, s = F[:, None], g[:, None]
+        one = np.ones((len(F), 6))
+        return _Sums(
+            total(f * f * one), total(f * s * one), total(s * s * one), total(f * y), total(s * y), total(y * y)
+        )
+
+    def solved(self) -> tuple[Array, Array, Array, Array]:
+        """Slope, its variance, half width, its variance, for weights that are one over the variance."""
+        det = self.ff * self.gg - self.fg**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            both = det > 1e-9 * self.ff * self.gg
+            slope = np.where(both, (self.gg * self.fy - self.fg * self.gy) / det, self.fy / self.ff)
+            variance = np.where(both, self.gg / det, 1.0 / self.ff)
+            half = np.where(both, (self.ff * self.gy - self.fg * self.fy) / det, np.nan)
+            half_variance = np.where(both, self.ff / det, np.nan)
+        seen = self.ff > 0.0
+        return np.where(seen, slope, np.nan), np.where(seen, variance, np.nan), half, half_variance
+
+    def left_over(self) -> tuple[Array, NDArray[np.intp]]:
+        """Weighted sum of squares that the fit leaves over, and the number of fitted numbers."""
+        slope, _, half, _ = self.solved()
+        took = np.where(np.isfinite(slope), slope * self.fy, 0.0) + np.where(np.isfinite(half), half * self.gy, 0.0)
+        fitted = np.isfinite(slope).astype(np.intp) + np.isfinite(half)
+        return np.maximum(self.yy - took, 0.0), fitted
+
+
+def _noise(
+    data: TwistReadings, fit: _Sums, use: Array, sigma: Array, number: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp]]:
+    """Standard deviation (dof, 2) of readings without a sigma of their own, by joint and kind, with freedoms."""
+    squares, fitted = fit.left_over()
+    count = np.zeros_like(squares)
+    np.add.at(count, number, use)
+    own = _cycle_sigma(sigma, use, number, len(squares))
+    free = np.where(own, 0.0, count - fitted)
+    squares = np.where(own, 0.0, squares)
+    joint = np.zeros(len(squares), dtype=np.intp)
+    joint[number] = data.joint
+    noise = np.full((data.q.shape[1], 2), LEAST)
+    dof = np.zeros((data.q.shape[1], 2), dtype=np.intp)
+    for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
+        s = np.bincount(joint, squares[:, rows].sum(axis=1), minlength=len(noise))
+        d = np.bincount(joint, free[:, rows].sum(axis=1), minlength=len(noise))
+        dof[:, kind] = np.round(d).astype(np.intp)
+        noise[d > 0.0, kind] = np.maximum(np.sqrt(s[d > 0.0] / d[d > 0.0]), LEAST)
+    return noise, dof
+
+
+def _cycle_sigma(sigma: Array, use: Array, number: NDArray[np.intp], m: int) -> NDArray[np.bool_]:
+    """Cycles and rows (m, 6) whose readings all bring their sigma."""
+    without = np.zeros((m, 6))
+    np.add.at(without, number, use * ~np.isfinite(sigma))
+    return np.asarray(without == 0.0)
+
+
+def _setups(data: TwistReadings, first: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    labels = [data.setup[i] for i in first]
+    names = tuple(dict.fromkeys(labels))
+    return np.array([names.index(label) for label in labels], dtype=np.intp), names
+
+
+def _loads(
+    model: ArmModel, data: TwistReadings, number: NDArray[np.intp], first: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Mean direction of each cycle's force (m, 3), flange axes, and what its joint carries per newton (m, 6)."""
+    per = np.zeros((len(first), 6))
+    total = np.zeros(len(first))
+    # Weighted by the load, as its directions count in the slope.
+    np.add.at(per, number, data.wrench * data.load[:, None])
+    np.add.at(total, number, data.load**2)
+    per /= total[:, None]
+    return per[:, :3], carried(model, data.q[first], per, data.point[first])[np.arange(len(first)), data.joint[first]]
+
+
+def carried(model: ArmModel, q: Array, wrench: Array, point: Array) -> Array:
+    """Force and moment (n, dof, 6) at every joint, in its own frame, under a wrench in flange axes at ``point``.
+
+    q (n, dof), wrench (n, 6), point (n, 3) m in the flange frame.
+    """
+    frames = forward_kinematics(model.robot, q)
+    w = np.einsum("nij,nkj->nki", frames.R_flange, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
+    tool = tool_position(model.robot, frames, point)
+    out = np.empty((len(q), model.robot.dof, 6))
+    for j, T in joint_rows(model, frames, tool):
+        out[:, j] = np.einsum("skn,nk->ns", T, w)
+    return out

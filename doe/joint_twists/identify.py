@@ -1,0 +1,261 @@
+"""The substitute stiffness model: six stiffnesses at every joint, each over that joint's angle, with uncertainty.
+
+Diagonal model: row r of joint j gives way by ``c_jr(q_j)`` times the force or moment of that row. Each set-up gives
+one compliance a row (:mod:`doe.joint_twists.cycles`), and the law over the angle is fitted to these. Set-ups scatter
+beyond the noise of their readings (mounts, poses of the other joints): by a share of the compliance, common to all
+translations and to all rotations, found from set-ups at the same angle by restricted likelihood (Patterson and
+Thompson 1971, doi:10.1093/biomet/58.3.545) and added to their variances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.stats import t as student
+
+from doe.joint_twists.cycles import Branches, Cycles, cycles_of
+from doe.joint_twists.laws import LAWS, Law, LawKind, angles_of, basis_of, check_law, choose_law, fit_law
+from doe.joint_twists.readings import TwistReadings
+from fem import ArmModel
+from fem.ports import ROWS
+from robots import InputError
+
+Array = NDArray[np.float64]
+Status = Literal["determined", "one-sided", "not determined", "not identified"]
+
+# Rows of a joint that carry less than this share of their largest possible load (a force: all of the load; a moment:
+# the load at one metre) were not loaded: what they do is noise.
+UNLOADED = 1e-6
+# Fewer spare set-ups say nothing about their scatter.
+FEWEST_SPARE = 6
+MOST_SCATTER = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One stiffness of one joint.
+
+    ``status``: determined; one-sided (rigid is possible: only a lower limit); not determined (the best compliance is
+    not positive: a lower limit at most); not identified (never loaded or never read: no number).
+    ``law`` is None where there is no number. ``mean`` and ``spread``: the compliance of all set-ups together, m/N or
+    rad/(N m), and its standard deviation. ``angle`` (a,) rad, ``value`` and ``sd`` (a,): compliances by angle, without
+    any law. ``quantile``: Student's, for 95 % intervals. ``scores``: of the laws tried, lowest is best.
+    """
+
+    joint: str
+    row: str
+    status: Status
+    law: Law | None
+    mean: float
+    spread: float
+    angle: Array
+    value: Array
+    sd: Array
+    quantile: float
+    scores: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the stiffness."""
+        return "N/m" if self.row.startswith("t") else "N m/rad"
+
+    def compliance(self, q: Array) -> tuple[Array, Array]:
+        """Compliance (n,) at poses q (n, dof) and its standard deviation; NaN where there is no number."""
+        if self.law is None:
+            return np.full(len(q), np.nan), np.full(len(q), np.nan)
+        return self.law.compliance(q)
+
+    def stiffness(self, q: Array) -> tuple[Array, Array, Array]:
+        """Stiffness (n,) at poses q and the ends of its 95 % interval (inf: no upper limit)."""
+        c, sd = self.compliance(q)
+        if self.law is None and self.status == "not determined":
+            c, sd = np.full(len(q), self.mean), np.full(len(q), self.spread)
+        low, high = c - self.quantile * sd, c + self.quantile * sd
+        with np.errstate(divide="ignore", invalid="ignore"):
+            most = np.where(low > 0.0, 1.0 / low, np.where(np.isnan(low), np.nan, np.inf))
+            least = np.where(high > 0.0, 1.0 / high, np.nan)
+        return (1.0 / c if self.law is not None else np.full(len(q), np.nan)), least, most
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """A campaign's result: 6 stiffnesses a joint.
+
+    ``directions``: by joint and row; ``cycles``: what they rest on; ``scatter`` (2,): of set-ups, as a share of the
+    compliance of translations and rotations, with ``scatter_dof``; ``branches``: which readings were used.
+    """
+
+    robot: str
+    data: TwistReadings
+    cycles: Cycles
+    directions: Mapping[tuple[str, str], Direction]
+    scatter: tuple[float, float]
+    scatter_dof: tuple[int, int]
+    branches: Branches
+    notes: tuple[str, ...]
+
+    def compliances(self, q: Array) -> tuple[Array, Array]:
+        """Compliances (n, dof, 6) at poses q, zero where there is no number, and their standard deviations."""
+        c, sd = np.zeros((2, len(q), len(self.directions) // 6, 6))
+        for k, d in enumerate(self.directions.values()):
+            if d.law is not None:
+                c[:, k // 6, k % 6], sd[:, k // 6, k % 6] = d.compliance(q)
+        return c, sd
+
+
+def identify(
+    model: ArmModel, data: TwistReadings, *, law: LawKind | None = None, branches: Branches = "mean"
+) -> Identified:
+    """Identify six stiffnesses at every joint of a serial arm.
+
+    Parameters
+    ----------
+    law : of every direction; None chooses for each the one that predicts angles left out best
+    branches : "mean" of loading and unloading, or "loading" alone
+
+    Raises
+    ------
+    InputError
+        What :func:`doe.joint_twists.cycles.cycles_of` refuses; a law that the angles measured cannot tell; an
+        unknown law.
+    """
+    if law is not None and law not in LAWS:
+        raise InputError("law of the stiffnesses", value=law, allowed=", ".join(LAWS))
+    cycles = cycles_of(model, data, branches)
+    names = model.robot.joint_names
+    if law is not None:
+        for j, name in enumerate(names):
+            if (cycles.joint == j).any():
+                check_law(law, name, angles_of(cycles.q[cycles.joint == j, j])[0])
+    setups = [_setups(cycles, j, r) for j in range(len(names)) for r in range(6)]
+    scatter, dof = zip(*(_scatter(setups, kind) for kind in (0, 1)), strict=True)
+    directions = {}
+    for s in setups:
+        d = _direction(names[s.joint], s, scatter[s.row // 3], dof[s.row // 3], law, cycles)
+        directions[d.joint, d.row] = d
+    notes = _notes(directions, cycles, names)
+    return Identified(model.robot.name, data, cycles, directions, scatter, dof, branches, notes)
+
+
+@dataclass(frozen=True, eq=False)
+class _SetUps:
+    """Compliance of one row of one joint by set-up: q (s, dof), c (s,), variance (s,)."""
+
+    joint: int
+    row: int
+    q: Array
+    c: Array
+    variance: Array
+
+
+def _setups(cycles: Cycles, joint: int, row: int) -> _SetUps:
+    """Weighted least squares through zero over the cycles of each set-up."""
+    t, u, v = cycles.carried[:, row], cycles.slope[:, row], cycles.variance[:, row]
+    use = (cycles.joint == joint) & np.isfinite(u) & (np.abs(t) > UNLOADED)
+    numbers, first, place = np.unique(cycles.setup[use], return_index=True, return_inverse=True)
+    if not numbers.size:
+        empty = np.zeros(0)
+        return _SetUps(joint, row, np.zeros((0, cycles.q.shape[1])), empty, empty)
+    information = np.bincount(place, t[use] ** 2 / v[use])
+    c = np.bincount(place, t[use] * u[use] / v[use]) / information
+    return _SetUps(joint, row, cycles.q[use][first], c, 1.0 / information)
+
+
+def _scatter(setups: list[_SetUps], kind: int) -> tuple[float, int]:
+    """Scatter of set-ups at one angle as a share of the compliance, by restricted likelihood, and its freedoms.
+
+    Each angle has a mean of its own, so no law is taken for granted.
+    """
+    groups = []
+    for s in setups:
+        if s.row // 3 == kind and s.c.size:
+            _, place = angles_of(s.q[:, s.joint])
+            many = np.bincount(place)[place] > 1
+            if many.any():
+                _, own = np.unique(place[many], return_inverse=True)
+                groups.append((s.c[many], s.variance[many], own))
+    c, v = (np.concatenate([g[k] for g in groups]) if groups else np.zeros(0) for k in (0, 1))
+    counts = np.cumsum([0, *(int(g[2].max()) + 1 for g in groups)])
+    place = np.concatenate([g[2] + at for g, at in zip(groups, counts, strict=False)]) if groups else c.astype(np.intp)
+    spare = len(c) - int(counts[-1])
+    if spare < FEWEST_SPARE:
+        return 0.0, 0
+
+    def minus_twice_log(share: float) -> float:
+        w = 1.0 / v
+        for _ in range(3):
+            information = np.bincount(place, w)
+            mean = np.bincount(place, w * c) / information
+            w = 1.0 / (v + (share * mean[place]) ** 2)
+        information = np.bincount(place, w)
+        return float(np.sum(w * (c - mean[place]) ** 2) - np.sum(np.log(w)) + np.sum(np.log(information)))
+
+    shares = np.concatenate([[0.0], np.geomspace(1e-5, MOST_SCATTER, 40)])
+    values = [minus_twice_log(share) for share in shares]
+    k = int(np.argmin(values))
+    if k == 0:
+        return 0.0, spare
+    ends = (shares[k - 1], shares[min(k + 1, len(shares) - 1)])
+    return float(minimize_scalar(minus_twice_log, bounds=ends, method="bounded").x), spare
+
+
+def _direction(
+    name: str, s: _SetUps, scatter: float, dof: int, asked: LawKind | None, cycles: Cycles
+) -> Direction:  # fmt: skip
+    row, none = ROWS[s.row], np.zeros(0)
+    free = max(min(dof, int(cycles.noise_dof[s.joint, s.row // 3])) if dof else 0, 0)
+    quantile = float(student.ppf(0.975, free)) if free else float(student.ppf(0.975, 1e9))
+    if not s.c.size:
+        return Direction(name, row, "not identified", None, np.nan, np.nan, none, none, none, quantile)
+    angle, value, sd = _by_angle(s, scatter)
+    mean, spread = _mean(s.c, s.variance, scatter)
+    if not mean > 0.0:
+        return Direction(name, row, "not determined", None, mean, spread, angle, value, sd, quantile)
+    if mean < quantile * spread:
+        law = _fitted("constant", s, angle, scatter)
+        status: Status = "one-sided" if law is not None else "not determined"
+        return Direction(name, row, status, law, mean, spread, angle, value, sd, quantile)
+    kind, scores = (asked, {}) if asked else choose_law(s.joint, s.q, s.c, s.variance, scatter)
+    law = _fitted(kind, s, angle, scatter) or _fitted("constant", s, angle, scatter)
+    status = "determined" if law is not None else "not determined"
+    return Direction(name, row, status, law, mean, spread, angle, value, sd, quantile, scores)
+
+
+def _fitted(kind: LawKind, s: _SetUps, angles: Array, scatter: float) -> Law | None:
+    return fit_law(kind, basis_of(kind, s.joint, angles), s.q, s.c, s.variance, scatter)
+
+
+def _mean(c: Array, variance: Array, scatter: float) -> tuple[float, float]:
+    mean = float(np.sum(c / variance) / np.sum(1.0 / variance))
+    w = 1.0 / (variance + (scatter * mean) ** 2)
+    return float(np.sum(w * c) / np.sum(w)), float(1.0 / np.sqrt(np.sum(w)))
+
+
+def _by_angle(s: _SetUps, scatter: float) -> tuple[Array, Array, Array]:
+    angles, place = angles_of(s.q[:, s.joint])
+    pairs = [_mean(s.c[place == a], s.variance[place == a], scatter) for a in range(len(angles))]
+    return angles, np.array([m for m, _ in pairs]), np.array([sd for _, sd in pairs])
+
+
+def _notes(
+    directions: Mapping[tuple[str, str], Direction], cycles: Cycles, names: tuple[str, ...]
+) -> tuple[str, ...]:  # fmt: skip
+    out = []
+    unwatched = [name for j, name in enumerate(names) if not (cycles.joint == j).any()]
+    if unwatched:
+        out.append(f"no readings of {', '.join(unwatched)}: their stiffnesses are not identified")
+    never = [f"{j}.{r}" for (j, r), d in directions.items() if d.status == "not identified" and j not in unwatched]
+    if never:
+        out.append(f"never loaded or never read, so not identified: {', '.join(never)}")
+    negative = [f"{j}.{r}" for (j, r), d in directions.items() if d.status == "not determined"]
+    if negative:
+        out.append(
+            f"not determined, for the best compliance is not positive: {', '.join(negative)}; there is a lower limit "
+            "of the stiffness at most, and the model holds them rigid"
+        )
+    return tuple(out)

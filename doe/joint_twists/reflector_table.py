@@ -1,0 +1,122 @@
+"""Tables of reflector coordinates: one row a reflector, turned into relative displacements and twists.
+
+Columns beside those of :func:`doe.joint_twists.table.read_twists`: ``reading`` (label: rows of one reading have one
+pose, joint, load and phase), ``arm`` (before or behind the joint), ``reflector`` (label), its coordinates in the
+robot's base frame without the load ``x0_mm y0_mm z0_mm`` and under it ``x_mm y_mm z_mm``; ``sigma_mm``: the tracker's
+noise in a coordinate. Where that is not given it is estimated from what the rigid-body fits leave over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import measurement_columns as mc
+from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
+from doe.joint_twists.readings import TwistReadings
+from doe.joint_twists.reflectors import Motion, motion, relative
+from doe.measurement_columns import Columns, Faults, RawTable
+from robots import InputError, Robot, forward_kinematics
+
+Array = NDArray[np.float64]
+
+# A reflector that moved further under the load was knocked, or two were mixed up.
+FARTHEST_M = 0.05
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """One reading: its first row, its twist, the covariance for unit noise, squares left over, and their number."""
+
+    row: int
+    twist: Array
+    covariance: Array
+    squares: float
+    spare: int
+
+
+def assemble_reflectors(
+    table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults
+) -> TwistReadings:  # fmt: skip
+    """Readings from a table of reflectors; what is wrong with it goes to ``faults``."""
+    from doe.joint_twists.table import in_flange_axes, setup_labels
+
+    both = (table, columns)
+    unloaded = mc.numbers(*both, UNLOADED, faults)
+    loaded = mc.numbers(*both, LOADED, faults)
+    sigma = mc.numbers(*both, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
+    label = mc.texts(table, columns.known["reading"])
+    arm = mc.texts(table, columns.known["arm"])
+    for line, text in zip(table.lines, arm, strict=True):
+        if text not in ARMS:
+            faults.add(line, "column arm", value=text or None, allowed=", ".join(ARMS),
+                       remedy="say whether the reflector sits on the arm before or behind the joint")  # fmt: skip
+    for i in np.flatnonzero(np.linalg.norm(loaded - unloaded, axis=1) > FARTHEST_M):
+        faults.add(table.lines[i], "columns x_mm y_mm z_mm, the reflector moved by more than "
+                   f"{1e3 * FARTHEST_M:g} mm", value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
+                   allowed="displacements under load", remedy="check units and the reflector's label")  # fmt: skip
+    faults.raise_if_any()
+    frames = forward_kinematics(robot, cells.q)
+    fits = []
+    for rows in _groups(label):
+        j = int(cells.joint[rows[0]])
+        if not _agree(rows, cells):
+            faults.add(table.lines[rows[0]], f"reading {label[rows[0]]}: its rows differ in pose, joint, load or phase",
+                       allowed="one of each a reading", remedy="give each reading a label of its own")  # fmt: skip
+            continue
+        R = frames.R[rows[0], j + 1] @ robot.R_post[j].T
+        try:
+            fits.append(_fit(rows, unloaded, loaded, arm, frames.p[rows[0], j + 1], R, f"reading {label[rows[0]]}"))
+        except InputError as error:
+            faults.found.append((table.lines[rows[0]], error))
+    faults.raise_if_any()
+    first = np.array([fit.row for fit in fits], dtype=np.intp)
+    noise, note = _noise(fits, sigma[first])
+    covariance = np.array([np.diag(fit.covariance) for fit in fits])
+    labels = setup_labels(cells)
+    return TwistReadings(
+        table.name, table.sha256, cells.q[first], cells.joint[first], in_flange_axes(robot, cells)[first],
+        cells.point[first], np.array([fit.twist for fit in fits]), noise[:, None] * np.sqrt(covariance),
+        tuple(cells.phase[i] for i in first), tuple(labels[i] for i in first),
+        tuple(table.lines[i] for i in first), cells.synthetic, (note,),
+    )  # fmt: skip
+
+
+def _groups(label: Sequence[str]) -> list[NDArray[np.intp]]:
+    found: dict[str, list[int]] = {}
+    for i, text in enumerate(label):
+        found.setdefault(text, []).append(i)
+    return [np.array(rows, dtype=np.intp) for rows in found.values()]
+
+
+def _agree(rows: NDArray[np.intp], cells: Cells) -> bool:
+    same = np.column_stack([cells.q, cells.wrench, cells.point, cells.joint, cells.in_base])[rows]
+    return bool((same == same[0]).all()) and len({cells.phase[i] for i in rows}) == 1
+
+
+def _fit(
+    rows: NDArray[np.intp], unloaded: Array, loaded: Array, arm: Sequence[str], origin: Array, R: Array, what: str
+) -> _Fit:
+    moved: dict[str, Motion] = {}
+    for side in ARMS:
+        own = rows[[arm[i] == side for i in rows]]
+        moved[side] = motion(unloaded[own], loaded[own], origin, f"{what}, arm {side} the joint")
+    twist, covariance = relative(moved["before"], moved["behind"], R)
+    squares = sum(float((m.residuals**2).sum()) for m in moved.values())
+    return _Fit(int(rows[0]), twist, covariance, squares, 3 * len(rows) - 12)
+
+
+def _noise(fits: Sequence[_Fit], given: Array) -> tuple[Array, str]:
+    """The tracker's noise in a coordinate (n,) m, as given or from what the fits leave over."""
+    # Residuals are differences of two coordinates: twice the variance.
+    spare = sum(fit.spare for fit in fits)
+    found = np.sqrt(sum(fit.squares for fit in fits) / (2.0 * spare)) if spare else np.nan
+    if np.isfinite(given).all():
+        return given, f"reflectors: rigid-body fits leave {1e6 * found:.1f} um in a coordinate"
+    if not spare:
+        return given, "reflectors: three an arm and no sigma_mm: the noise comes from the load cycles alone"
+    words = f"reflectors: noise of {1e6 * found:.1f} um in a coordinate, from what the rigid-body fits leave over"
+    return np.where(np.isfinite(given), given, found), words

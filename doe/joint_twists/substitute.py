@@ -1,0 +1,202 @@
+"""What the six stiffnesses of every joint make of the flange: directional stiffness, its uncertainty, usual models.
+
+Links are rigid, as in the paper: what they give way by between two reflectors is in the joints' stiffnesses. A force f
+at the flange centre moves it along itself by ``sum_jr c_jr s_jr^2`` per newton, with s_jr what row r of joint j carries
+per newton: linear in the compliances, so the uncertainty is exact to first order and no matrix is inverted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from doe.joint_twists.cycles import carried
+from doe.joint_twists.identify import Identified
+from fem import ArmModel
+from fem.transfers import joint_rows
+from robots import InputError, forward_kinematics
+
+Array = NDArray[np.float64]
+# Compliances (n, dof, 6) of the rows of every joint at poses (n, dof).
+Compliances = Callable[[Array], Array]
+
+AXIS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Stiffness:
+    """Directional stiffness (n, k) N/m in k directions, the ends of its 95 % interval, and ``open_share`` (n, k).
+
+    ``open_share``: part of the squared forces and moments (at one metre) that falls on stiffnesses without a number.
+    """
+
+    value: Array
+    low: Array
+    high: Array
+    open_share: Array
+
+
+def loads_in(model: ArmModel, q: Array, directions: Array) -> Array:
+    """What every joint carries (n, k, dof, 6) per newton at the flange centre along directions (k, 3), flange axes."""
+    k, n = len(directions), len(q)
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    wrench = np.hstack([np.tile(unit, (n, 1)), np.zeros((n * k, 3))])
+    s = carried(model, np.repeat(q, k, axis=0), wrench, np.zeros((n * k, 3)))
+    return s.reshape(n, k, -1, 6)
+
+
+def stiffness_with(model: ArmModel, compliances: Compliances, q: Array, directions: Array | None = None) -> Array:
+    """Directional stiffness |F| / |d . F/|F|| (n, k) N/m at the flange centre; default: flange X, Y, Z.
+
+    Raises
+    ------
+    InputError
+        A direction in which nothing gives way.
+    """
+    ways = np.eye(3) if directions is None else np.asarray(directions, dtype=np.float64)
+    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, ways) ** 2, compliances(q))
+    if not (moved > 0.0).all():
+        raise InputError("directional stiffness: nothing gives way in a direction", remedy="identify more stiffnesses")
+    return np.asarray(1.0 / moved)
+
+
+def predict(model: ArmModel, found: Identified, q: Array, directions: Array | None = None) -> Stiffness:
+    """Directional stiffness by identified stiffnesses, with 95 % intervals from their covariances."""
+    ways = np.eye(3) if directions is None else np.asarray(directions, dtype=np.float64)
+    s2 = loads_in(model, q, ways) ** 2
+    c, sd = found.compliances(q)
+    moved = np.einsum("nkjr,njr->nk", s2, c)
+    spread = np.sqrt(np.einsum("nkjr,njr->nk", s2**2, sd**2))
+    quantile = max(d.quantile for d in found.directions.values())
+    missing = np.array([d.law is None for d in found.directions.values()]).reshape(-1, 6)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = 1.0 / (moved + quantile * spread), 1.0 / (moved - quantile * spread)
+        value = np.where(moved > 0.0, 1.0 / moved, np.nan)
+    high = np.where(high > 0.0, high, np.inf)
+    return Stiffness(value, low, high, np.asarray(s2[..., missing].sum(axis=-1) / s2.sum(axis=(2, 3))))
+
+
+def compliances_of(found: Identified) -> Compliances:
+    """The identified compliances as a function of the pose; zero where there is no number."""
+    return lambda q: found.compliances(q)[0]
+
+
+def gear_only(six: Compliances) -> Compliances:
+    """The usual model (eq. 3 of the paper): the same stiffness about the gear axes, all else rigid."""
+
+    def law(q: Array) -> Array:
+        c = np.zeros_like(six(q))
+        c[:, :, AXIS] = six(q)[:, :, AXIS]
+        return c
+
+    return law
+
+
+def gear_refitted(model: ArmModel, six: Compliances, q: Array) -> tuple[Compliances, Array]:
+    """The usual model as it is usually found: one constant a gear, fitted to deflections of the flange.
+
+    Least squares over the displacements under unit forces in flange X, Y and Z at poses q, compliances not negative:
+    the other directions of the joints end up in the gears' effective stiffnesses.
+
+    Returns
+    -------
+    the model, and the effective compliances (dof,) rad/(N m), zero for a gear that these forces never turn
+    """
+    T, R = _rows(model, q)
+    w = np.zeros((len(q), 3, 6))
+    w[:, :, :3] = np.swapaxes(R, 1, 2)
+    s = np.einsum("njra,nka->nkjr", T, w)
+    whole = np.einsum("njra,njr,nkjr->nka", T, six(q), s)[..., :3]
+    of_gear = np.einsum("nja,nkj->nkaj", T[:, :, AXIS], s[..., AXIS])[..., :3, :]
+    A = of_gear.reshape(-1, T.shape[1])
+    size = np.linalg.norm(A, axis=0)
+    # Forces at the flange centre never turn the last joint: what its column holds is rounding.
+    moves = size > 1e-9 * size.max()
+    effective = np.zeros(len(size))
+    effective[moves] = nnls(A[:, moves] / size[moves], whole.ravel())[0] / size[moves]
+
+    def law(poses: Array) -> Array:
+        c = np.zeros((len(poses), len(effective), 6))
+        c[:, :, AXIS] = effective
+        return c
+
+    return law, effective
+
+
+def _rows(model: ArmModel, q: Array) -> tuple[Array, Array]:
+    """T (n, dof, 6, 6): what joints carry per wrench at the flange centre, base axes; flange axes R (n, 3, 3)."""
+    frames = forward_kinematics(model.robot, q)
+    T = np.empty((len(q), model.robot.dof, 6, 6))
+    for j, t in joint_rows(model, frames, frames.p_flange):
+        T[:, j] = np.moveaxis(t, -1, 0)
+    return T, frames.R_flange
+
+
+def reachable_poses(model: ArmModel, n: int, rng: np.random.Generator, *, lowest_m: float = 0.0) -> Array:
+    """Poses (n, dof) drawn evenly within limits, the flange above ``lowest_m``, its axis no further down than that.
+
+    Collisions of the arm with itself are not looked at.
+
+    Raises
+    ------
+    InputError
+        Next to no pose keeps the limits.
+    """
+    robot = model.robot
+    kept: list[Array] = []
+    for _ in range(200):
+        q = rng.uniform(robot.limits[:, 0], robot.limits[:, 1], size=(4 * n, robot.dof))
+        q = q[robot.reachable(q)]
+        if len(q):
+            kept += list(q[forward_kinematics(robot, q).p_flange[:, 2] > lowest_m])
+        if len(kept) >= n:
+            return np.array(kept[:n])
+    raise InputError(f"random poses of {robot.name}: hardly any keeps the limits", allowed="wider limits")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Relative errors of directional stiffness, by flange axis (3,): mean, 95th percentile of the size, worst size.
+
+    ``bias``: mean with its sign, positive where the model is too stiff.
+    """
+
+    bias: Array
+    mean: Array
+    p95: Array
+    worst: Array
+
+
+def errors_of(k: Array, reference: Array) -> Errors:
+    """Errors of stiffnesses k (n, 3) against ``reference`` (n, 3)."""
+    e = k / reference - 1.0
+    size = np.abs(e)
+    return Errors(e.mean(axis=0), size.mean(axis=0), np.percentile(size, 95.0, axis=0), size.max(axis=0))
+
+
+def usual_models(
+    model: ArmModel, six: Compliances, *, poses: int, rng: np.random.Generator
+) -> tuple[Errors, Errors, Array]:  # fmt: skip
+    """How wrong models of the gears alone are against six stiffnesses a joint, over random reachable poses.
+
+    Returns
+    -------
+    errors with the same torsional stiffness; errors refitted to flange deflections at other random poses; the
+    effective compliances (dof,) of that fit
+    """
+    refitted, effective = gear_refitted(model, six, reachable_poses(model, poses, rng))
+    q = reachable_poses(model, poses, rng)
+    reference = stiffness_with(model, six, q)
+    same, fitted = (_stiffness(model, law, q) for law in (gear_only(six), refitted))
+    return errors_of(same, reference), errors_of(fitted, reference), effective
+
+
+def _stiffness(model: ArmModel, compliances: Compliances, q: Array) -> Array:
+    """Directional stiffness (n, 3), inf where nothing gives way."""
+    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, np.eye(3)) ** 2, compliances(q))
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / moved)

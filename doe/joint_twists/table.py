@@ -1,0 +1,153 @@
+"""Read tables of joint twists (CSV, XLSX), one row a reading, or one row a reflector, with every fault named."""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import replace
+from itertools import compress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import measurement_columns as mc
+from doe.joint_twists.columns import SIGMAS, Cells, find_columns, is_reflector_table, read_cells
+from doe.joint_twists.readings import TwistReadings
+from doe.joint_twists.reflector_table import assemble_reflectors
+from doe.measurement_checks import joint_keys
+from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
+from robots import Robot, forward_kinematics
+
+Array = NDArray[np.float64]
+
+
+def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> TwistReadings:
+    """Read a table of relative displacements and twists, or of reflector coordinates, for ``robot``.
+
+    One row a reading: joint columns (``q1_deg`` ...; one that is missing is 0), ``joint`` (name or number of the joint
+    between the two arms), the load ``fx_N ... mz_Nm`` in flange axes (``axes`` = base: in base axes) at the flange
+    centre or at ``px_mm py_mm pz_mm`` (flange frame), ``phase`` (loading or unloading), and what was read: ``dx_mm
+    dy_mm dz_mm rx_mrad ry_mrad rz_mrad`` of the arm behind the joint against the arm before it, in the joint's
+    modified DH frame at its origin (Z along the gear axis, X along the common normal to the next axis, turning with
+    the arm behind the joint); an empty cell was not read. Optional: ``pose`` (label), ``repeat``, ``step``,
+    ``sigma_mm``, ``sigma_twist_mrad``, ``origin`` ("synthetic" for made-up tables). Loads of zero may stand at the
+    start and the end of a cycle.
+    One row a reflector: see :mod:`doe.joint_twists.reflector_table`.
+
+    Raises
+    ------
+    InputErrors
+        Faults in the header or the rows, all of them, each with line, column, value and remedy.
+    InputError
+        The file as a whole cannot be read.
+    """
+    table = mc.read_table(Path(path))
+    faults = Faults(table.name)
+    columns = find_columns(table, robot, faults)
+    faults.raise_if_any()  # cells of columns that mean something else would only hide it
+    table = mc.drop_ragged(table, faults)
+    cells = read_cells(table, columns, robot, faults)
+    if is_reflector_table(table):
+        faults.raise_if_any()
+        readings = assemble_reflectors(table, columns, cells, robot, faults)
+    else:
+        readings = _assemble(table, columns, cells, robot, faults)
+    if readings.n:
+        _check_loads(readings, faults)
+        if check_reach:
+            _check_limits(readings, robot, faults)
+    faults.raise_if_any()
+    return replace(readings, notes=(*_notes(table, columns, robot, readings.synthetic), *readings.notes))
+
+
+def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults) -> TwistReadings:
+    both = (table, columns)
+    twist = mc.numbers(*both, DISPLACEMENTS, faults, empty="not read")
+    sigma = np.repeat(mc.numbers(*both, SIGMAS, faults, empty="not known", positive=True), 3, axis=1)
+    for line, row in zip(table.lines, twist, strict=True):
+        if np.isnan(row).all() and all(line != at for at, _ in faults.found):
+            faults.add(line, "nothing was read", allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
+                       remedy="fill in the readings, or remove the row")  # fmt: skip
+    bad = {line for line, _ in faults.found}
+    good = np.array([line not in bad for line in table.lines], dtype=np.bool_)
+    return TwistReadings(
+        table.name, table.sha256, cells.q[good], cells.joint[good], in_flange_axes(robot, cells)[good],
+        cells.point[good], twist[good], sigma[good], tuple(compress(cells.phase, good)),
+        tuple(compress(setup_labels(cells), good)), tuple(compress(table.lines, good)), cells.synthetic, (),
+    )  # fmt: skip
+
+
+def in_flange_axes(robot: Robot, cells: Cells) -> Array:
+    """Loads (n, 6) in flange axes."""
+    out = cells.wrench.copy()
+    rows = np.flatnonzero(cells.in_base & np.isfinite(cells.q).all(axis=1))
+    if rows.size:
+        R = forward_kinematics(robot, cells.q[rows]).R_flange
+        out[rows] = np.einsum("nji,nkj->nki", R, out[rows].reshape(-1, 2, 3)).reshape(-1, 6)
+    return out
+
+
+def setup_labels(cells: Cells) -> tuple[str, ...]:
+    """One label for each set-up: joint watched, pose and repeat."""
+    keys = joint_keys(np.nan_to_num(cells.q))
+    number: dict[object, int] = {}
+    out = []
+    for key, pose, joint, repeat in zip(keys, cells.pose, cells.joint.tolist(), cells.repeat, strict=True):
+        place = number.setdefault((key, pose, joint, repeat), len(number) + 1)
+        out.append(f"{pose or f'set-up {place}'}/{joint + 1}" + (f"/{repeat}" if repeat else ""))
+    return tuple(out)
+
+
+def _check_loads(t: TwistReadings, faults: Faults) -> None:
+    if not t.wrench.any():
+        faults.add(t.row_numbers[0], "the load is zero in every component, here and in every row",
+                   allowed="loads other than 0", remedy="give the forces: fx_N, fy_N, fz_N")  # fmt: skip
+
+
+def _check_limits(t: TwistReadings, robot: Robot, faults: Faults) -> None:
+    for i in np.flatnonzero(~robot.reachable(t.q)):
+        for problem in robot.violations(t.q[i]):
+            faults.add(t.row_numbers[i], f"the pose cannot be taken: {problem}",
+                       allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
+
+
+def _notes(table: RawTable, columns: Columns, robot: Robot, synthetic: bool) -> list[str]:
+    out = ["synthetic readings: made up, nobody measured them"] if synthetic else []
+    for kind, group in (("joint", robot.coordinates), ("load", LOADS)):
+        if missing := [name for name in group if name not in columns.known]:
+            out.append(f"{kind} columns missing, taken as 0: {', '.join(missing)}")
+    if columns.unknown:
+        out.append(f"unknown columns, kept but not used: {', '.join(columns.unknown)}")
+    return out
+
+
+def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
+    """Write a table that :func:`read_twists` reads back the same, under a temporary name first.
+
+    A synthetic table says so in the column ``origin`` of every row.
+    """
+    path = Path(path)
+    names = (*robot.coordinates, *LOADS, *POINT, *DISPLACEMENTS, *SIGMAS)
+    values = np.column_stack([t.q, t.wrench, t.point, t.twist, t.sigma[:, [0, 3]]])
+    columns: dict[str, list[str]] = {
+        "pose": [label.split("/")[0] for label in t.setup],
+        "joint": [robot.joint_names[j] for j in t.joint.tolist()],
+        "phase": list(t.phase),
+    }
+    for name, column in zip(names, values.T, strict=True):
+        cells = ["" if np.isnan(v) else f"{v:.15g}" for v in (column / mc.si_factor(name)).tolist()]
+        needed = name in robot.coordinates or name in LOADS[:3] or (name in POINT and t.point.any())
+        if needed or any(cell not in ("", "0") for cell in cells):
+            columns[name] = cells
+    if t.synthetic:
+        columns["origin"] = ["synthetic"] * t.n
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

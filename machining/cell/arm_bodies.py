@@ -1,0 +1,187 @@
+"""The arm's bodies for collision checks, from whatever a model says of its shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.cell.casing_solids import crank_and_bar, link_solids
+from machining.cell.solids import Body, Solid, capsule, hull, surface
+from meshes.beams import body_index, body_tip
+from meshes.body_surfaces import body_surface
+from meshes.sections import section_dimensions
+from robots import InputError, ModelDescription, Robot, UrdfRobot, forward_kinematics, load_description, read_urdf
+from robots.robot import robot_from
+from robots.urdf import Visual
+from robots.urdf_xml import is_xml
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmBodies:
+    """Bodies of an arm and the frames they move with.
+
+    ``frame`` (one number a body) counts the frames of :meth:`frames`. ``neighbours``: pairs of places in ``bodies``
+    that a joint connects and that overlap there by design. ``last``: place of the
+    body that the tool stands on. ``notes``: what was assumed, merged or left out.
+    """
+
+    robot: Robot
+    bodies: tuple[Body, ...]
+    frame: tuple[int, ...]
+    neighbours: frozenset[tuple[int, int]]
+    last: int
+    notes: tuple[str, ...]
+
+    @property
+    def flange(self) -> int:
+        """Number of the flange's frame."""
+        return self.robot.dof + 1
+
+    @property
+    def count(self) -> int:
+        """How many frames :meth:`frames` gives."""
+        return self.robot.dof + (2 if self.robot.parallelogram is None else 4)
+
+    def frames(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (n, f, 3, 3) and origins (n, f, 3) m in the base for poses q (n, dof) rad.
+
+        Frames 0 to dof are the bodies', dof + 1 the flange's; a parallelogram adds the crank's and the bar's.
+        """
+        frames = forward_kinematics(self.robot, q)
+        R, p = [frames.R, frames.R_flange[:, None]], [frames.p, frames.p_flange[:, None]]
+        para = self.robot.parallelogram
+        if para is not None:
+            own, driven = para.crank_about + 1, para.driven + 1
+            pin = frames.p[:, own] + frames.R[:, driven] @ para.pin
+            R += [frames.R[:, driven, None], frames.R[:, own, None]]
+            p += [frames.p[:, own, None], pin[:, None]]
+        return np.concatenate(R, axis=1), np.concatenate(p, axis=1)
+
+
+def arm_of(model: str | Path, *, beam_radius: float | None = None) -> ArmBodies:
+    """Bodies of a bundled robot, a model file or a URDF; see :func:`arm_bodies`."""
+    path = Path(model)
+    if path.is_file() and is_xml(path):
+        urdf = read_urdf(path)
+        return arm_bodies(urdf.description, urdf, beam_radius=beam_radius)
+    return arm_bodies(load_description(model), beam_radius=beam_radius)
+
+
+def arm_bodies(
+    description: ModelDescription, urdf: UrdfRobot | None = None, *, beam_radius: float | None = None
+) -> ArmBodies:
+    """Bodies of an arm: links of the description first, then shapes of a URDF, then capsules between joints.
+
+    Of a URDF the collision shapes are taken, the visual ones of bodies that have none of these. A shape that is not
+    closed gives its hull. A body without link or shape whose next joint stands off its own gets a capsule as thick as
+    the largest section next to it, or of ``beam_radius`` (m); without either it is left out. Each is said in ``notes``.
+
+    Raises
+    ------
+    InputError
+        Shapes that cannot be read, or no body with a shape.
+    """
+    robot = robot_from(description)
+    names = ("base", *robot.joint_names)
+    solids: dict[int, tuple[Solid, ...]] = {}
+    label: dict[int, str] = {}
+    notes: list[str] = []
+    for link in description.link:
+        body = body_index(robot, link.body)
+        made, said = link_solids(description, robot, link)
+        solids[body] = (*solids.get(body, ()), *made)
+        label[body] = f"{label[body]} and {link.name}" if body in label else link.name
+        notes += said
+    for body, name in enumerate(names):
+        if body in solids:
+            continue
+        made = ()
+        if urdf is not None:
+            made, said = _shape_solids(name, urdf)
+            notes += said
+        if not made:
+            made, said = _capsule(description, robot, body, name, beam_radius)
+            notes += said
+        if made:
+            solids[body], label[body] = made, name
+    if not solids:
+        raise InputError(
+            f"{robot.name}: no body has a shape",
+            remedy="give links with sections, a URDF with its meshes, or a radius of beams",
+        )
+    return _put_together(description, robot, solids, label, notes)
+
+
+def _put_together(
+    description: ModelDescription,
+    robot: Robot,
+    solids: dict[int, tuple[Solid, ...]],
+    label: dict[int, str],
+    notes: list[str],
+) -> ArmBodies:
+    order = sorted(solids)
+    bodies = [Body(label[body], solids[body]) for body in order]
+    frame = list(order)
+    # Bodies without a shape between two others do not make these strangers: their joints are in one place.
+    neighbours = set(pairwise(range(len(order))))
+    p = robot.parallelogram
+    if p is not None and description.parallelogram is not None:
+        crank, bar = len(bodies), len(bodies) + 1
+        bodies += [
+            Body(name, (s,)) for name, s in zip(("crank", "bar"), crank_and_bar(description, robot), strict=True)
+        ]
+        frame += [robot.dof + 2, robot.dof + 3]
+        neighbours |= {(order.index(b), crank) for b in (p.crank_about, p.crank_about + 1) if b in solids}
+        neighbours.add((crank, bar))
+        if p.driven + 1 in solids:
+            neighbours.add((order.index(p.driven + 1), bar))
+    return ArmBodies(robot, tuple(bodies), tuple(frame), frozenset(neighbours), len(order) - 1, tuple(notes))
+
+
+def _shape_solids(name: str, urdf: UrdfRobot) -> tuple[tuple[Solid, ...], list[str]]:
+    """Solids of a body's shapes in a URDF."""
+    shapes = urdf.collisions.get(name, ())
+    notes = []
+    if not shapes and urdf.visuals.get(name):
+        shapes = urdf.visuals[name]
+        notes.append(f"body {name}: no collision shape, its visual shape is taken")
+    solids = []
+    for shape in shapes:
+        solid, said = _shape_solid(name, shape)
+        solids.append(solid)
+        notes += said
+    return tuple(solids), notes
+
+
+def _shape_solid(name: str, shape: Visual) -> tuple[Solid, list[str]]:
+    read = body_surface([shape])
+    try:
+        return surface(read.sources[0], read.nodes, read.faces), []
+    except InputError as fault:
+        note = f"body {name}: the hull of {read.sources[0]} is taken ({fault.what})"
+        return hull(read.nodes), [note]
+
+
+def _capsule(
+    description: ModelDescription, robot: Robot, body: int, name: str, beam_radius: float | None
+) -> tuple[tuple[Solid, ...], list[str]]:
+    """A capsule along the way to the next joint, for a body of which nothing else is known."""
+    tip = body_tip(robot, body)
+    if not np.linalg.norm(tip) > 1e-6:
+        return (), []
+    radius, origin = beam_radius, "as asked for"
+    if radius is None:
+        near = sorted(description.link, key=lambda link: abs(body_index(robot, link.body) - body))
+        if not near:
+            return (), [f"body {name}: no shape known, it is not checked"]
+        sections = [s for s in (near[0].section, near[0].section_end) if s is not None]
+        radius = max(0.5 * float(section_dimensions(s)[:-1].max()) for s in sections)
+        origin = f"half the largest section of {near[0].name}"
+    said = f"body {name}: no shape known, a capsule of radius {1e3 * radius:.0f} mm ({origin}) is taken"
+    return (capsule(np.zeros(3), tip, radius),), [said]

@@ -1,0 +1,192 @@
+"""Cell files read: TOML to a :class:`Cell`, with the mesh files that lie beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
+from machining.cell.schema import (
+    BoxShape,
+    CellFile,
+    CylinderShape,
+    FixtureTable,
+    LinearAxisTable,
+    MeshShape,
+    Placed,
+    Shape,
+    ToolTable,
+    TurntableTable,
+)
+from machining.cell.solids import Body, Solid, box, cylinder, mesh_file, sphere
+from robots import InputError, InputErrors
+from robots.library import parse_toml, read_text
+from robots.robot import rotation_rpy
+
+Array = NDArray[np.float64]
+
+MM = 1e-3
+_WORDS = {
+    "missing": ("this key is missing", "add it"),
+    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
+}
+
+
+def read_cell(path: str | Path) -> Cell:
+    """Read a cell file; mesh files are found beside it, by paths relative to its folder.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, a mesh that is missing, cannot be read or is not closed, a name used twice.
+    InputErrors
+        Several keys that do not fit the schema, all of them.
+    """
+    file = Path(path)
+    return parse_cell(read_text(file, "cell file"), str(file), file.resolve().parent)
+
+
+def parse_cell(text: str, where: str, folder: Path) -> Cell:
+    """Read a cell from TOML text; ``where`` names it in messages, ``folder`` holds the mesh files."""
+    # TOML has lists and whole numbers; both are fine where tuples and floats are meant.
+    data = _tuples(parse_toml(text, where))
+    try:
+        table = CellFile.model_validate(data)
+    except ValidationError as error:
+        faults = [_fault(where, data, item) for item in error.errors()]
+        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+    T_world_part = frame(table.part)
+    part = None if table.part.shape is None else Body("part", (_solid(table.part.shape, folder, "part"),))
+    return Cell(
+        name=table.name,
+        T_world_base0=frame(table.robot),
+        T_world_part0=T_world_part,
+        tool=_tool(table.tool, folder),
+        part=None if part is None else part.moved(T_world_part),
+        fixtures=tuple(_fixture(fixture, folder) for fixture in table.fixture),
+        floor=None if table.floor is None else table.floor.height_mm * MM,
+        linear_axes=tuple(_linear_axis(axis, folder) for axis in table.linear_axis),
+        turntable=None if table.turntable is None else _turntable(table.turntable),
+        joint_speed=_rates(table.robot.joint_speed_deg_s),
+        joint_acceleration=_rates(table.robot.joint_acceleration_deg_s2),
+        safety=table.robot.safety_mm * MM,
+        home=None if table.robot.home_deg is None else np.radians(table.robot.home_deg),
+        allowed_contacts=table.allowed_contacts,
+    )
+
+
+def frame(placed: Placed) -> Array:
+    """Transform (4, 4) m of a frame's table; x is laid onto the plane across z."""
+    T = np.eye(4)
+    T[:3, 3] = np.array(placed.position_mm) * MM
+    if placed.rpy_deg is not None:
+        T[:3, :3] = rotation_rpy(np.radians(placed.rpy_deg))
+    elif placed.z_axis is not None and placed.x_axis is not None:
+        z = np.array(placed.z_axis) / np.linalg.norm(placed.z_axis)
+        x = np.array(placed.x_axis) - (np.array(placed.x_axis) @ z) * z
+        x /= np.linalg.norm(x)
+        T[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    return T
+
+
+def _solid(shape: Shape, folder: Path, name: str) -> Solid:
+    if isinstance(shape, MeshShape):
+        file = folder / shape.file
+        if not file.is_file():
+            raise InputError(
+                f"mesh file of {name} not found", value=shape.file, remedy="give its path relative to the cell file"
+            )
+        return mesh_file(file, shape.unit)
+    if isinstance(shape, BoxShape):
+        return box(np.array(shape.size_mm) * MM)
+    if isinstance(shape, CylinderShape):
+        return cylinder(0.5 * shape.diameter_mm * MM, shape.length_mm * MM)
+    return sphere(0.5 * shape.diameter_mm * MM)
+
+
+def _body(name: str, shape: Shape, placed: Placed, folder: Path) -> Body:
+    return Body(name, (_solid(shape, folder, name).moved(frame(placed)),))
+
+
+def _tool(table: ToolTable, folder: Path) -> Tool:
+    made = [(_body(body.name, body.shape, body, folder), body.cutter) for body in table.body]
+    return Tool(frame(table), tuple(b for b, cutter in made if not cutter), tuple(b for b, cutter in made if cutter))
+
+
+def _fixture(table: FixtureTable, folder: Path) -> Fixture:
+    return Fixture(_body(table.name, table.shape, table, folder), table.on_turntable)
+
+
+def _linear_axis(table: LinearAxisTable, folder: Path) -> LinearAxis:
+    carriage = None
+    if table.carriage is not None:
+        carriage = _body(f"carriage {table.name}", table.carriage.shape, table.carriage, folder)
+    compliance = None
+    if table.compliance_um_per_N is not None or table.compliance_urad_per_Nm is not None:
+        along, about = table.compliance_um_per_N or (0.0,) * 3, table.compliance_urad_per_Nm or (0.0,) * 3
+        compliance = 1e-6 * np.array([*along, *about])
+    return LinearAxis(
+        table.name,
+        np.array(table.direction),
+        np.array(table.limits_mm) * MM,
+        _millimetres(table.speed_mm_s),
+        _millimetres(table.acceleration_mm_s2),
+        compliance,
+        carriage,
+    )
+
+
+def _turntable(table: TurntableTable) -> Turntable:
+    return Turntable(
+        np.array(table.point_mm) * MM,
+        np.array(table.axis),
+        None if table.limits_deg is None else np.radians(table.limits_deg),
+        None if table.speed_deg_s is None else float(np.radians(table.speed_deg_s)),
+        None if table.acceleration_deg_s2 is None else float(np.radians(table.acceleration_deg_s2)),
+    )
+
+
+def _millimetres(value: float | None) -> float | None:
+    return None if value is None else value * MM
+
+
+def _rates(rates: tuple[float, ...] | None) -> Array | None:
+    """Rates of the joints in rad, one for all of them if one is given."""
+    if rates is None:
+        return None
+    return np.asarray(np.radians(rates if len(rates) > 1 else rates[0]))
+
+
+def _tuples(node: Any) -> Any:
+    if isinstance(node, dict):
+        return {key: _tuples(value) for key, value in node.items()}
+    return tuple(_tuples(value) for value in node) if isinstance(node, list) else node
+
+
+def _fault(where: str, data: Any, item: Any) -> InputError:
+    message, remedy = _WORDS.get(
+        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
+    )
+    value = item["input"]
+    # Where a key is missing or a table contradicts itself, the value is the whole table: no help to a reader.
+    shown = None if isinstance(value, dict) or item["type"] == "missing" else value
+    return InputError(f"{where}: {_place(data, item['loc'])}: {message}", value=shown, remedy=remedy)
+
+
+def _place(data: Any, loc: tuple[int | str, ...]) -> str:
+    """The path to a key as a reader of the file would name it: entries of a list by their name."""
+    steps: list[str] = []
+    node = data
+    for step in loc:
+        node = node[step] if isinstance(node, dict) and step in node else _entry(node, step)
+        named = node.get("name") if isinstance(step, int) and isinstance(node, dict) else None
+        steps.append(named if isinstance(named, str) else str(step))
+    return ".".join(steps) or "file"
+
+
+def _entry(node: Any, step: int | str) -> Any:
+    return node[step] if isinstance(node, tuple) and isinstance(step, int) and step < len(node) else None

@@ -1,0 +1,257 @@
+"""Arm, tool and cell put together: which bodies move with which frame, and which pairs are checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from machining.cell.arm_bodies import ArmBodies
+from machining.cell.bounds import Bounds, bounds_of, stacked
+from machining.cell.cell import FLOOR, Cell, inverse
+from machining.cell.exact import ExactSolid, exact_distance
+from machining.cell.solids import Body, all_nodes
+from robots import InputError, Robot
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+Pair = tuple[str, str]
+# What a body is, for the rules of which pairs are checked.
+ARM, HOLDER, CUTTER, CARRIAGE, FIXED, PART = range(6)
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A body of the scene: what it is, and the number of the frame that it moves with."""
+
+    body: Body
+    kind: int
+    frame: int
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What :func:`machining.cell.clearance` works on; made by :func:`scene_of`.
+
+    ``members``: all bodies. ``pairs`` (p, 2): checked pairs of members; ``floor_members``: members checked against
+    the floor. ``solids`` and ``owner`` (s,): all solids and the members they belong to; ``solid_pairs`` (k, 3):
+    pair, solid, solid. ``switched_off``: pairs that overlap in the ``home`` pose (dof,) rad and are not checked for
+    that reason. ``notes``: what a user should know. FCL's objects are moved while distances are asked, so a scene is
+    for one thread, and cannot be pickled: each process makes its own.
+    """
+
+    arm: ArmBodies
+    cell: Cell
+    members: tuple[Member, ...]
+    pairs: tuple[tuple[int, int], ...]
+    floor_members: tuple[int, ...]
+    solids: tuple[ExactSolid, ...]
+    bounds: Bounds
+    owner: Indices
+    solid_pairs: Indices
+    home: Array
+    switched_off: tuple[Pair, ...]
+    notes: tuple[str, ...]
+
+    @cached_property
+    def solid_frames(self) -> Indices:
+        """Frame (s,) that each solid moves with."""
+        return np.array([self.members[i].frame for i in self.owner], dtype=np.int64)
+
+    @property
+    def names(self) -> tuple[Pair, ...]:
+        """Names of all checked pairs: those of ``pairs``, then those with the floor."""
+        named = [(self.members[i].body.name, self.members[j].body.name) for i, j in self.pairs]
+        return (*named, *((self.members[i].body.name, FLOOR) for i in self.floor_members))
+
+    def frames(self, q: Array, e: ArrayLike | None = None, table: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Rotations (n, f, 3, 3) and origins (n, f, 3) m in the robot's base.
+
+        Frames of the arm come first (:meth:`ArmBodies.frames`), then the world, the turntable and the carriages.
+        Bodies of the cell are given where they stand in the world with all external axes at 0. ``q`` (n, dof) rad;
+        ``e`` (n, k) or (1, k) m, ``table`` (n,) or (1,) rad.
+        """
+        R, p = self.arm.frames(q)
+        to_base = inverse(self.cell.T_world_base(e))
+        turned = self.cell.T_world_table(table)
+        carried = np.zeros((len(to_base), len(self.cell.linear_axes), 4, 4)) + np.eye(4)
+        carried[:, :, :3, 3] = self.cell.carried(e)[:, 1:]
+        for what, rows in (("travels of the linear axes", to_base), ("angles of the turntable", turned)):
+            if len(rows) not in (1, len(q)):
+                raise InputError(what, value=f"{len(rows)} rows", allowed=f"1 or {len(q)}, one a pose")
+        out = [to_base[:, None], (to_base @ turned)[:, None], to_base[:, None] @ carried]
+        T = np.concatenate([np.broadcast_to(x, (len(q), *x.shape[1:])) for x in out], axis=1)
+        return np.concatenate([R, T[:, :, :3, :3]], axis=1), np.concatenate([p, T[:, :, :3, 3]], axis=1)
+
+
+def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
+    """Put an arm into a cell and choose the pairs of bodies that are checked.
+
+    Not checked are bodies on the same frame or without motion between them, bodies that a joint connects, the tool
+    and the last link, cutter and part, the cell's own parts against each other but for carriages, robot base and
+    carriages against the floor, pairs that the cell allows; and pairs that overlap at home, which is said: links of
+    the arm in the cell's ``home`` pose (middle of the joint ranges unless given), what is carried by linear axes in
+    their zero. An overlap of arm and cell at home is said, but stays checked.
+
+    Raises
+    ------
+    InputError
+        A body's name used twice, allowed contacts that name no body, a home pose of another shape, speeds or
+        accelerations for another number of joints.
+    """
+    _check_rates(cell, arm.robot)
+    members = _members(cell, arm)
+    _check_names(cell, members)
+    pose = middle_pose(arm.robot) if cell.home is None else np.asarray(cell.home, dtype=np.float64)
+    if pose.shape != (arm.robot.dof,) or not np.isfinite(pose).all():
+        raise InputError("home pose", value=f"shape {pose.shape}", allowed=f"finite ({arm.robot.dof},) rad")
+    solids = [ExactSolid(solid) for member in members for solid in member.body.solids]
+    owner = np.repeat(np.arange(len(members)), [len(m.body.solids) for m in members])
+    allowed = {frozenset(pair) for pair in cell.allowed_contacts}
+    wanted = [
+        (i, j)
+        for i, j in combinations(range(len(members)), 2)
+        if _checked(cell, arm, members, i, j) and frozenset((members[i].body.name, members[j].body.name)) not in allowed
+    ]
+    floored = tuple(
+        i
+        for i, m in enumerate(members)
+        if cell.floor is not None
+        and (m.kind in (HOLDER, CUTTER) or (m.kind == ARM and m.frame > 0))
+        and frozenset((m.body.name, FLOOR)) not in allowed
+    )
+    scene = Scene(
+        arm, cell, members, tuple(wanted), floored, tuple(solids), stacked([bounds_of(s.solid) for s in solids]), owner,
+        _solid_pairs(wanted, owner), pose, (), arm.notes,
+    )  # fmt: skip
+    return _without_overlaps(scene)
+
+
+def middle_pose(robot: Robot) -> Array:
+    """Middle of the joint ranges (dof,) rad; moved along couplings until these hold too."""
+    q = robot.limits.mean(axis=1)
+    for _ in range(100):
+        if robot.reachable(q[None])[0]:
+            break
+        for c in robot.couplings:
+            value = c.offset + float(c.factors @ q)
+            q = q - c.factors * (value - np.clip(value, c.lower, c.upper)) / (c.factors @ c.factors)
+        q = np.clip(q, robot.limits[:, 0], robot.limits[:, 1])
+    return np.asarray(q)
+
+
+def _members(cell: Cell, arm: ArmBodies) -> tuple[Member, ...]:
+    world, table = arm.count, arm.count + 1
+    out = [Member(body, ARM, frame) for body, frame in zip(arm.bodies, arm.frame, strict=True)]
+    out += [Member(body, HOLDER, arm.flange) for body in cell.tool.holder]
+    out += [Member(body, CUTTER, arm.flange) for body in cell.tool.cutter]
+    out += [
+        Member(axis.carriage, CARRIAGE, arm.count + 2 + i)
+        for i, axis in enumerate(cell.linear_axes)
+        if axis.carriage is not None
+    ]
+    out += [Member(f.body, FIXED, table if f.on_turntable else world) for f in cell.fixtures]
+    out += [] if cell.part is None else [Member(cell.part, PART, table)]
+    return tuple(out)
+
+
+def _checked(cell: Cell, arm: ArmBodies, members: tuple[Member, ...], i: int, j: int) -> bool:
+    """Whether two members, i before j, can meet and must not."""
+    a, b = members[i], members[j]
+    if a.frame == b.frame or (a.kind == CUTTER and b.kind == PART):
+        return False
+    if a.kind == ARM and b.kind == ARM:
+        return (i, j) not in arm.neighbours
+    if a.kind == ARM and b.kind in (HOLDER, CUTTER):
+        return i != arm.last
+    based = a.kind == ARM and a.frame == 0
+    carriages = [m.frame for m in members if m.kind == CARRIAGE]
+    if b.kind == CARRIAGE:
+        if based:
+            return b.frame != max(carriages)
+        # Carriages next to each other run on one another.
+        return a.kind != CARRIAGE or carriages.index(b.frame) - carriages.index(a.frame) > 1
+    if b.kind in (FIXED, PART):
+        if a.kind in (FIXED, PART):
+            return False
+        moved = bool(cell.linear_axes) or (cell.turntable is not None and b.frame != arm.count)
+        return moved if based else True
+    return True
+
+
+def _without_overlaps(scene: Scene) -> Scene:
+    """Switch off pairs that overlap at home and cannot be told from design; say what else overlaps there."""
+    R, p = (x[0] for x in scene.frames(scene.home[None]))
+    hit = set()
+    for pair, a, b in scene.solid_pairs:
+        f, g = (scene.members[scene.owner[s]].frame for s in (a, b))
+        distance = exact_distance(scene.solids[a], scene.solids[b], R[f].T @ R[g], R[f].T @ (p[g] - p[f]), np.inf)
+        if distance < 0.0:
+            hit.add(int(pair))
+    off, notes = set(), []
+    for k in sorted(hit):
+        a, b = (scene.members[i] for i in scene.pairs[k])
+        said = f"{a.body.name} and {b.body.name} overlap at home"
+        own = b.kind in (ARM, HOLDER, CUTTER)
+        carried = a.kind == CARRIAGE or (a.kind == ARM and a.frame == 0)
+        if own or carried:
+            off.add(k)
+            notes.append(f"{said}: this pair is not checked")
+        else:
+            notes.append(f"{said}; the pair stays checked")
+    up, height = _floor(scene)
+    for i in scene.floor_members:
+        member = scene.members[i]
+        nodes = all_nodes(member.body.solids) @ R[member.frame].T + p[member.frame]
+        if (nodes @ up).min() - max(s.radius for s in member.body.solids) < height:
+            notes.append(f"{member.body.name} is below the floor at home; the pair stays checked")
+    kept = [pair for k, pair in enumerate(scene.pairs) if k not in off]
+    return replace(
+        scene,
+        pairs=tuple(kept),
+        solid_pairs=_solid_pairs(kept, scene.owner),
+        switched_off=tuple(scene.names[k] for k in sorted(off)),
+        notes=(*scene.notes, *notes),
+    )
+
+
+def _floor(scene: Scene) -> tuple[Array, float]:
+    """Upward direction (3,) in the base and the floor's height along it from the base, axes at 0."""
+    T = scene.cell.T_world_base0
+    return T[2, :3], (0.0 if scene.cell.floor is None else scene.cell.floor) - float(T[2, 3])
+
+
+def _solid_pairs(pairs: list[tuple[int, int]], owner: Indices) -> Indices:
+    rows = [
+        (k, a, b)
+        for k, (i, j) in enumerate(pairs)
+        for a in np.flatnonzero(owner == i)
+        for b in np.flatnonzero(owner == j)
+    ]
+    return np.array(rows, dtype=np.int64).reshape(-1, 3)
+
+
+def _check_rates(cell: Cell, robot: Robot) -> None:
+    for what, rate in (("joint speeds", cell.joint_speed), ("joint accelerations", cell.joint_acceleration)):
+        if rate is not None and np.shape(rate) not in ((), (robot.dof,)):
+            allowed = f"one, or {robot.dof} for {robot.name}"
+            raise InputError(f"{what} of the cell", value=f"{np.size(rate)} figures", allowed=allowed)
+
+
+def _check_names(cell: Cell, members: tuple[Member, ...]) -> None:
+    names = [m.body.name for m in members]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(
+            "body name used in robot and cell", value=", ".join(twice), remedy="give it another name in the cell"
+        )
+    known = {*names, FLOOR}
+    for pair in cell.allowed_contacts:
+        for name in pair:
+            if name not in known:
+                allowed = ", ".join(sorted(known))
+                raise InputError("allowed contact names no body", value=name, allowed=allowed)

@@ -1,0 +1,216 @@
+"""The cell file: validated TOML; units stand in the names of the keys.
+
+Frames are a position and either fixed-axis roll, pitch, yaw angles (as in URDF) or the directions of z and x. A box
+and a cylinder stand on the xy plane of their frame.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator, model_validator
+
+SCHEMA = "stiffarm-cell/1"
+
+Triple = tuple[float, float, float]
+Pair = tuple[float, float]
+
+
+class Strict(BaseModel):
+    """No unknown keys, no text in place of numbers, no NaN."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class Placed(Strict):
+    """A frame in its parent's: ``position_mm``, and ``rpy_deg`` or ``z_axis`` with ``x_axis``."""
+
+    position_mm: Triple = (0.0, 0.0, 0.0)
+    rpy_deg: Triple | None = None
+    z_axis: Triple | None = None
+    x_axis: Triple | None = None
+
+    @model_validator(mode="after")
+    def _one_orientation(self) -> Self:
+        if (self.z_axis is None) != (self.x_axis is None):
+            raise ValueError("z_axis and x_axis go together")
+        if self.z_axis is not None and self.rpy_deg is not None:
+            raise ValueError("give rpy_deg, or z_axis and x_axis, not both")
+        if self.z_axis is not None and self.x_axis is not None:
+            z, x = np.array(self.z_axis), np.array(self.x_axis)
+            if not np.linalg.norm(np.cross(z, x)) > 1e-6 * np.linalg.norm(z) * np.linalg.norm(x):
+                raise ValueError("z_axis and x_axis must be directions, not of length zero and not parallel")
+        return self
+
+
+class BoxShape(Strict):
+    """A box that stands on the xy plane, centred."""
+
+    kind: Literal["box"]
+    size_mm: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+
+
+class CylinderShape(Strict):
+    """A cylinder along z from the xy plane up."""
+
+    kind: Literal["cylinder"]
+    diameter_mm: PositiveFloat
+    length_mm: PositiveFloat
+
+
+class SphereShape(Strict):
+    """A sphere about the origin."""
+
+    kind: Literal["sphere"]
+    diameter_mm: PositiveFloat
+
+
+class MeshShape(Strict):
+    """A closed surface from a file beside the cell file: STL, OBJ or PLY."""
+
+    kind: Literal["mesh"]
+    file: str
+    unit: Literal["mm", "m"]
+
+
+Shape = Annotated[BoxShape | CylinderShape | SphereShape | MeshShape, Field(discriminator="kind")]
+
+
+class ToolBodyTable(Placed):
+    """A body of the tool in the flange frame; a ``cutter`` may touch the part."""
+
+    name: str
+    shape: Shape
+    cutter: bool = False
+
+
+class ToolTable(Placed):
+    """T_flange_tool, its origin at the tip, and the tool's bodies."""
+
+    body: tuple[ToolBodyTable, ...] = ()
+
+
+class PartTable(Placed):
+    """The part frame in the world, and the part's (or raw stock's) surface in that frame."""
+
+    shape: Shape | None = None
+
+
+class FixtureTable(Placed):
+    """Something that stands in the world; ``on_turntable``: it turns with the part."""
+
+    name: str
+    shape: Shape
+    on_turntable: bool = False
+
+
+class FloorTable(Strict):
+    """The floor."""
+
+    height_mm: float = 0.0
+
+
+class RobotTable(Placed):
+    """The robot's base in the world with all linear axes at 0, and what robot descriptions do not say."""
+
+    joint_speed_deg_s: tuple[PositiveFloat, ...] | None = None
+    joint_acceleration_deg_s2: tuple[PositiveFloat, ...] | None = None
+    safety_mm: Annotated[float, Field(ge=0.0)] = 0.0
+    home_deg: tuple[float, ...] | None = None
+
+    @field_validator("joint_speed_deg_s", "joint_acceleration_deg_s2", mode="before")
+    @classmethod
+    def _one_for_all(cls, rate: Any) -> Any:
+        return (rate,) if isinstance(rate, int | float) else rate
+
+    @field_validator("joint_speed_deg_s", "joint_acceleration_deg_s2")
+    @classmethod
+    def _some(cls, rate: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if rate == ():
+            raise ValueError("must be one number, or one for each joint")
+        return rate
+
+
+class CarriageTable(Placed):
+    """A carriage, in the world with all axes at 0."""
+
+    shape: Shape
+
+
+class LinearAxisTable(Strict):
+    """A linear axis; the first in the file stands on the floor, the last carries the robot."""
+
+    name: str
+    direction: Triple
+    limits_mm: Pair
+    speed_mm_s: PositiveFloat | None = None
+    acceleration_mm_s2: PositiveFloat | None = None
+    compliance_um_per_N: Triple | None = None  # noqa: N815 - units are in the names of the file's keys
+    compliance_urad_per_Nm: Triple | None = None  # noqa: N815
+    carriage: CarriageTable | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _nonzero(cls, direction: Triple) -> Triple:
+        return _a_direction(direction)
+
+    @field_validator("limits_mm")
+    @classmethod
+    def _rising(cls, limits: Pair) -> Pair:
+        return _a_range(limits)
+
+
+class TurntableTable(Strict):
+    """The axis that carries the part; exactly one of ``limits_deg`` and ``endless = true``."""
+
+    point_mm: Triple
+    axis: Triple
+    limits_deg: Pair | None = None
+    endless: bool = False
+    speed_deg_s: PositiveFloat | None = None
+    acceleration_deg_s2: PositiveFloat | None = None
+
+    @field_validator("axis")
+    @classmethod
+    def _nonzero(cls, axis: Triple) -> Triple:
+        return _a_direction(axis)
+
+    @field_validator("limits_deg")
+    @classmethod
+    def _rising(cls, limits: Pair | None) -> Pair | None:
+        return None if limits is None else _a_range(limits)
+
+    @model_validator(mode="after")
+    def _one_kind_of_limit(self) -> Self:
+        if self.endless == (self.limits_deg is not None):
+            raise ValueError("give exactly one of limits_deg and endless = true")
+        return self
+
+
+class CellFile(Strict):
+    """A whole cell file."""
+
+    schema_version: Literal["stiffarm-cell/1"] = Field(alias="schema")
+    name: str = "cell"
+    notes: tuple[str, ...] = ()
+    robot: RobotTable = Field(default_factory=RobotTable)
+    tool: ToolTable = Field(default_factory=ToolTable)
+    part: PartTable = Field(default_factory=PartTable)
+    fixture: tuple[FixtureTable, ...] = ()
+    floor: FloorTable | None = None
+    linear_axis: tuple[LinearAxisTable, ...] = Field(default=(), max_length=3)
+    turntable: TurntableTable | None = None
+    allowed_contacts: tuple[tuple[str, str], ...] = ()
+
+
+def _a_direction(direction: Triple) -> Triple:
+    if not np.linalg.norm(direction) > 1e-9:
+        raise ValueError("the direction must not have length zero")
+    return direction
+
+
+def _a_range(limits: Pair) -> Pair:
+    if not limits[0] < limits[1]:
+        raise ValueError("must be a pair [lower, upper] with lower < upper")
+    return limits

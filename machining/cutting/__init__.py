@@ -1,0 +1,54 @@
+"""Cutting force and the surface error that it leaves: models of the force, the error with its uncertainty."""
+
+from machining.cutting.coefficients import PUBLISHED, CuttingCoefficients, published, shop_coefficients
+from machining.cutting.comparison import Change, Comparison, compare
+from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
+from machining.cutting.equilibrium import Balance, Balanced
+from machining.cutting.force import ConstantForce, CuttingForce, ForceAlong, MillingForce
+from machining.cutting.milling_file import MillingCut, read_milling
+from machining.cutting.process_axes import ProcessAxes, process_axes
+from machining.cutting.stiffness_uncertainty import (
+    CalibratedCompliances,
+    PartShares,
+    StiffnessUncertainty,
+    assumed_uncertainty,
+    calibrated_uncertainty,
+)
+from machining.cutting.surface_error import STATISTICS, Estimated, SurfaceError, statistics_of, surface_error
+from machining.cutting.tool_bending import ToolBending
+
+__all__ = [
+    "PUBLISHED",
+    "STATISTICS",
+    "Balance",
+    "Balanced",
+    "CalibratedCompliances",
+    "Change",
+    "Comparison",
+    "ConstantForce",
+    "CuttingCoefficients",
+    "CuttingForce",
+    "EndMill",
+    "Engagement",
+    "Estimated",
+    "ForceAlong",
+    "MillingCut",
+    "MillingForce",
+    "PartShares",
+    "ProcessAxes",
+    "StiffnessUncertainty",
+    "SurfaceError",
+    "ToolBending",
+    "assumed_uncertainty",
+    "calibrated_uncertainty",
+    "compare",
+    "down_milling",
+    "process_axes",
+    "published",
+    "read_milling",
+    "shop_coefficients",
+    "slotting",
+    "statistics_of",
+    "surface_error",
+    "up_milling",
+]

@@ -1,0 +1,212 @@
+"""Surface error along a path: how far the cutting force moves the tool, and what that leaves on the part.
+
+``d = C_tt F`` at the tool point, small displacements, statics: no chatter, no forced vibration, no error of the
+robot's own path, no part or fixture that gives way, no weight of the tool (it is there before the cut). The error is
+``n . d`` with the surface normal n out of the part: **more than 0 leaves material standing, less than 0 cuts too
+deep**.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining.cartesian import translational
+from machining.cutting.equilibrium import Balance, Balanced, balanced
+from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
+from machining.cutting.process_axes import arc_length, weights
+from machining.cutting.spread import Uncertain, covariance, enlarged, interval, parts, samples, variance
+from machining.cutting.stiffness_uncertainty import NORMAL_95, StiffnessUncertainty, assumed_uncertainty
+from machining.cutting.tool_bending import ToolBending
+from machining.task import Task
+from robots import InputError, forward_kinematics, tool_position
+from robots.kinematics import as_poses
+
+Array = NDArray[np.float64]
+
+# Postures must put the tool on the path: this far off (m, rad) they belong to another one.
+OFF_PATH, OFF_AXIS = 1e-5, 1e-4
+# Random draws for the intervals of statistics: an end of a 95 % interval is then good to some 3 % of its half-width.
+DRAWS = 4000
+
+STATISTICS: Final = ("mean", "rms", "worst", "peak_to_valley")
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """A number with its 95 % interval ``low`` to ``high``."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceError:
+    """Surface error at n path points, SI.
+
+    ``arc_length`` (n,) m; ``weight`` (n,): share of the path that a point stands for; ``force`` (n, 3) N and
+    ``deflection`` (n, 3) m of the tool point, base axes; ``force_part`` (n, 3) N: the force in part axes; ``normal``
+    (n,) m: the error, more than 0 is material left; ``tangential`` (n,) m: size of the deflection along the surface;
+    ``sd`` (n,) m of the error, ``sd_stiffness`` and ``sd_force`` its parts to first order. ``form``, ``offset``,
+    ``uncertain``: the error as :mod:`machining.cutting.spread` takes it. ``balance``: how depth and deflection came
+    to rest, None if the force was taken at the nominal depth.
+    """
+
+    arc_length: Array
+    weight: Array
+    force: Array
+    force_part: Array
+    deflection: Array
+    normal: Array
+    tangential: Array
+    sd: Array
+    sd_stiffness: Array
+    sd_force: Array
+    form: Array
+    offset: Array
+    uncertain: Uncertain
+    balance: Balanced | None
+
+    @property
+    def total(self) -> Array:
+        """Size (n,) m of the whole deflection."""
+        return np.asarray(np.linalg.norm(self.deflection, axis=1))
+
+    @property
+    def band(self) -> tuple[Array, Array]:
+        """95 % interval (n,), (n,) m of the error at each point, as if it were normal."""
+        return self.normal - NORMAL_95 * self.sd, self.normal + NORMAL_95 * self.sd
+
+    def statistics(self) -> dict[str, float]:
+        """The numbers of :data:`STATISTICS` along the path, m."""
+        return {name: float(v) for name, v in statistics_of(self.normal, self.weight).items()}
+
+    def covariance(self) -> Array:
+        """Covariance (n, n) m^2 of the errors of all points."""
+        return covariance(self.uncertain, self.form, self.form)
+
+    def sample(self, draws: tuple[Array, Array]) -> Array:
+        """Errors (count, n) m for draws of :meth:`machining.cutting.spread.Uncertain.draws`."""
+        return self.offset + samples(self.form, draws)
+
+    def estimated(self, generator: np.random.Generator, draws: int = DRAWS) -> dict[str, Estimated]:
+        """The statistics with 95 % intervals, by normal draws: RMS, worst and peak-to-valley are not linear."""
+        drawn = statistics_of(self.sample(self.uncertain.draws(draws, generator)), self.weight)
+        return {name: Estimated(value, *interval(drawn[name])) for name, value in self.statistics().items()}
+
+
+def statistics_of(error: Array, weight: Array) -> dict[str, Array]:
+    """Statistics of errors (..., n) along a path.
+
+    mean: weighted by arc length, signed; rms: root of the weighted mean square; worst: largest size; peak_to_valley:
+    largest minus smallest.
+    """
+    return {
+        "mean": error @ weight,
+        "rms": np.sqrt(error**2 @ weight),
+        "worst": np.abs(error).max(axis=-1),
+        "peak_to_valley": np.ptp(error, axis=-1),
+    }
+
+
+def surface_error(
+    model: fem.ArmModel,
+    task: Task,
+    q: Array,
+    force: CuttingForce,
+    *,
+    stiffness: StiffnessUncertainty | None = None,
+    tool: ToolBending | None = None,
+    balance: Balance | None = None,
+) -> SurfaceError:
+    """Predict the surface error for given postures.
+
+    Parameters
+    ----------
+    q : (n, dof) rad, one posture a path point; they must put the tool on the path
+    force : :class:`machining.cutting.ConstantForce` or :class:`machining.cutting.MillingForce`
+    stiffness : uncertainty of the arm; default :func:`machining.cutting.assumed_uncertainty`, 15 % of each compliance
+    tool : the tool's own bending; None: the tool is rigid beyond what the model holds
+    balance : let the deflection change the radial depth (peripheral milling only); the uncertainty is then first order
+
+    Raises
+    ------
+    InputError
+        Postures off the path; a balance of another force than :class:`machining.cutting.MillingForce`; else as the
+        parts called.
+    """
+    q = as_poses(model.robot, q)
+    _check_on_path(model, task, q)
+    arm = stiffness or assumed_uncertainty(model)
+    C = translational(model, q, task.tip)
+    D = arm.influence(model, q, task.tip)
+    rest = C - np.einsum("j,njab->nab", arm.value, D)
+    terms = [rest[:, None], D]
+    covariances = [np.zeros((1, 1)), arm.covariance]
+    value, names, notes = [1.0, *arm.value], ("exact part", *arm.names), [arm.note]
+    if tool is not None:
+        terms.append(tool.matrices(task.axes)[:, None])
+        covariances.append(np.full((1, 1), tool.relative_sd**2))
+        value, names = [*value, 1.0], (*names, "tool bending")
+        C = C + terms[-1][:, 0]
+        notes.append(f"tool bending {tool.compliance * 1e6:.3g} um/N, standard deviation {100 * tool.relative_sd:g} %")
+    found = None
+    if balance is not None:
+        if not isinstance(force, MillingForce):
+            raise InputError("balance of depth and deflection", value="a constant force", allowed="a milling force")
+        found = balanced(task, force, lambda f: _along(task, C, f.force), balance)
+    acting: ForceAlong = force.along(task) if found is None else found.force
+    gain = np.ones(len(q)) if found is None else found.gain
+    d = np.einsum("nab,nb->na", C, acting.force)
+    normal = np.einsum("na,na->n", task.normals, d)
+    form = np.einsum("na,njab,nkb->njk", task.normals, np.concatenate(terms, axis=1), acting.basis, optimize=True)
+    form = form * gain[:, None, None]
+    notes.append(acting.note)
+    uncertain = Uncertain(
+        np.array(value), enlarged(covariances), acting.value, acting.covariance, (*names, *acting.names), tuple(notes)
+    )
+    by_stiffness, by_force = parts(uncertain, form)
+    return SurfaceError(
+        arc_length=arc_length(task.path),
+        weight=weights(task.path),
+        force=acting.force,
+        force_part=acting.force @ task.T_base_part[:3, :3],
+        deflection=d,
+        normal=normal,
+        tangential=np.asarray(np.linalg.norm(d - normal[:, None] * task.normals, axis=1)),
+        sd=np.sqrt(variance(uncertain, form)),
+        sd_stiffness=by_stiffness,
+        sd_force=by_force,
+        form=form,
+        offset=(1.0 - gain) * normal,
+        uncertain=uncertain,
+        balance=found,
+    )
+
+
+def _along(task: Task, C: Array, force: Array) -> Array:
+    return np.asarray(np.einsum("na,nab,nb->n", task.normals, C, force))
+
+
+def _check_on_path(model: fem.ArmModel, task: Task, q: Array) -> None:
+    n, robot = task.path.n, model.robot
+    if len(q) != n:
+        raise InputError("postures", value=f"{len(q)} of them", allowed=f"{n}, one a path point")
+    frames = forward_kinematics(robot, q)
+    off = np.linalg.norm(tool_position(robot, frames, task.tip) - task.targets, axis=1)
+    axis = -np.einsum("nab,b->na", frames.R_flange, task.T_flange_tool[:3, 2])
+    turned = np.linalg.norm(axis - task.axes, axis=1)
+    bad = (off > OFF_PATH) | (turned > OFF_AXIS)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise InputError(
+            f"posture of path point {row} ({int(bad.sum())} of {n} postures)",
+            value=f"tool point {off[row] * 1e3:.4g} mm and tool axis {np.degrees(turned[row]):.3g} deg off",
+            allowed=f"{OFF_PATH * 1e3:g} mm, {np.degrees(OFF_AXIS):.2g} deg",
+            remedy="take postures of this task: the same path, part frame and tool",
+        )

@@ -1,0 +1,152 @@
+"""How a controller counts the joints of an arm: sign and zero of each, its base and flange frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError
+
+from machining.cell.reading import frame
+from machining.cell.schema import Placed, Strict
+from robots import InputError, Robot
+from robots.library import parse_toml
+
+Array = NDArray[np.float64]
+
+SCHEMA = "stiffarm-controller-arm/1"
+
+
+class ConventionTable(Strict):
+    """A controller's angle is ``sign`` times this project's plus ``offset_deg``; frames as in cell files.
+
+    ``base``: the controller's robot frame in the robot's base frame; left out where it is not known. ``flange``: the
+    controller's flange frame in the robot's. ``external_sign`` and ``external_offset`` (mm, deg) likewise for linear
+    axes and turntable, in that order.
+    """
+
+    schema_version: Literal["stiffarm-controller-arm/1"] = Field(default=SCHEMA, alias="schema")
+    robot: str = ""
+    formats: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    sign: tuple[Literal[-1, 1], ...]
+    offset_deg: tuple[float, ...]
+    base: Placed | None = None
+    flange: Placed = Placed()
+    external_sign: tuple[Literal[-1, 1], ...] = ()
+    external_offset: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Convention:
+    """Sign and offset (deg) of joints (dof,) and external axes (k,), frames (4, 4) m; ``T_base`` None: not known."""
+
+    sign: Array
+    offset: Array
+    T_base: Array | None
+    T_flange: Array
+    external_sign: Array
+    external_offset: Array
+
+    def controller_deg(self, q: Array) -> Array:
+        """Angles (n, dof) deg as the controller counts them, of q (n, dof) rad."""
+        return np.asarray(self.sign * np.degrees(q) + self.offset)
+
+    def radians(self, controller_deg: Array) -> Array:
+        """Angles q (n, dof) rad of the controller's (n, dof) deg."""
+        return np.asarray(np.radians(self.sign * (controller_deg - self.offset)))
+
+    def external(self, values: Array) -> Array:
+        """External axes (n, k) mm and deg as the controller counts them."""
+        return np.asarray(self.external_sign * values + self.external_offset)
+
+    def external_back(self, values: Array) -> Array:
+        """External axes (n, k) mm and deg from the controller's."""
+        return np.asarray(self.external_sign * (values - self.external_offset))
+
+
+def identity(robot: Robot, externals: int) -> Convention:
+    """The project's own angles and frames."""
+    dof = robot.dof
+    return Convention(np.ones(dof), np.zeros(dof), np.eye(4), np.eye(4), np.ones(externals), np.zeros(externals))
+
+
+def convention_for(robot: Robot, externals: int, language: str, given: ConventionTable | None) -> Convention:
+    """The convention given, else the bundled one of this robot and format.
+
+    Raises
+    ------
+    InputError
+        Neither is there, or its lists are not as long as the robot has joints.
+    """
+    table = _bundled(robot.name, language) if given is None else given
+    if table is None:
+        raise InputError(
+            f"joint convention of {robot.name} on a controller for {language}",
+            allowed="known for " + ", ".join(f"{name} ({', '.join(formats)})" for name, formats in bundled()),
+            remedy="give sign and offset_deg of each joint in [arm] of the options, or write json or csv",
+        )
+    for name, wanted in (("sign", robot.dof), ("offset_deg", robot.dof)):
+        if len(getattr(table, name)) != wanted:
+            raise InputError(f"[arm] {name}", value=len(getattr(table, name)), allowed=f"{wanted} numbers, one a joint")
+    for name in ("external_sign", "external_offset"):
+        if len(getattr(table, name)) not in (0, externals):
+            allowed = f"{externals} numbers: linear axes, then the turntable"
+            raise InputError(f"[arm] {name}", value=len(getattr(table, name)), allowed=allowed)
+    return Convention(
+        np.array(table.sign, dtype=np.float64),
+        np.array(table.offset_deg),
+        None if table.base is None else frame(table.base),
+        frame(table.flange),
+        np.array(table.external_sign or (1,) * externals, dtype=np.float64),
+        np.array(table.external_offset or (0.0,) * externals),
+    )
+
+
+def bundled() -> list[tuple[str, tuple[str, ...]]]:
+    """Robots and formats of the bundled conventions."""
+    return [(table.robot, table.formats) for table in _tables()]
+
+
+def _bundled(robot: str, language: str) -> ConventionTable | None:
+    return next((t for t in _tables() if t.robot == robot and language in t.formats), None)
+
+
+def _tables() -> list[ConventionTable]:
+    folder = files("machining.programs") / "conventions"
+    found = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return [convention_table(parse_toml(f.read_text(encoding="utf-8"), f.name), f.name) for f in found]
+
+
+def convention_table(data: Mapping[str, Any], where: str) -> ConventionTable:
+    """Check a table of a TOML file.
+
+    Raises
+    ------
+    InputError
+        The first key that does not fit.
+    """
+    try:
+        return ConventionTable.model_validate(tuples(data))
+    except ValidationError as error:
+        raise fault(error, where) from error
+
+
+def tuples(node: Any) -> Any:
+    """TOML and JSON have lists; tuples are meant."""
+    if isinstance(node, Mapping):
+        return {key: tuples(value) for key, value in node.items()}
+    return tuple(tuples(value) for value in node) if isinstance(node, list) else node
+
+
+def fault(error: ValidationError, where: str) -> InputError:
+    """The first fault of a table in the words of a user."""
+    item = error.errors()[0]
+    key = ".".join(str(step) for step in item["loc"])
+    shown = None if isinstance(item["input"], dict) or item["type"] == "missing" else item["input"]
+    text = str(item["msg"]).removeprefix("Value error, ")
+    return InputError(f"{where}, {key}: {text}", value=shown, remedy="correct it in the file")

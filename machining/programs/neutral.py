@@ -1,0 +1,135 @@
+"""Neutral programs: everything of a :class:`JointProgram` as JSON, and as CSV; written without templates.
+
+Schema ``stiffarm-program/1``. Each move has its source line; joint angles are the project's own (no controller's sign
+or zero); lengths in mm, angles in deg, feeds in mm/min, speeds in rpm. Numbers have all their digits.
+
+JSON is one object: ``schema``, ``source``, ``robot``, ``cell``, ``joints``, ``linear_axes``, ``turntable``,
+``branches``, ``tools``, ``operations``, ``events``, ``notes``, ``columns``, and ``moves``, a list of rows, one a line.
+In it everything comes back. CSV has ``# stiffarm-program/1`` first, then a line of names, then the same columns with
+tool and operation spelled out; tables, events and notes are not in it. What is not known is null, or an empty field.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.programs.commands import MM_MIN, RPM
+from machining.programs.orientation import quaternions
+from machining.programs.program import JointProgram
+from machining.programs.source_text import comment
+
+Array = NDArray[np.float64]
+
+SCHEMA = "stiffarm-program/1"
+BLOCK = 2000
+# Columns between the fixed ones in front and the frame behind: q1_deg ..., e1_mm ..., table_deg.
+FRONT = (
+    "line", "inserted", "rapid", "feed_mm_min", "tool", "spindle_rpm", "dwell_s", "operation", "branch", "gamma_deg",
+)  # fmt: skip
+FRAME = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+
+
+def columns(dof: int, linear: int) -> list[str]:
+    """Names of the columns of moves."""
+    joints, axes = [f"q{i + 1}_deg" for i in range(dof)], [f"e{i + 1}_mm" for i in range(linear)]
+    return [*FRONT, *joints, *axes, "table_deg", *FRAME]
+
+
+def rows(program: JointProgram, first: int, last: int) -> Iterator[list[object]]:
+    """Rows of moves ``first`` to ``last`` (not with it); None where something is not known."""
+    m, part = program.motions, slice(first, last)
+    T = program.T_part_tool[part]
+    data = (
+        m.line[part],
+        program.inserted[part],
+        m.rapid[part],
+        m.feed[part] / MM_MIN,
+        m.tool[part],
+        m.spindle[part] / RPM,
+        m.dwell[part],
+        m.operation[part],
+        program.branch[part],
+        np.degrees(program.gamma[part]),
+        *np.degrees(program.q[part]).T,
+        *(program.travel[part] * 1e3).T,
+        np.degrees(program.table[part]),
+        *(T[:, :3, 3] * 1e3).T,
+        *quaternions(T[:, :3, :3]).T,
+    )
+    for row in zip(*(column.tolist() for column in data), strict=True):
+        yield [None if isinstance(v, float) and not math.isfinite(v) else v for v in row]
+
+
+def json_pieces(program: JointProgram) -> Iterator[str]:
+    """The JSON text, a block of moves at a time."""
+    m, robot, cell = program.motions, program.robot, program.cell
+    head = {
+        "schema": SCHEMA,
+        "source": m.source,
+        "robot": robot.name,
+        "cell": cell.name,
+        "joints": robot.dof,
+        "linear_axes": [axis.name for axis in cell.linear_axes],
+        "turntable": cell.turntable is not None,
+        "branches": list(program.names),
+        "tools": [
+            {
+                "number": tool.number,
+                "name": tool.name,
+                "diameter_mm": _known(tool.diameter * 1e3),
+                "corner_radius_mm": _known(tool.corner_radius * 1e3),
+                "length_mm": _known(tool.length * 1e3),
+            }
+            for tool in m.tools
+        ],
+        "operations": list(m.operations),
+        "events": [{"line": e.line, "before_move": e.move, "word": e.word, "text": e.text} for e in m.events],
+        "notes": [{"line": note.line, "text": note.text, "count": note.count} for note in m.notes],
+        "columns": columns(robot.dof, len(cell.linear_axes)),
+    }
+    yield json.dumps(head, indent=1, allow_nan=False)[:-2] + ',\n "moves": [\n'
+    for first in range(0, program.n, BLOCK):
+        last = min(first + BLOCK, program.n)
+        text = ",\n".join(json.dumps(row, allow_nan=False) for row in rows(program, first, last))
+        yield text + ("\n" if last == program.n else ",\n")
+    yield " ]\n}\n"
+
+
+def csv_pieces(program: JointProgram) -> Iterator[str]:
+    """The CSV text, a block of moves at a time.
+
+    Names of tools and operations are made harmless as in comments, so that no spreadsheet takes one for a formula.
+    """
+    names = columns(program.robot.dof, len(program.cell.linear_axes))
+    tool, operation, branch = names.index("tool"), names.index("operation"), names.index("branch")
+    tools = [_cell(f"{'' if t.number is None else t.number} {t.name}") for t in program.motions.tools]
+    operations = [_cell(name) for name in program.motions.operations]
+    yield f"# {SCHEMA}\r\n"
+    yield ",".join(names) + "\r\n"
+    for first in range(0, program.n, BLOCK):
+        text = io.StringIO()
+        writer = csv.writer(text)
+        for row in rows(program, first, min(first + BLOCK, program.n)):
+            row[tool], row[operation] = tools[_index(row[tool])], operations[_index(row[operation])]
+            row[branch] = _cell(program.names[_index(row[branch])]) if program.names else ""
+            writer.writerow([int(v) if isinstance(v, bool) else "" if v is None else v for v in row])
+        yield text.getvalue()
+
+
+def _index(value: object) -> int:
+    return int(str(value))
+
+
+def _cell(text: str) -> str:
+    return comment(text).lstrip("=+-@ ").strip()
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None

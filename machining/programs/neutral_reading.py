@@ -1,0 +1,192 @@
+"""Neutral programs read back: JSON to a whole :class:`JointProgram`, CSV to its moves."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.cell import Cell
+from machining.programs.commands import MM_MIN, RPM
+from machining.programs.neutral import FRAME, SCHEMA, columns
+from machining.programs.orientation import framed, from_quaternions
+from machining.programs.program import JointProgram
+from machining.toolpaths.motions import Event, Motions, Note, Tool
+from robots import InputError, Robot
+
+Array = NDArray[np.float64]
+
+# Quaternions farther from length 1 than this are a fault of the file, not of rounding.
+UNIT = 1e-6
+
+
+def program_from_json(text: str, robot: Robot, cell: Cell, where: str = "program") -> JointProgram:
+    """A whole program from JSON, for the robot and cell that it was written for.
+
+    Raises
+    ------
+    InputError
+        No JSON, another schema, another robot, other axes; a missing key or column, a value of the wrong kind.
+    """
+    data = _object(text, where)
+    for key, value, wanted in (
+        ("robot", _get(data, "robot", where), robot.name),
+        ("joints", _get(data, "joints", where), robot.dof),
+        ("linear_axes", len(_list(data, "linear_axes", where)), len(cell.linear_axes)),
+        ("turntable", _get(data, "turntable", where), cell.turntable is not None),
+    ):
+        if value != wanted:
+            raise InputError(f"{where}, {key}", value=str(value)[:80], allowed=str(wanted))
+    table = _table(data, robot.dof, len(cell.linear_axes), where)
+    T = _frames(table, where)
+    try:
+        motions = _motions(data, table, T, where)
+        branch = _integers(table["branch"])
+    except (TypeError, KeyError, OverflowError) as error:
+        raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
+    names = tuple(str(name) for name in _list(data, "branches", where))
+    q = np.radians(np.stack([table[f"q{i + 1}_deg"] for i in range(robot.dof)], axis=1))
+    travel = np.stack([table[f"e{i + 1}_mm"] for i in range(len(cell.linear_axes))] or [np.zeros((0, len(T)))], axis=-1)
+    return JointProgram(
+        robot=robot,
+        cell=cell,
+        motions=motions,
+        T_part_tool=T,
+        q=q,
+        travel=travel.reshape(len(T), len(cell.linear_axes)) * 1e-3,
+        table=np.radians(table["table_deg"]),
+        gamma=np.radians(table["gamma_deg"]),
+        branch=branch,
+        names=names,
+        inserted=table["inserted"] != 0.0,
+    )
+
+
+def moves_from_csv(text: str, dof: int, linear: int, where: str = "program") -> dict[str, Array]:
+    """Columns (n,) of a CSV program by name, as numbers; tool, operation and branch are left out.
+
+    Raises
+    ------
+    InputError
+        Another schema or other columns, a row of another length, a field that is no finite number.
+    """
+    lines = text.splitlines()
+    if not lines or lines[0].strip() != f"# {SCHEMA}":
+        raise InputError(f"{where}, first line", value=lines[0][:80] if lines else "", allowed=f"# {SCHEMA}")
+    records = list(csv.reader(lines[1:]))
+    wanted = columns(dof, linear)
+    if not records or records[0] != wanted:
+        raise InputError(f"{where}, names of columns", allowed=",".join(wanted))
+    words = {"tool", "operation", "branch"}
+    kept = [i for i, name in enumerate(wanted) if name not in words]
+    rows = []
+    for i, record in enumerate(records[1:], 3):
+        if len(record) != len(wanted):
+            raise InputError(f"{where}, line {i}", value=f"{len(record)} fields", allowed=f"{len(wanted)}")
+        try:
+            rows.append([float(record[k] or "nan") for k in kept])
+        except ValueError as error:
+            raise InputError(f"{where}, line {i}: {error}", allowed="numbers") from error
+    table = _columns([wanted[i] for i in kept], rows, where)
+    _frames(table, where)
+    return table
+
+
+def _object(text: str, where: str) -> Mapping[str, Any]:
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where} is not valid JSON ({error})") from error
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        found = data.get("schema") if isinstance(data, dict) else type(data).__name__
+        raise InputError(f"{where}, schema", value=str(found)[:80], allowed=SCHEMA)
+    return data
+
+
+def _get(data: Mapping[str, Any], key: str, where: str) -> Any:
+    if key not in data:
+        raise InputError(f"{where}: no {key}", remedy="write the file again")
+    return data[key]
+
+
+def _list(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
+    value = _get(data, key, where)
+    if not isinstance(value, list):
+        raise InputError(f"{where}, {key}", value=type(value).__name__, allowed="a list")
+    return value
+
+
+def _table(data: Mapping[str, Any], dof: int, linear: int, where: str) -> dict[str, Array]:
+    wanted = columns(dof, linear)
+    if _list(data, "columns", where) != wanted:
+        raise InputError(f"{where}, columns", allowed=", ".join(wanted))
+    rows = _list(data, "moves", where)
+    for i, row in enumerate(rows):
+        if not isinstance(row, list) or len(row) != len(wanted):
+            raise InputError(f"{where}, move {i + 1}", allowed=f"a list of {len(wanted)} values")
+        if not all(v is None or isinstance(v, int | float) for v in row):
+            raise InputError(f"{where}, move {i + 1}", allowed="numbers, true, false or null")
+    return _columns(wanted, [[np.nan if v is None else float(v) for v in row] for row in rows], where)
+
+
+def _columns(names: Sequence[str], rows: Sequence[Sequence[float]], where: str) -> dict[str, Array]:
+    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
+    table = dict(zip(names, values.T.copy(), strict=True))
+    for name, column in table.items():
+        if name not in ("feed_mm_min", "spindle_rpm") and not np.isfinite(column).all():
+            row = int(np.argmin(np.isfinite(column))) + 1
+            raise InputError(f"{where}, move {row}, {name}", value="none", allowed="a finite number")
+    return table
+
+
+def _frames(table: Mapping[str, Array], where: str) -> Array:
+    values = np.stack([table[name] for name in FRAME], axis=1)
+    off = np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0)
+    if (off > UNIT).any():
+        raise InputError(f"{where}, move {int(np.argmax(off > UNIT)) + 1}, qw to qz", allowed="a unit quaternion")
+    return framed(from_quaternions(values[:, 3:]), values[:, :3] * 1e-3)
+
+
+def _motions(data: Mapping[str, Any], table: Mapping[str, Array], T: Array, where: str) -> Motions:
+    tools = tuple(
+        Tool(
+            None if tool["number"] is None else int(tool["number"]),
+            str(tool["name"]),
+            *(_metres(tool[key]) for key in ("diameter_mm", "corner_radius_mm", "length_mm")),
+        )
+        for tool in _list(data, "tools", where)
+    )
+    events = tuple(
+        Event(int(e["line"]), int(e["before_move"]), str(e["word"]), str(e["text"]))
+        for e in _list(data, "events", where)
+    )
+    notes = tuple(Note(int(n["line"]), str(n["text"]), int(n["count"])) for n in _list(data, "notes", where))
+    return Motions(
+        points=np.ascontiguousarray(T[:, :3, 3]),
+        # The tool frame's z leads out of the holder through the tip.
+        axes=np.ascontiguousarray(-T[:, :3, 2]),
+        rapid=table["rapid"] != 0.0,
+        feed=table["feed_mm_min"] * MM_MIN,
+        line=_integers(table["line"]),
+        tool=_integers(table["tool"]),
+        spindle=table["spindle_rpm"] * RPM,
+        dwell=table["dwell_s"],
+        operation=_integers(table["operation"]),
+        tools=tools,
+        operations=tuple(str(name) for name in _list(data, "operations", where)),
+        events=events,
+        notes=notes,
+        source=str(_get(data, "source", where)),
+    )
+
+
+def _metres(value: float | None) -> float:
+    return np.nan if value is None else float(value) * 1e-3
+
+
+def _integers(column: Array) -> NDArray[np.int64]:
+    return np.asarray(np.rint(column), dtype=np.int64)

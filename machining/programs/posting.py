@@ -1,0 +1,270 @@
+"""From a tool path to a program: posture along it, points put in where joints would cut corners, all in one run.
+
+The joint program and the Cartesian program come from the same points. Between two points of a joint program every axis
+moves evenly, so the tool leaves the straight line by some micrometres; where that is more than the tolerance, points
+are put in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import fem
+from machining.cell import Cell
+from machining.drive import Drive
+from machining.long_path import follow_gamma, optimise_long_path
+from machining.objective import Objective
+from machining.path_error import PathError
+from machining.path_problem import Course
+from machining.posture import GammaRange
+from machining.programs.program import JointProgram, tool_in_part
+from machining.programs.subdivide import pieces_for, subdivided
+from machining.task import REPEATED, Task, ToolPath
+from machining.toolpaths.motions import Motions
+from robots import InputError
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+# Rounds of putting points in; each divides what is left by the square of the pieces.
+ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class PostSettings:
+    """How a tool path becomes a program.
+
+    Attributes
+    ----------
+    gamma : one angle about the tool axis for all points (rad), or the range in which the best is chosen
+    objective, drive : as in :func:`machining.optimise_path`
+    travel : (k,) m, where the linear axes stand, or (n, k) at each move; None: at 0
+    table : rad, where the turntable stands
+    tolerance : m that the tool may leave the straight line between two points of the joint program
+    rapid : "linear": rapid moves are straight, and points are put into them too; "joint": every axis moves as it likes
+    reference : (3,) direction in the part frame that gamma counts from, see :class:`machining.Task`
+    """
+
+    gamma: float | GammaRange = 0.0
+    objective: Objective = field(default_factory=Objective)
+    drive: Drive = field(default_factory=Drive)
+    travel: ArrayLike | None = None
+    table: float = 0.0
+    tolerance: float = 1e-5
+    rapid: Literal["linear", "joint"] = "linear"
+    reference: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
+            raise InputError("tolerance of joint programs", value=self.tolerance, allowed="more than 0 m")
+        if self.rapid not in ("linear", "joint"):
+            raise InputError("rapid moves", value=self.rapid, allowed="linear, joint")
+
+
+@dataclass(frozen=True, eq=False)
+class Posted:
+    """A program, the course behind it, and ``bend`` (n,) m: how far each move leaves the straight line half-way."""
+
+    program: JointProgram
+    course: Course
+    bend: Array
+
+
+def post(
+    model: fem.ArmModel,
+    cell: Cell,
+    motions: Motions,
+    settings: PostSettings | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Posted:
+    """Make a program of a tool path.
+
+    Raises
+    ------
+    InputError
+        A path of more than one tool, axes out of their limits, as :func:`machining.optimise_path` where the path
+        cannot be driven, or a move that no number of points makes straight enough.
+    """
+    settings = settings or PostSettings()
+    _one_tool(motions)
+    travel = _travel(cell, settings, motions.n)
+    split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
+    reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
+    pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
+    state = _State(motions, travel, np.zeros(motions.n, dtype=np.bool_), None)
+    state = _refined(state, pieces)
+    course: Course | None = None
+    for round_ in range(ROUNDS):
+        try:
+            course = _course(model, cell, state, settings, progress if round_ == 0 else None)
+        except PathError as error:
+            raise error.at(error.point, f"line {_line(state, error.point)}") from None
+        state = replace(state, gamma=course.gamma)
+        bend = _bend(model, cell, state, course, settings)
+        may = np.ones(state.motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~state.motions.rapid
+        coarse = may & (bend > settings.tolerance)
+        if not coarse.any():
+            return Posted(_program(model, cell, state, course, settings), course, bend)
+        more = np.where(coarse, np.ceil(np.sqrt(1.1 * bend / settings.tolerance)), 1.0).astype(np.int64)
+        state = _refined(state, np.minimum(more, 64))
+    worst = int(np.argmax(np.where(may, bend, 0.0)))
+    raise InputError(
+        f"line {int(state.motions.line[worst])}: joint motion leaves the straight line",
+        value=f"{bend[worst] * 1e6:.3g} um",
+        allowed=f"{settings.tolerance * 1e6:.3g} um",
+        remedy="raise the tolerance, or keep the path away from singularities",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Moves with points put in, their travels (n, k), and gamma (n,) once it is chosen."""
+
+    motions: Motions
+    travel: Array
+    inserted: Bools
+    gamma: Array | None
+
+
+def _one_tool(motions: Motions) -> None:
+    used = np.unique(motions.tool)
+    if len(used) > 1:
+        names = ", ".join(motions.tools[i].name or str(motions.tools[i].number) for i in used[:6])
+        raise InputError(
+            f"tool path {motions.source} uses {len(used)} tools",
+            value=names,
+            allowed="one: a cell has one tool on the flange",
+            remedy="post the operations of each tool by themselves",
+        )
+    if motions.n == 0:
+        raise InputError(f"tool path {motions.source} has no motion")
+
+
+def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
+    k = len(cell.linear_axes)
+    travel = np.zeros(k) if settings.travel is None else np.asarray(settings.travel, dtype=np.float64)
+    if travel.shape not in ((k,), (n, k)) or not np.isfinite(travel).all():
+        raise InputError("travels of the linear axes", value=f"shape {travel.shape}", allowed=f"({k},) or ({n}, {k}) m")
+    rows = np.broadcast_to(travel, (n, k)).copy()
+    inside = cell.inside_limits(rows, np.full(n, settings.table))
+    if not inside.all():
+        row = int(np.argmin(inside))
+        ranges = ", ".join(f"{a.name} {a.limits[0] * 1e3:g} to {a.limits[1] * 1e3:g} mm" for a in cell.linear_axes)
+        raise InputError(
+            f"external axes at move {row}",
+            value=f"{(rows[row] * 1e3).tolist()} mm, turntable {np.degrees(settings.table):g} deg",
+            allowed=ranges or "no linear axes; the turntable within its limits",
+            remedy="choose a place within the limits",
+        )
+    return rows
+
+
+def _refined(state: _State, pieces: Integers) -> _State:
+    motions, inserted, move = subdivided(state.motions, pieces)
+    last = np.cumsum(pieces) - 1
+    share = (np.arange(len(move)) - (last - pieces + 1)[move] + 1) / pieces[move]
+    before = np.maximum(move - 1, 0)
+
+    def between(values: Array) -> Array:
+        share_ = share if values.ndim == 1 else share[:, None]
+        return np.asarray(values[before] + share_ * (values[move] - values[before]))
+
+    gamma = None if state.gamma is None else between(np.unwrap(state.gamma))
+    return _State(motions, between(state.travel), inserted | state.inserted[move], gamma)
+
+
+def _course(
+    model: fem.ArmModel,
+    cell: Cell,
+    state: _State,
+    settings: PostSettings,
+    progress: Callable[[int, int], None] | None,
+) -> Course:
+    """Postures at every move; points that repeat the one before share its posture."""
+    task, place = _task(cell, state, settings)
+    first = _places(state.motions)[0]
+    free = np.asarray(state.motions.rapid[first][1:]) if settings.rapid == "joint" else None
+    chosen = settings.gamma if state.gamma is None else state.gamma[first]
+    if isinstance(chosen, GammaRange):
+        found = optimise_long_path(
+            model, task, settings.objective, chosen, settings.drive, free=free, progress=progress
+        ).course
+    else:
+        found = follow_gamma(model, task, chosen, settings.objective, settings.drive, free=free)
+    return replace(
+        found, gamma=found.gamma[place], q=found.q[place], value=found.value[place], branch=found.branch[place]
+    )
+
+
+def _places(motions: Motions) -> tuple[Integers, Integers]:
+    """Moves (k,) that lead elsewhere, and the path point (n,) that each move leads to."""
+    still = np.zeros(motions.n, dtype=np.bool_)
+    still[1:] = (np.linalg.norm(np.diff(motions.points, axis=0), axis=1) < REPEATED) & (
+        np.linalg.norm(np.diff(motions.axes, axis=0), axis=1) < REPEATED
+    )
+    return np.flatnonzero(~still), np.cumsum(~still) - 1
+
+
+def _task(cell: Cell, state: _State, settings: PostSettings) -> tuple[Task, Integers]:
+    """The path as a task of the robot, and the path point (n,) of each move."""
+    motions = state.motions
+    kept, place = _places(motions)
+    # Linear axes shift the part against the base; they do not turn it.
+    T = cell.T_base_part(state.travel[kept], np.full(len(kept), settings.table))
+    path = ToolPath(motions.points[kept], motions.axes[kept], motions.axes[kept], motions.feed[kept])
+    shift = T[:, :3, 3] - T[0, :3, 3]
+    task = Task(path, cell.tool.T_flange_tool, T[0], settings.reference, shift if shift.any() else None)
+    return task, place
+
+
+def _line(state: _State, point: int) -> int:
+    """Source line of a path point."""
+    _, place = _places(state.motions)
+    return int(state.motions.line[np.searchsorted(place, point)])
+
+
+def _frames(cell: Cell, state: _State, settings: PostSettings, gamma: Array) -> Array:
+    """Tool frames (n, 4, 4) in the part frame."""
+    motions = state.motions
+    task, place = _task(cell, state, settings)
+    first = _places(motions)[0]
+    in_part = Task(task.path, cell.tool.T_flange_tool, np.eye(4), task.reference)
+    T = in_part.tool_frames(gamma[first][:, None])[place, 0]
+    T[:, :3, 3] = motions.points
+    return np.asarray(T)
+
+
+def _bend(model: fem.ArmModel, cell: Cell, state: _State, course: Course, settings: PostSettings) -> Array:
+    """Distance (n,) m of the tip from the straight line when all axes are half-way to each move's end."""
+    bend = np.zeros(state.motions.n)
+    if len(bend) < 2:
+        return bend
+    half_q = 0.5 * (course.q[1:] + course.q[:-1])
+    half_travel = 0.5 * (state.travel[1:] + state.travel[:-1])
+    table = np.full(len(half_q), settings.table)
+    tip = tool_in_part(model.robot, cell, half_q, half_travel, table)[:, :3, 3]
+    wanted = 0.5 * (state.motions.points[1:] + state.motions.points[:-1])
+    bend[1:] = np.linalg.norm(tip - wanted, axis=1)
+    return bend
+
+
+def _program(model: fem.ArmModel, cell: Cell, state: _State, course: Course, settings: PostSettings) -> JointProgram:
+    return JointProgram(
+        robot=model.robot,
+        cell=cell,
+        motions=state.motions,
+        T_part_tool=_frames(cell, state, settings, course.gamma),
+        q=course.q,
+        travel=state.travel,
+        table=np.full(state.motions.n, settings.table),
+        gamma=course.gamma,
+        branch=course.branch,
+        names=course.names,
+        inserted=state.inserted,
+    )

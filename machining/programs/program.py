@@ -1,0 +1,97 @@
+"""A machining program in joint and Cartesian coordinates at once: what is written for controllers, and replayed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.cell import Cell
+from machining.toolpaths.motions import Motions
+from robots import InputError, Robot, forward_kinematics
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class JointProgram:
+    """n moves; move i leads from point i - 1 to point i.
+
+    Attributes
+    ----------
+    robot, cell : what carries the tool, and where
+    motions : the tool path, feeds, tools, source lines, events; with points put in between where ``inserted`` says so
+    T_part_tool : (n, 4, 4) m, wanted tool frames in the part frame: the Cartesian program
+    q : (n, dof) rad, joint coordinates: the joint program
+    travel : (n, k) m of the cell's k linear axes
+    table : (n,) rad of its turntable, 0 without one
+    gamma : (n,) rad about the tool axis (see :class:`machining.Task`)
+    branch : (n,) index into ``names`` of the inverse kinematics' branches
+    inserted : (n,) points that the source does not have
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, or numbers that are not finite.
+    """
+
+    robot: Robot
+    cell: Cell
+    motions: Motions
+    T_part_tool: Array
+    q: Array
+    travel: Array
+    table: Array
+    gamma: Array
+    branch: Integers
+    names: tuple[str, ...]
+    inserted: Bools
+
+    def __post_init__(self) -> None:
+        n = self.motions.n
+        shapes = {
+            "T_part_tool": (n, 4, 4),
+            "q": (n, self.robot.dof),
+            "travel": (n, len(self.cell.linear_axes)),
+            "table": (n,),
+            "gamma": (n,),
+            "branch": (n,),
+            "inserted": (n,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise InputError(f"joint program, {name}", value=f"shape {value.shape}", allowed=f"finite {shape}")
+
+    @property
+    def n(self) -> int:
+        """Number of moves."""
+        return self.motions.n
+
+    def reached(self) -> Array:
+        """Tool frames (n, 4, 4) in the part frame that the joint coordinates give, by forward kinematics."""
+        return tool_in_part(self.robot, self.cell, self.q, self.travel, self.table)
+
+    def deviation(self) -> tuple[Array, Array]:
+        """Distance (n,) m of the tip and angle (n,) rad of the tool frame from joint to Cartesian coordinates."""
+        return frame_distance(self.reached(), self.T_part_tool)
+
+
+def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array) -> Array:
+    """Tool frames (n, 4, 4) in the part frame at joint angles q (n, dof) rad, travels (n, k) m and table (n,) rad."""
+    frames = forward_kinematics(robot, q)
+    T = np.zeros((len(q), 4, 4))
+    T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = frames.R_flange, frames.p_flange, 1.0
+    part = np.linalg.inv(cell.T_world_part(table))
+    return np.asarray(part @ cell.T_world_base(travel) @ T @ cell.tool.T_flange_tool)
+
+
+def frame_distance(A: Array, B: Array) -> tuple[Array, Array]:
+    """Distance (n,) m of the origins and angle (n,) rad between the axes of frames (n, 4, 4)."""
+    away = np.linalg.norm(A[:, :3, 3] - B[:, :3, 3], axis=1)
+    # The chord keeps its digits near zero, where the cosine has lost them.
+    chord = np.linalg.norm(A[:, :3, :3] - B[:, :3, :3], axis=(1, 2)) / np.sqrt(8.0)
+    return away, np.asarray(2.0 * np.arcsin(np.clip(chord, 0.0, 1.0)))

@@ -1,0 +1,123 @@
+r"""ABB RAPID: Cartesian programs of MoveL with robtarget, joint programs of MoveAbsJ with jointtarget; read back too.
+
+Syntax after the RAPID reference manuals and public programs: targets stand in the instruction, speeds in mm/s in a
+speeddata whose ``v_tcp`` is set where it changes, zones in a zonedata of ``blend_mm``, unused external axes 9E9, one
+module and procedure a part. MoveAbsJ moves the joints, and holds ``v_tcp`` as MoveL does. The wobjdata is the part
+frame in the robot's base frame; with a turntable it belongs to a mechanical unit and stands on the controller. Numbers
+are single precision on the controller.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.programs.configuration import abb_configuration
+from machining.programs.job import Job
+from machining.programs.orientation import framed, from_quaternions, quaternions
+from machining.programs.rendering import rendered
+from machining.programs.words import ARM, common, configurations_of, frame_words, part_names, plain, speeds_of, words_of
+from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+EXTERNALS = 6
+UNUSED = "9E9"
+# Zones of ABB's own table: 1.5 times the path's zone for orientation and external axes, 0.15 deg a mm.
+ZONE = (1.0, 1.5, 1.5, 0.15, 1.5, 0.15)
+_MOTION = re.compile(r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,\s*\w+\s*,\s*\w+\s*,.*;", re.IGNORECASE)
+_SPEED = re.compile(r"\s*vMove\.v_tcp\s*:=\s*([^;]+);", re.IGNORECASE)
+_CALL = re.compile(r"\s*([A-Za-z]\w*)\s*;\s*(?:!.*)?$")
+_OTHER = re.compile(r"\s*(?:Move\w*|SearchL|SearchC|TriggL|TriggJ|TriggC)\b", re.IGNORECASE)
+_WORDS = frozenset({"endproc", "endmodule", "return", "stop", "exit"})
+
+
+def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+    """The main module and one for each part."""
+    o = job.options
+    names = part_names(job, o.name)
+    external = len(job.external_decimals)
+    if external > EXTERNALS:
+        raise InputError("external axes in RAPID", value=external, allowed=f"at most {EXTERNALS}")
+    shared = common(job) | {"parts": names, "unused": (UNUSED,) * (EXTERNALS - external)}
+
+    def main() -> Iterator[str]:
+        loaded = o.rapid_language.tool_mass_kg
+        own = {
+            "tool": None if loaded is None else frame_words(job, job.T_tool, quaternions, o.decimals.quaternion),
+            "base": frame_words(job, job.T_base, quaternions, o.decimals.quaternion),
+            "mass": "" if loaded is None else plain(loaded),
+            "centre": [f"{v:.3f}" for v in o.rapid_language.tool_centre_mm],
+            "first_speed": plain(float(job.commands.speed[0]) * 1e3),
+            "linear_mm_s": plain(o.rapid_mm_s),
+            "zone": [plain(o.blend_mm * share) for share in ZONE],
+        }
+        return rendered(made, "rapid/main.j2", shared | own)
+
+    def part(name: str, first: int, last: int) -> Iterator[str]:
+        moves = job.moves(
+            first,
+            last,
+            words_of(job, quaternions, o.decimals.quaternion),
+            configurations_of(job, abb_configuration),
+            speeds_of(job, 1e-3),
+        )
+        after = shared["after"] if last == job.n else []
+        own = {"part": name, "first": first + 1, "last": last, "moves": moves, "after": after}
+        return rendered(made, "rapid/moves.j2", shared | own)
+
+    files = [ProgramFile(f"{o.name}.mod", main)]
+    for name, (first, last) in zip(names, job.parts(), strict=True):
+        files.append(ProgramFile(f"{name}.mod", lambda n=name, a=first, b=last: part(n, a, b)))  # type: ignore[misc]
+    return files
+
+
+def read(files: Mapping[str, str]) -> ReadMoves:
+    """Moves of a main module (the first) and the modules of the procedures that it calls.
+
+    Raises
+    ------
+    InputError
+        Motion other than MoveL, MoveJ and MoveAbsJ with the target in the instruction; a module that is not there.
+    """
+    name, text = main_file(files, ".mod")
+    found = (_CALL.match(line) for line in text.splitlines())
+    calls = [call[1] for call in found if call is not None and call[1].lower() not in _WORDS]
+    out = Collector()
+    speed = np.nan
+    for source, body in [(name, text), *called(files, calls, ".mod")]:
+        for i, line in enumerate(body.splitlines(), 1):
+            motion = _MOTION.match(line)
+            if motion is not None:
+                _motion(out, f"{source}, line {i}", motion[1].lower(), motion[2], speed)
+            elif (said := _SPEED.match(line)) is not None:
+                speed = number(f"{source}, line {i}, v_tcp", said[1]) * 1e-3
+            elif _OTHER.match(line):
+                raise InputError(
+                    f"{source}, line {i}", value=line.strip()[:80], allowed="MoveL [[...]], MoveAbsJ [[...]]"
+                )
+    return out.moves()
+
+
+def _motion(out: Collector, where: str, order: str, text: str, speed: float) -> None:
+    lists = re.findall(r"\[([^\[\]]*)\]", text)
+    values = [[number(where, item) for item in part.split(",")] for part in lists]
+    lengths = [len(part) for part in values]
+    used = [v for v in values[-1] if v < 8.9e9] if values else []
+    if order == "moveabsj" and lengths == [ARM, EXTERNALS]:
+        out.add(where, "joint", values[0], used, joint=True, speed=speed)
+    elif order != "moveabsj" and lengths == [3, 4, 4, EXTERNALS]:
+        sides = tuple(int(v) for v in values[2])
+        out.add(where, "cartesian", values[0] + values[1], used, sides, joint=order == "movej", speed=speed)
+    else:
+        raise InputError(where, value=text[:80], allowed="robtarget [[3],[4],[4],[6]], jointtarget [[6],[6]]")
+
+
+def frames(words: Array) -> Array:
+    """Tool frames (n, 4, 4) m in the work object of positions (mm) and quaternions (n, 7)."""
+    return framed(from_quaternions(words[:, 3:]), words[:, :3] * 1e-3)

@@ -1,0 +1,76 @@
+"""Templates: Jinja2 in a sandbox, a shop's own folder before the bundled one, rendered in pieces.
+
+The environment is immutable and sandboxed, undefined names are errors, and texts of source files come as
+:class:`~machining.programs.source_text.SourceText`, which only the filters ``comment`` and ``word`` print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+from machining.programs.source_text import comment, word
+from robots import InputError
+
+# Pieces of a template joined before they are handed on; each is a few characters.
+BUFFER = 4096
+
+
+def environment(folder: Path | None) -> jinja2.Environment:
+    """Templates of ``folder`` (with one folder a format, as the bundled ones), the bundled ones behind them.
+
+    Raises
+    ------
+    InputError
+        ``folder`` is no folder.
+    """
+    loaders: list[jinja2.BaseLoader] = [jinja2.PackageLoader("machining.programs", "templates")]
+    if folder is not None:
+        if not folder.is_dir():
+            raise InputError("folder of templates", value=str(folder), allowed="a folder that exists")
+        loaders.insert(0, jinja2.FileSystemLoader(folder))
+    made = ImmutableSandboxedEnvironment(
+        loader=jinja2.ChoiceLoader(loaders),
+        undefined=jinja2.StrictUndefined,
+        # Controllers' languages are no HTML; what is foreign is guarded by SourceText.
+        autoescape=False,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters["comment"], made.filters["word"] = comment, word
+    return made
+
+
+def rendered(made: jinja2.Environment, name: str, context: Mapping[str, Any]) -> Iterator[str]:
+    """Pieces of a rendered template.
+
+    Raises
+    ------
+    InputError
+        The template has a fault: its name, and the line if known.
+    """
+    try:
+        stream = made.get_template(name).stream(**context)
+        stream.enable_buffering(BUFFER)
+        yield from stream
+    except jinja2.TemplateSyntaxError as error:
+        raise InputError(f"template {error.name or name}, line {error.lineno}: {error.message}") from error
+    except jinja2.TemplateNotFound as error:
+        raise InputError(f"template {error} is not there", remedy="give it in the folder of templates") from error
+    except (
+        jinja2.TemplateError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        KeyError,
+        IndexError,
+        ZeroDivisionError,
+    ) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"template {name}: {error}") from error

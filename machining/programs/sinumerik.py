@@ -1,0 +1,132 @@
+"""SINUMERIK 840D: joint programs, an axis word for each joint; and read back.
+
+Syntax after the SINUMERIK programming manuals (Fundamentals, Job planning): G1 with ``name=value`` of machine axes,
+TRAFOOF before, sub-programs called by name and ended by M17, G641 with ADIS for corners, G9 for an exact stop. Feed is
+inverse time (G93, F in 1/min in every block: 60 / s of the move), or G94 with F in deg/min over all axes of FGROUP,
+where a mm of a linear axis counts as a deg (the control's reference radius of 180/pi mm). Axis names, signs and zeros
+are what the machine was set up with: check them on the machine.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.programs.job import Job
+from machining.programs.rendering import rendered
+from machining.programs.words import common, part_names, plain
+from machining.programs.write_options import SinumerikOptions
+from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+_BLOCK = re.compile(r"\s*(?:N\d+\s+)?G0*([01])\s+(.*)$", re.IGNORECASE)
+_WORD = re.compile(r"([A-Z][A-Z0-9_]*)=(\S+)")
+_FEED = re.compile(r"(?<![A-Z0-9_])F=?(-?[0-9.]+)(?![\w=])")
+_CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*(?:;.*)?$")
+_OTHER = re.compile(r"\s*(?:N\d+\s+)?(?:G0*[23]|CIP|CT|POS|POSA|POLY|BSPLINE)\b", re.IGNORECASE)
+
+
+def axis_names(options: SinumerikOptions, linear: int, table: bool) -> list[str]:
+    """Names of the joints, the linear axes, and the turntable. Raises InputError where names are missing."""
+    if linear > len(options.linear):
+        raise InputError("names of linear axes", value=len(options.linear), allowed=f"{linear}")
+    return [*options.axes, *options.linear[:linear], *([options.table] if table else [])]
+
+
+def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+    """The main program and its sub-programs."""
+    o = job.options
+    cell, robot = job.program.cell, job.program.robot
+    if len(o.sinumerik.axes) != robot.dof:
+        raise InputError("[sinumerik] axes", value=len(o.sinumerik.axes), allowed=f"{robot.dof} names, one a joint")
+    axes = axis_names(o.sinumerik, len(cell.linear_axes), cell.turntable is not None)
+    per_minute = o.sinumerik.feed == "per_minute"
+    names = [name.upper() for name in part_names(job, o.name)]
+    own_main = {"parts": names, "group": axes if per_minute else [], "per_minute": per_minute}
+    shared = common(job) | {"names": axes}
+    decimals = (o.decimals.angle,) * robot.dof
+
+    def part(first: int, last: int) -> Iterator[str]:
+        moves = job.moves(
+            first,
+            last,
+            lambda piece: (job.angles(piece), decimals),
+            lambda piece: [(f,) for f in _feeds(job, piece, per_minute)],
+            lambda piece: [""] * (piece.stop - piece.start),
+        )
+        own = {"first": first + 1, "last": last, "moves": moves, "after": shared["after"] if last == job.n else []}
+        return rendered(made, "sinumerik/moves.j2", shared | own)
+
+    files = [ProgramFile(f"{o.name.upper()}.MPF", lambda: rendered(made, "sinumerik/main.j2", shared | own_main))]
+    for name, (first, last) in zip(names, job.parts(), strict=True):
+        files.append(ProgramFile(f"{name}.SPF", lambda a=first, b=last: part(a, b)))  # type: ignore[misc]
+    return files
+
+
+def _feeds(job: Job, part: slice, per_minute: bool) -> list[str]:
+    """F words of moves: 1/min, or deg/min over all axes; the first move has none."""
+    time = job.commands.duration[part]
+    rate = 60.0 / time
+    if per_minute:
+        # One move more in front, for the difference.
+        wide = slice(max(part.start - 1, 0), part.stop)
+        values = np.column_stack([job.angles(wide), job.externals(wide)])
+        rate = rate * np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)[-len(time) :]
+        # A block in which nothing moves still needs an F.
+        rate = np.where(rate > 0.0, rate, 1.0)
+    return ["" if not np.isfinite(v) else plain(v) for v in rate.tolist()]
+
+
+def read(files: Mapping[str, str], options: SinumerikOptions, linear: int, table: bool) -> ReadMoves:
+    """Moves of a main program (the first) and its sub-programs.
+
+    Durations come from G93; with G94 from the way of all axes, mm counted as deg.
+
+    Raises
+    ------
+    InputError
+        Motion other than G0 and G1 with a word for every axis; a sub-program that is not there.
+    """
+    axes = axis_names(options, linear, table)
+    name, text = main_file(files, ".MPF")
+    calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
+    out = Collector()
+    inverse, before = True, None
+    for source, body in [(name, text), *called(files, calls, ".SPF")]:
+        for i, line in enumerate(body.splitlines(), 1):
+            code = line.split(";", 1)[0]
+            where = f"{source}, line {i}"
+            if "G93" in code.split() or "G94" in code.split():
+                inverse = "G93" in code.split()
+            block = _BLOCK.match(code)
+            if block is not None:
+                values = _values(where, block[2], axes)
+                way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
+                time = _time(where, block[2], inverse, way) if block[1] == "1" else np.nan
+                dof = len(options.axes)
+                out.add(where, "joint", values[:dof], values[dof:], joint=block[1] == "0", duration=time)
+                before = values
+            elif _OTHER.match(code):
+                raise InputError(where, value=code.strip()[:80], allowed="G0 and G1")
+    return out.moves()
+
+
+def _values(where: str, text: str, axes: Sequence[str]) -> list[float]:
+    words = dict(_WORD.findall(text.upper()))
+    missing = [name for name in axes if name not in words]
+    if missing:
+        raise InputError(where, value=f"no {', '.join(missing)}", allowed="a word for every axis in every block")
+    return [number(where, words[name]) for name in axes]
+
+
+def _time(where: str, text: str, inverse: bool, way: float) -> float:
+    feed = _FEED.search(text.upper())
+    if feed is None or number(where, feed[1]) <= 0.0:
+        raise InputError(where, value=text.strip()[:80], allowed="an F of more than 0 in every G1 block")
+    return 60.0 / number(where, feed[1]) if inverse else 60.0 * way / number(where, feed[1])

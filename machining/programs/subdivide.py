@@ -1,0 +1,102 @@
+"""Points put in between the points of a tool path, so that straight joint motion stays on straight tool motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.toolpaths.motions import Motions
+from robots import InputError
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+
+def subdivided(motions: Motions, pieces: Integers) -> tuple[Motions, Bools, Integers]:
+    """Split move i into ``pieces[i]`` equal ones; the first point has no move, so ``pieces[0]`` is 1.
+
+    The tip moves straight, the tool axis turns evenly on the great circle.
+
+    Returns
+    -------
+    motions, ``inserted`` (k,) and ``move`` (k,): the move of the old motions that each new one belongs to
+
+    Raises
+    ------
+    InputError
+        Shape, counts below 1, or a tool axis that turns by half a turn in one move: it could go any way round.
+    """
+    n = motions.n
+    if pieces.shape != (n,) or (pieces < 1).any() or (n and pieces[0] != 1):
+        raise InputError("pieces of moves", value=f"shape {pieces.shape}", allowed=f"({n},), 1 or more, 1 at the first")
+    move = np.repeat(np.arange(n), pieces)
+    last = np.cumsum(pieces) - 1
+    part = np.arange(len(move)) - (last - pieces + 1)[move] + 1
+    share = part / pieces[move]
+    before = np.maximum(move - 1, 0)
+    points = motions.points[before] + share[:, None] * (motions.points[move] - motions.points[before])
+    axes = _turned(motions.axes[before], motions.axes[move], share, motions.line[move], pieces[move] > 1)
+    inserted = np.ones(len(move), dtype=np.bool_)
+    inserted[last] = False
+    # Given points stay what they are to the last digit.
+    points[last], axes[last] = motions.points, motions.axes
+    events = tuple(
+        replace(event, move=int(last[event.move - 1]) + 1 if event.move > 0 else 0) for event in motions.events
+    )
+    return (
+        replace(
+            motions,
+            points=points,
+            axes=axes,
+            rapid=motions.rapid[move],
+            feed=motions.feed[move],
+            line=motions.line[move],
+            tool=motions.tool[move],
+            spindle=motions.spindle[move],
+            dwell=np.where(inserted, 0.0, motions.dwell[move]),
+            operation=motions.operation[move],
+            events=events,
+        ),
+        inserted,
+        move,
+    )
+
+
+def _turned(a: Array, b: Array, share: Array, line: Integers, wanted: Bools) -> Array:
+    """Unit vectors on the great circle from a to b (k, 3), at a share of the way."""
+    cosine = np.einsum("ni,ni->n", a, b)
+    opposite = wanted & (cosine < -1.0 + 1e-9)
+    if opposite.any():
+        raise InputError(
+            f"line {int(line[np.argmax(opposite)])}: the tool axis turns by half a turn in one move",
+            allowed="less than 180 deg a move",
+            remedy="give a point in between",
+        )
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), cosine)
+    sine = np.sin(angle)
+    small = sine < 1e-9
+    safe = np.where(small, 1.0, sine)
+    wa = np.where(small, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
+    wb = np.where(small, share, np.sin(share * angle) / safe)
+    out = wa[:, None] * a + wb[:, None] * b
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
+
+
+def pieces_for(motions: Motions, tolerance: float, radius: float, *, only: Bools | None = None) -> Integers:
+    """Pieces of each move (n,) so that arcs of ``radius`` m depart from their chords by less than ``tolerance`` m.
+
+    A first guess: a point that swings about a joint ``radius`` away. What the arm really does is seen afterwards, by
+    its forward kinematics. ``only`` (n,): moves that may be split.
+    """
+    step = np.sqrt(8.0 * radius * tolerance)
+    length = np.zeros(motions.n)
+    length[1:] = np.linalg.norm(np.diff(motions.points, axis=0), axis=1)
+    turn = np.zeros(motions.n)
+    turn[1:] = np.linalg.norm(np.diff(motions.axes, axis=0), axis=1) * radius
+    pieces: Integers = np.maximum(1, np.ceil(np.maximum(length, turn) / step)).astype(np.int64)
+    if only is not None:
+        pieces[~only] = 1
+    return pieces

@@ -1,0 +1,146 @@
+"""Staubli VAL3: an application of project, data (points, frame, tool) and programs of movel or movej; read back too.
+
+Syntax after the VAL3 reference manual, the description of its XML files, and public applications: a pointRx is x y z
+(mm) rx ry rz (deg, about X, the new Y, the new Z) with its configuration in a frame, a jointRx six angles in deg. A
+motion descriptor limits the tip's speed (``tvel``, mm/s; tmax in the data file) for movej as well as for movel; it is
+set where the feed changes. Numbers are double precision.
+
+A pointRx has no external axes. A cell whose external axes stand still is written; their places are in ``nExternal``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.programs.configuration import val3_configuration
+from machining.programs.job import Job, Move, external_axes, formatted
+from machining.programs.orientation import framed, from_xyz_degrees, xyz_degrees
+from machining.programs.rendering import rendered
+from machining.programs.words import common, configurations_of, frame_words, plain, speeds_of, words_of
+from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+_VALUE = re.compile(r"\s*<Value\s+([^<>]*?)/>\s*$")
+_DATA = re.compile(r'\s*<Data\s+name="(\w+)"')
+_ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
+_MOTION = re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[(\d+)\]\s*,\s*\w+\s*,\s*\w+\s*\)\s*(?://.*)?$")
+_SPEED = re.compile(r"\s*mMove\.tvel\s*=\s*(\S+)\s*$")
+_CALL = re.compile(r"\s*call\s+(\w+)\(\s*\)\s*$")
+_OTHER = re.compile(r"\s*(?:\w+\s*=\s*)?(?:movel|movej|movec|movejf|compliantMove\w*)\s*\(")
+CARTESIAN, JOINTS, SIDES = (
+    ("x", "y", "z", "rx", "ry", "rz"),
+    tuple(f"j{i}" for i in range(1, 7)),
+    ("shoulder", "elbow", "wrist"),
+)
+# Motion of an external axis below this (mm, deg) is rounding.
+STILL = 1e-6
+
+
+def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+    """Project, start and stop programs, data, and a program for each part."""
+    o, digits = job.options, job.options.decimals.angle
+    everything = slice(0, job.n)
+    axes = external_axes(job.program, everything)
+    if axes.shape[1] and np.ptp(axes, axis=0).max() > STILL:
+        raise InputError(
+            "external axes that move, in VAL3",
+            allowed="axes that stand still",
+            remedy="choose another format, or split the path where they move",
+        )
+    names = [f"p{i + 1:03d}" for i in range(len(job.parts()))]
+    shared = common(job) | {"parts": names}
+
+    def moves(first: int, last: int) -> Iterator[Move]:
+        configurations = configurations_of(job, val3_configuration)
+        return job.moves(first, last, words_of(job, xyz_degrees, digits), configurations, speeds_of(job, 1e-3))
+
+    def data() -> Iterator[str]:
+        own = {
+            "tool": frame_words(job, job.T_tool, xyz_degrees, digits),
+            "base": frame_words(job, job.T_base, xyz_degrees, digits),
+            "external": formatted(job.externals(slice(0, 1)), job.external_decimals)[0],
+            "first_speed": plain(float(job.commands.speed[0]) * 1e3),
+            "blend": "off" if o.blend_mm == 0.0 else "cartesian" if job.kind == "cartesian" else "joint",
+            "moves": moves(0, job.n),
+        }
+        return rendered(made, "val3/data.j2", shared | own)
+
+    def part(name: str, first: int, last: int) -> Iterator[str]:
+        after = shared["after"] if last == job.n else []
+        own = {"part": name, "first": first + 1, "last": last, "moves": moves(first, last), "after": after}
+        return rendered(made, "val3/moves.j2", shared | own)
+
+    def simple(template: str) -> Iterator[str]:
+        return rendered(made, f"val3/{template}.j2", shared)
+
+    files = [
+        ProgramFile("start.pgx", lambda: simple("start")),
+        ProgramFile("stop.pgx", lambda: simple("stop")),
+        ProgramFile(f"{o.name}.pjx", lambda: simple("project")),
+        ProgramFile(f"{o.name}.dtx", data),
+    ]
+    for name, (first, last) in zip(names, job.parts(), strict=True):
+        files.append(ProgramFile(f"{name}.pgx", lambda n=name, a=first, b=last: part(n, a, b)))  # type: ignore[misc]
+    return files
+
+
+def read(files: Mapping[str, str]) -> ReadMoves:
+    """Moves of the programs that ``start.pgx`` calls, with the points of the data file.
+
+    Raises
+    ------
+    InputError
+        Motion other than movel and movej to a point of pPath or jPath, a point or program that is not there.
+    """
+    name, text = main_file({k: v for k, v in files.items() if k.endswith("start.pgx")}, ".pgx")
+    data = _data(*main_file(files, ".dtx"))
+    calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
+    external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
+    out = Collector()
+    speed = np.nan
+    for source, body in [(name, text), *called(files, calls, ".pgx")]:
+        for i, line in enumerate(body.splitlines(), 1):
+            where = f"{source}, line {i}"
+            motion = _MOTION.match(line)
+            if motion is not None:
+                point = data.get(motion[2], {}).get(int(motion[3]))
+                if point is None:
+                    raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
+                kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)
+                words = [number(where, point.get(key, "0")) for key in names]
+                sides = tuple(point[key] for key in SIDES if key in point)
+                out.add(where, kind, words, external, sides, joint=motion[1] == "movej", speed=speed)
+            elif (said := _SPEED.match(line)) is not None:
+                speed = number(f"{where}, tvel", said[1]) * 1e-3
+            elif _OTHER.match(line):
+                raise InputError(where, value=line.strip()[:80], allowed="movel or movej to pPath[i] or jPath[i]")
+    return out.moves()
+
+
+def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:
+    """Attributes of each value, by name and key, of a data file that has each value on a line of its own."""
+    out: dict[str, dict[int, dict[str, str]]] = {}
+    here: dict[int, dict[str, str]] = {}
+    for i, line in enumerate(text.splitlines(), 1):
+        value = _VALUE.match(line)
+        if value is not None:
+            attributes = dict(_ATTRIBUTE.findall(value[1]))
+            key = attributes.get("key", "")
+            if not key.isdecimal():
+                raise InputError(f"{source}, line {i}, key", value=key, allowed="a whole number")
+            here[int(key)] = attributes
+        elif (found := _DATA.match(line)) is not None:
+            here = out.setdefault(found[1], {})
+    return out
+
+
+def frames(words: Array) -> Array:
+    """Tool frames (n, 4, 4) m in the part's frame of x y z rx ry rz (n, 6)."""
+    return framed(from_xyz_degrees(words[:, 3:]), words[:, :3] * 1e-3)

@@ -1,0 +1,33 @@
+"""Tool paths from CAM: APT and CLSF files, G-code, CSV; the moves as arrays, in SI units."""
+
+from machining.toolpaths.apt import read_apt
+from machining.toolpaths.arcs import ArcError, arc_points
+from machining.toolpaths.conversion import CuttingPath, cutting_runs, to_tool_path
+from machining.toolpaths.cycles import Cycle, Stroke
+from machining.toolpaths.gcode import read_gcode
+from machining.toolpaths.motions import Event, Motions, Note, Tool
+from machining.toolpaths.neutral import read_motions, write_motions
+from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.reading import read_toolpath
+from machining.toolpaths.rotary import tool_axis
+
+__all__ = [
+    "ArcError",
+    "CuttingPath",
+    "Cycle",
+    "Event",
+    "Motions",
+    "Note",
+    "ReadOptions",
+    "Stroke",
+    "Tool",
+    "arc_points",
+    "cutting_runs",
+    "read_apt",
+    "read_gcode",
+    "read_motions",
+    "read_toolpath",
+    "to_tool_path",
+    "tool_axis",
+    "write_motions",
+]

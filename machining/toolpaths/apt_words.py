@@ -1,0 +1,185 @@
+"""Parts of APT statements: numbers, feeds, spindle speeds, tools; and which words sound like motion."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+
+from machining.toolpaths.motions import Tool, clean
+from machining.toolpaths.source import readable
+
+INCH = 25.4e-3
+# Feed words: metres in the unit of length (None: that of the file), and "turn" or "minute".
+FEED_UNITS: dict[str, tuple[float | None, str]] = {
+    "MMPM": (1e-3, "minute"),
+    "MMPR": (1e-3, "turn"),
+    "IPM": (INCH, "minute"),
+    "IPR": (INCH, "turn"),
+    "FPM": (12.0 * INCH, "minute"),
+    "PERMIN": (None, "minute"),
+    "PERREV": (None, "turn"),
+    "UPM": (None, "minute"),
+    "UPR": (None, "turn"),
+}
+LENGTHS = {"MM": 1e-3, "MILLIMETERS": 1e-3, "INCH": INCH, "INCHES": INCH, "IN": INCH}
+# Words that move the tool, or move or repeat other motion, in a way that is not read here.
+MOTION = re.compile(
+    r"^(?:GO[A-Z]*|[A-Z]*ARC|NURBS|[A-Z]*SPLINE?|HELIX|CYCLE\d*|DRILL|COPY|INDEX|TRACUT|CALL|CALLSUB|REPEAT|"
+    r"THREAD|POCKET|SCURV|SMIL|CLIMB|MOVETO|MOVE|LINTO|ARCTO|PROBE)$"
+)
+# Rest of the line is free text; a dollar sign inside it is text.
+TEXT_WORDS = ("PARTNO", "PPRINT", "TPRINT", "INSERT", "REMARK", "TITLE", "NOTE", "OPNAME", "DISPLAY", "LETTER")
+
+
+class WordError(ValueError):
+    """Statement that cannot be read: what is wrong, and what is allowed."""
+
+    def __init__(self, what: str, allowed: str) -> None:
+        super().__init__(what)
+        self.what, self.allowed = what, allowed
+
+
+def sounds_like_motion(word: str) -> bool:
+    """Whether a word that is not read may hide a motion; labels and numbers before it do not hide it."""
+    return any(MOTION.match(part) for part in re.findall(r"[A-Z]+\d*", word))
+
+
+def items(rest: str) -> list[str]:
+    """Items between commas, upper case; empty ones at the end are left out."""
+    out = [item.strip().upper() for item in rest.split(",")]
+    while out and not out[-1]:
+        out.pop()
+    return out
+
+
+def as_number(text: str) -> float | None:
+    """Finite number, or None. Fortran exponents (1.5D+02) are read, Python's own forms (1_0, nan) are not."""
+    if not text or text[0] not in "+-.0123456789" or "_" in text:
+        return None
+    try:
+        value = float(text.replace("D", "E").replace("d", "e"))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:
+    """All items as numbers; their count must be one of ``allowed``.
+
+    Raises
+    ------
+    WordError
+        Items that are no finite numbers, another count of them.
+    """
+    out = [as_number(part) for part in parts]
+    good = [value for value in out if value is not None]
+    if len(good) != len(parts):
+        bad = parts[out.index(None)]
+        raise WordError(f"{bad!r} where a number belongs", "finite numbers")
+    if len(good) not in allowed:
+        raise WordError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers")
+    return good
+
+
+@dataclass(frozen=True)
+class Feed:
+    """Feed as programmed: ``value`` m per minute or per turn (NaN: none), by ``per``."""
+
+    value: float = math.nan
+    per: str = "minute"
+
+    def speed(self, spindle: float) -> float:
+        """Speed in m/s; NaN where feed or the spindle that it needs is not known or stands."""
+        if self.per == "minute":
+            return self.value / 60.0
+        speed = self.value * abs(spindle) / (2.0 * math.pi)
+        return speed if speed > 0.0 else math.nan
+
+
+def feed(parts: list[str], scale: float, last: Feed) -> Feed:
+    """Feed from the items of ``FEDRAT/``: a number, and its unit before or behind it or that of the last feed.
+
+    Raises
+    ------
+    WordError
+        No number, more than one, a feed that is not positive, a unit that is not known.
+    """
+    values = [v for v in map(as_number, parts) if v is not None]
+    words = [part for part in parts if as_number(part) is None and part not in ("AUTO", "")]
+    unknown = [word for word in words if word not in FEED_UNITS]
+    if unknown:
+        raise WordError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS))
+    if len(values) != 1 or len(words) > 1 or values[0] <= 0.0:
+        raise WordError(f"feed {', '.join(parts)!r}", "one number more than 0 and one unit")
+    length, per = FEED_UNITS[words[0]] if words else (None, last.per)
+    return Feed(values[0] * (scale if length is None else length), per)
+
+
+@dataclass(frozen=True)
+class Spindle:
+    """Spindle as programmed: ``speed`` rad/s without sign (NaN unknown), ``sense`` 1 (CLW) or -1, ``on``."""
+
+    speed: float = math.nan
+    sense: int = 1
+    on: bool = False
+
+    @property
+    def signed(self) -> float:
+        """Speed in rad/s, positive clockwise seen from the holder; 0 when it stands."""
+        return self.sense * self.speed if self.on else 0.0
+
+
+def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
+    """Spindle from the items of ``SPINDL/``, and a remark.
+
+    Raises
+    ------
+    WordError
+        A speed that is negative.
+    """
+    values = [v for v in map(as_number, parts) if v is not None]
+    words = [part for part in parts if as_number(part) is None]
+    if not values and any(word in ("OFF", "STOP", "ORIENT", "LOCK") for word in words):
+        return replace(last, on=False), None
+    out = replace(last, on=True)
+    if "CLW" in words or "CCLW" in words or "CCW" in words:
+        out = replace(out, sense=1 if "CLW" in words else -1)
+    if any(word in ("SFM", "SMM", "MPM", "CSS") for word in words):
+        return replace(out, speed=math.nan), "spindle by cutting speed: its turns are not known"
+    if values:
+        if values[0] < 0.0:
+            raise WordError(f"spindle speed {values[0]:g}", "0 or more turns in a minute, and CLW or CCLW")
+        out = replace(out, speed=values[0] * 2.0 * math.pi / 60.0)
+        if out.speed == 0.0:
+            out = replace(out, on=False)
+    return out, None
+
+
+def tool_data(tool: Tool, parts: list[str], scale: float, word: str) -> Tool:
+    """Tool with the geometry of ``CUTTER/d,r,e,f,a,b,h`` or ``TLDATA/kind,[module,]d,r,l,...``.
+
+    Siemens NX writes diameter, lower radius and length; APT's seven-parameter cutter has the height last.
+    """
+    values = [v for v in map(as_number, parts) if v is not None]
+    if word == "TLDATA" and parts[:1] not in (["MILL"], ["DRILL"], ["TCUTTER"], ["BARREL"]):
+        return replace(tool, diameter=math.nan, corner_radius=math.nan, length=math.nan)
+
+    def at(i: int) -> float:
+        return values[i] * scale if len(values) > i and values[i] >= 0.0 else math.nan
+
+    return replace(tool, diameter=at(0), corner_radius=at(1), length=at(2) if word == "TLDATA" else at(6))
+
+
+def tool_number(parts: list[str]) -> int | None:
+    """Whole number among the first two items (``LOADTL/5``, ``LOAD/TOOL,5``), or None."""
+    for part in parts[:2]:
+        value = as_number(part)
+        if value is not None and value == int(value) and 0 <= value < 10**9:
+            return int(value)
+    return None
+
+
+def name(text: str) -> str:
+    """Name of a tool or an operation, fit for tables."""
+    return clean(readable(text).strip().strip("'\""))

@@ -1,0 +1,86 @@
+"""From motions to a :class:`machining.ToolPath`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from machining.task import REPEATED, ToolPath
+from machining.toolpaths.motions import Motions
+from robots import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class CuttingPath:
+    """Path of the cutting moves and where it comes from.
+
+    ``path``; ``moves`` (k,): move that ends at each of its k points; ``points`` (n,): point that each of the n moves
+    ends at, -1 for moves that are not in the path.
+    """
+
+    path: ToolPath
+    moves: NDArray[np.int64]
+    points: NDArray[np.int64]
+
+
+def cutting_runs(motions: Motions) -> list[NDArray[np.int64]]:
+    """Moves of each unbroken run of moves at feed, with the move before it, which ends where the run starts."""
+    cutting = motions.cutting
+    starts = np.flatnonzero(cutting & ~np.append(False, cutting[:-1]))
+    ends = np.flatnonzero(cutting & ~np.append(cutting[1:], False))
+    return [np.arange(first - 1, last + 1) for first, last in zip(starts, ends, strict=True)]
+
+
+def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: ArrayLike | None = None) -> CuttingPath:
+    """Path through the cutting moves.
+
+    Parameters
+    ----------
+    motions : n moves
+    normals : surface normals (n, 3) or one (3,) for all; None: the tool axis
+    moves : moves to take, ascending; None: all runs of :func:`cutting_runs`. One run at a time gives a path without
+        joins; the segment that joins two runs is no motion of the tool, and its feed is NaN.
+
+    Points nearer than ``REPEATED`` to the one before are one point: it keeps the feed that leads to it and takes the
+    tool axis of the last of them, so a turn on the spot is in the axis of the point behind it.
+
+    Raises
+    ------
+    InputError
+        No cutting move, moves that are not ascending indices, normals of another shape or of length zero.
+    """
+    if moves is None:
+        runs = cutting_runs(motions)
+        if not runs:
+            raise InputError("tool path", value="no move at feed", remedy="check RAPID or G0 in the program")
+        chosen = np.unique(np.concatenate(runs))
+    else:
+        chosen = np.asarray(moves, dtype=np.int64)
+        if chosen.ndim != 1 or not len(chosen) or chosen.min() < 0 or chosen.max() >= motions.n:
+            raise InputError("moves of the path", allowed=f"indices (k,) from 0 to {motions.n - 1}, k at least 1")
+        if (np.diff(chosen) <= 0).any():
+            raise InputError("moves of the path", allowed="ascending")
+    normal = motions.axes if normals is None else np.broadcast_to(np.asarray(normals, dtype=np.float64), (motions.n, 3))
+    first = _first_of_repeated(motions.points[chosen])
+    last = np.append(first[1:], len(chosen)) - 1
+    feed = motions.feed[chosen[first]].copy()
+    # The move that ends here must also start at the point before it in the path.
+    joined = np.append(True, np.diff(chosen)[first[1:] - 1] > 1)
+    feed[joined] = np.nan
+    ends = chosen[last]
+    path = ToolPath(motions.points[chosen[first]], normal[ends], motions.axes[ends], feed)
+    points = np.full(motions.n, -1, dtype=np.int64)
+    points[chosen] = np.searchsorted(first, np.arange(len(chosen)), side="right") - 1
+    return CuttingPath(path, ends, points)
+
+
+def _first_of_repeated(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices of the points that stay; each is at least ``REPEATED`` from the one kept before it."""
+    kept = np.arange(len(points))
+    while True:
+        far = np.linalg.norm(np.diff(points[kept], axis=0), axis=1) >= REPEATED
+        if far.all():
+            return kept
+        kept = kept[np.append(True, far)]

@@ -1,0 +1,91 @@
+"""Drill cycles as single strokes along the tool axis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+# Distance kept from the bottom of the last peck when the drill returns to it, and the lift that breaks the chip:
+# 0.254 mm (0.010 inch), as LinuxCNC does for G83 and G73. Controls have it as a parameter, files do not say it.
+PECK_GAP = 0.254e-3
+MAX_PECKS = 10_000
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Move to ``height`` m above the cycle point along the tool axis; ``dwell`` s after it; spindle reversed or not."""
+
+    height: float
+    rapid: bool
+    dwell: float = 0.0
+    reverse: bool = False
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """Drill cycle about a point and the tool axis there.
+
+    ``start`` m above the point where feed begins, ``depth`` m below it, ``back`` m above it where the tool returns to
+    (NaN: ``start``), ``pecks`` m of each step (the last one repeats; none: one stroke), ``chip_break``: pecks lift by
+    ``PECK_GAP`` only, ``dwell`` s at the bottom, ``feed_out``: leave at feed, ``reverse``: spindle turns back on the
+    way out (tapping), ``feed`` m/s or m/rev (``per_turn``), NaN: the feed in force.
+    """
+
+    start: float
+    depth: float
+    back: float = math.nan
+    pecks: tuple[float, ...] = ()
+    chip_break: bool = False
+    dwell: float = 0.0
+    feed_out: bool = False
+    reverse: bool = False
+    feed: float = math.nan
+    per_turn: bool = False
+
+    def strokes(self) -> list[Stroke]:
+        """Strokes from ``start`` to the bottom and back out."""
+        out: list[Stroke] = []
+        bottoms = self._bottoms()
+        for i, bottom in enumerate(bottoms):
+            last = i == len(bottoms) - 1
+            out.append(Stroke(-bottom, rapid=False, dwell=self.dwell if last else 0.0))
+            if last:
+                continue
+            if self.chip_break:
+                out.append(Stroke(-bottom + PECK_GAP, rapid=True))
+            else:
+                out += [Stroke(self.start, rapid=True), Stroke(min(-bottom + PECK_GAP, self.start), rapid=True)]
+        out.append(Stroke(self.start, rapid=not self.feed_out, reverse=self.reverse))
+        if self.height_back > self.start:
+            out.append(Stroke(self.height_back, rapid=True))
+        return out
+
+    @property
+    def height_back(self) -> float:
+        """Height m where the tool ends; never below ``start``."""
+        return self.start if math.isnan(self.back) else max(self.back, self.start)
+
+    def _bottoms(self) -> list[float]:
+        if not self.pecks:
+            return [self.depth]
+        bottoms: list[float] = []
+        bottom, i = -self.start, 0
+        # A rest below a nanometre is rounding, no peck.
+        while bottom < self.depth - 1e-9:
+            bottom = min(bottom + self.pecks[min(i, len(self.pecks) - 1)], self.depth)
+            bottoms.append(bottom)
+            i += 1
+        return bottoms
+
+    def fault(self) -> str | None:
+        """What is wrong with the numbers, or None."""
+        values = (self.start, self.depth, self.dwell, *self.pecks)
+        if not all(math.isfinite(v) for v in values) or math.isinf(self.back) or math.isinf(self.feed):
+            return "numbers that are not finite"
+        if self.depth < -self.start - 1e-9:
+            return "the bottom lies above the height where feed begins"
+        if self.dwell < 0.0 or self.feed <= 0.0 or any(p <= 0.0 for p in self.pecks):
+            return "feed and pecks must be more than 0, dwell 0 or more"
+        if self.pecks and (self.depth + self.start) / self.pecks[-1] > MAX_PECKS:
+            return f"more than {MAX_PECKS} pecks"
+        return None

@@ -1,0 +1,125 @@
+"""Blocks of G-code as words: letters with numbers; comments, macros and words of more letters are told apart."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+_COMMENT = re.compile(r"\(([^()]*)\)")
+_WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
+_LONG = re.compile(r"[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
+_MACRO = re.compile(
+    r"#|=|\[|\b(?:WHILE|IF|GOTO[BFC]?|DO\d*|END\d+|ENDIF|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|CALL|PROC|DEF|EXTERN)\b|"
+    r"^\s*(?:N\d+\s*)?O\s*<|^\s*O\d+\s+(?:SUB|ENDSUB|IF|WHILE|DO|CALL|RETURN|REPEAT)"
+)
+# Long words that change nothing here.
+QUIET = (
+    "SUPA",
+    "DIAMOF",
+    "DIAMON",
+    "CFIN",
+    "CFTCP",
+    "CFC",
+    "SOFT",
+    "BRISK",
+    "DRIVE",
+    "FFWON",
+    "FFWOF",
+    "ORIWKS",
+    "ORIMKS",
+)
+MOTION_WORDS = re.compile(
+    r"^(?:CYCLE(?!832)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROT|AROT|TRANS|"
+    r"ATRANS|SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
+)
+
+
+@dataclass(slots=True)
+class Block:
+    """One block: ``words`` by letter (G and M apart), ``codes`` of G in tenths, ``misc`` of M, ``long`` words.
+
+    ``deleted``: starts with a slash. ``macro``: text of what needs a macro interpreter. ``bad``: text that is none of
+    these. ``points``: letters written with a decimal point.
+    """
+
+    words: dict[str, float] = field(default_factory=dict)
+    codes: list[int] = field(default_factory=list)
+    misc: list[int] = field(default_factory=list)
+    long: list[str] = field(default_factory=list)
+    comments: list[str] = field(default_factory=list)
+    points: set[str] = field(default_factory=set)
+    deleted: bool = False
+    macro: str = ""
+    bad: str = ""
+
+
+def block(line: str) -> Block:
+    """Words of one line."""
+    out = Block()
+    text = line.strip().upper()
+    # Siemens messages hold comment signs inside quotes.
+    if '"' in text:
+        text = re.sub(r'"[^"]*"', "", text)
+    if ";" in text:
+        text, _, comment = text.partition(";")
+        out.comments.append(comment)
+    if "(" in text and not text.lstrip("/ 0123456789N").startswith(
+        ("CYCLE", "MCALL", "MSG", "HOLES", "POCKET", "SLOT")
+    ):
+        out.comments += _COMMENT.findall(text)
+        text = _COMMENT.sub(" ", text)
+        head, mark, comment = text.partition("(")
+        if mark:
+            text = head
+            out.comments.append(comment)
+    text = text.strip()
+    if text.startswith("/"):
+        out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()
+    if not text or text.startswith("%"):
+        return out
+    if _MACRO.search(text):
+        out.macro = text
+        return out
+    end = 0
+    for match in _WORD.finditer(text):
+        if text[end : match.start()].strip():
+            return _with_long(out, text)
+        end = match.end()
+        _put(out, match[1], match[2])
+    if text[end:].strip():
+        return _with_long(out, text)
+    return out
+
+
+def _with_long(out: Block, text: str) -> Block:
+    """Words of a block that has long words or signs in it."""
+    out = Block(comments=out.comments, deleted=out.deleted)
+    rest = []
+    last = 0
+    for match in _LONG.finditer(text):
+        rest.append(text[last : match.start()])
+        out.long.append(match[0])
+        last = match.end()
+    rest.append(text[last:])
+    for part in rest:
+        end = 0
+        for match in _WORD.finditer(part):
+            out.bad = out.bad or part[end : match.start()].strip(" ,")
+            end = match.end()
+            _put(out, match[1], match[2])
+        out.bad = out.bad or part[end:].strip(" ,")
+    return out
+
+
+def _put(out: Block, letter: str, number: str) -> None:
+    value = float(number)
+    if letter == "G":
+        out.codes.append(round(value * 10))
+    elif letter == "M":
+        out.misc.append(int(value))
+    elif letter in out.words:
+        out.bad = out.bad or f"{letter} twice"
+    elif letter != "N":
+        out.words[letter] = value
+        if "." in number:
+            out.points.add(letter)

@@ -1,0 +1,140 @@
+"""Motions: what a tool path file says the tool does, as arrays over the moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+# Longest text (characters) that an event or a name keeps, so that a file cannot fill messages and reports.
+TEXT_LIMIT = 200
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Tool as the file names it.
+
+    ``number`` None and ``name`` "" where the file gives none; ``diameter``, ``corner_radius`` and ``length`` m, NaN
+    where the file gives none.
+    """
+
+    number: int | None = None
+    name: str = ""
+    diameter: float = np.nan
+    corner_radius: float = np.nan
+    length: float = np.nan
+
+
+@dataclass(frozen=True)
+class Event:
+    """A word that is no motion: source ``line``, ``move`` it comes before (n: after the last), ``word``, ``text``."""
+
+    line: int
+    move: int
+    word: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something odd that did not stop the reading: first ``line`` (0: the whole file), ``text``, ``count``."""
+
+    line: int
+    text: str
+    count: int = 1
+
+    def __str__(self) -> str:
+        where = f"line {self.line}: " if self.line else ""
+        return f"{where}{self.text}" + (f" ({self.count} times)" if self.count > 1 else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """n moves; move i leads from point i - 1 to point i, straight.
+
+    Attributes
+    ----------
+    points : (n, 3) m, tool tip in the frame of the program
+    axes : (n, 3) unit vectors, tool axis from the tip into the holder, at the end of the move
+    rapid : (n,) bool
+    feed : (n,) m/s, NaN for rapid moves and where it is not known
+    line : (n,) source line
+    tool : (n,) index into ``tools``
+    spindle : (n,) rad/s, positive clockwise seen from the holder towards the tip (M3, CLW); 0 stopped, NaN unknown
+    dwell : (n,) s of rest after the move
+    operation : (n,) index into ``operations``
+    tools, operations : tables
+    events : words that are no motion, in the order of the file
+    notes : what was odd
+    source : name of the file
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, coordinates that are not finite, axes that are not unit vectors, feeds that are not
+        positive, dwells that are negative, indices out of their tables.
+    """
+
+    points: Array
+    axes: Array
+    rapid: NDArray[np.bool_]
+    feed: Array
+    line: NDArray[np.int64]
+    tool: NDArray[np.int64]
+    spindle: Array
+    dwell: Array
+    operation: NDArray[np.int64]
+    tools: tuple[Tool, ...] = (Tool(),)
+    operations: tuple[str, ...] = ("",)
+    events: tuple[Event, ...] = field(default=())
+    notes: tuple[Note, ...] = field(default=())
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.points)
+        wanted = {"points": (n, 3), "axes": (n, 3)}
+        for name in ("points", "axes", "rapid", "feed", "line", "tool", "spindle", "dwell", "operation"):
+            shape = getattr(self, name).shape
+            if shape != wanted.get(name, (n,)):
+                raise InputError(f"motions, {name}", value=f"shape {shape}", allowed=f"shape {wanted.get(name, (n,))}")
+        checks = (
+            ("points", np.isfinite(self.points).all(), "finite numbers in m"),
+            ("axes", (np.abs(np.linalg.norm(self.axes, axis=1) - 1.0) < 1e-9).all(), "unit vectors"),
+            ("feed", not (self.feed <= 0.0).any() and not np.isinf(self.feed).any(), "m/s, more than 0, or NaN"),
+            ("dwell", bool((self.dwell >= 0.0).all()) and bool(np.isfinite(self.dwell).all()), "0 s or more"),
+            ("tool", _within(self.tool, len(self.tools)), "indices into tools"),
+            ("operation", _within(self.operation, len(self.operations)), "indices into operations"),
+        )
+        for name, good, allowed in checks:
+            if not good:
+                raise InputError(f"motions, {name}", allowed=allowed)
+
+    @property
+    def n(self) -> int:
+        """Number of moves."""
+        return len(self.points)
+
+    @property
+    def cutting(self) -> NDArray[np.bool_]:
+        """Moves (n,) at feed; the first point has no move that leads to it, so it is not one of them."""
+        out = ~self.rapid
+        out[:1] = False
+        return out
+
+
+def _within(index: NDArray[np.int64], size: int) -> bool:
+    return bool(((index >= 0) & (index < size)).all())
+
+
+def clean(text: str) -> str:
+    """Text fit for a message: one line, no control or hidden characters, at most ``TEXT_LIMIT`` characters."""
+    text = text.strip()
+    cut = text[:TEXT_LIMIT]
+    if not cut.isprintable():
+        cut = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in cut)[:TEXT_LIMIT]
+    return cut + "..." if len(text) > TEXT_LIMIT else cut

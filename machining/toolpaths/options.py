@@ -1,0 +1,83 @@
+"""What the readers of tool paths can be told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from robots import InputError
+
+UNITS = {"mm": 1e-3, "inch": 25.4e-3}
+ROTARY = ("none", *(f"{kind}-{first}C" for kind in ("table", "head", "mixed") for first in "AB"))
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options of :func:`read_toolpath`; the defaults refuse what could be read in two ways.
+
+    Parameters
+    ----------
+    units : "mm" or "inch" where the file does not say; None: a file that does not say is refused
+    chord_tolerance : m, farthest that a chord lies from its arc
+    arc_tolerance : m, largest difference between the radii at both ends of an arc, and from a radius stated
+    unknown_motion : "error" refuses words that sound like motion and are not read; "report" makes them notes
+    frames : "one" wants all motion in one frame (MSYS, CSYS, TRANS, ORIGIN; G54..G59.3) and gives the coordinates as
+        written; "written" gives them as written whatever the frames; "absolute" applies MSYS, TRANS and ORIGIN
+        (APT only)
+    circle_axis : how an APT ``CIRCLE/`` turns about its vector: "right" or "left" hand; "auto": left for the ten or
+        more numbers that Siemens NX writes, right for six or seven (Creo, SolidWorks CAM)
+    max_bytes : largest file read
+    max_moves : most moves kept; 96 bytes each
+    rotary : kinematics of the rotary axes in G-code, such as "table-AC" or "head-BC" (see :mod:`rotary`)
+    tcp : the program's X Y Z are the tool tip in the part frame from its first line, without G43.4 or TRAORI
+    start : m, where the tool stands before the first G-code line, if known
+    offsets : m, origin of each work offset by its word ("G54"); added to the coordinates
+    arc_absolute : I, J, K of G-code arcs are coordinates of the centre from the first line on (G90.1)
+    dwell_unit : "s" or "ms", unit of a whole-numbered P in G4
+    skip_deleted : leave out G-code blocks that start with "/"
+
+    Raises
+    ------
+    InputError
+        A value that is not one of these.
+    """
+
+    units: str | None = None
+    chord_tolerance: float = 2e-6
+    arc_tolerance: float = 10e-6
+    unknown_motion: str = "error"
+    frames: str = "one"
+    circle_axis: str = "auto"
+    max_bytes: int = 256 * 2**20
+    max_moves: int = 20_000_000
+    rotary: str = "none"
+    tcp: bool = False
+    start: Point | None = None
+    offsets: Mapping[str, Point] = field(default_factory=dict)
+    arc_absolute: bool = False
+    dwell_unit: str = "s"
+    skip_deleted: bool = False
+
+    def __post_init__(self) -> None:
+        choices: dict[str, tuple[str | None, ...]] = {
+            "units": (None, *UNITS),
+            "unknown_motion": ("error", "report"),
+            "frames": ("one", "written", "absolute"),
+            "circle_axis": ("auto", "right", "left"),
+            "rotary": ROTARY,
+            "dwell_unit": ("s", "ms"),
+        }
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise InputError(f"option {name}", value=getattr(self, name), allowed=", ".join(map(str, allowed)))
+        for name in ("chord_tolerance", "arc_tolerance"):
+            if not 1e-9 <= getattr(self, name) <= 1e-2:
+                raise InputError(f"option {name}", value=getattr(self, name), allowed="1e-9 to 1e-2 m")
+        for name in ("max_bytes", "max_moves"):
+            if getattr(self, name) < 1:
+                raise InputError(f"option {name}", value=getattr(self, name), allowed="1 or more")
+        for name, point in (("start", self.start), *self.offsets.items()):
+            if point is not None and (len(point) != 3 or not all(math.isfinite(v) for v in point)):
+                raise InputError(f"option {name}", value=str(point), allowed="three finite numbers in m")

@@ -1,0 +1,191 @@
+"""Recorder: collects moves into flat arrays while a file is read, and faults and remarks beside them."""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
+from robots import InputError, InputErrors
+
+Vector = tuple[float, float, float]
+
+SHOWN = 20
+EVENTS = 100_000
+NOTES = 1000
+# Deviation of a tool axis from length 1 that is remarked on; four decimals leave at most 1e-4.
+UNIT = 1e-3
+# Cosine of the turn of the tool axis in one move at feed that is remarked on.
+TURN = float(np.cos(np.radians(10.0)))
+
+
+class Recorder:
+    """Moves, state, events, notes and faults of one file; :meth:`motions` makes the result or raises."""
+
+    def __init__(self, source: str, max_moves: int) -> None:
+        self.source, self.max_moves = source, max_moves
+        self.points, self.axes = array("d"), array("d")
+        self.rapids, self.lines = array("b"), array("q")
+        self._starts, self._tools, self._operations = array("q"), array("q"), array("q")
+        self._feeds, self._spindles = array("d"), array("d")
+        self._dwells: dict[int, float] = {}
+        self.tools: dict[Tool, int] = {}
+        self.operations: dict[str, int] = {}
+        self.events: list[Event] = []
+        self._lost_events = 0
+        self._notes: dict[str, tuple[int, int]] = {}
+        self.errors: list[InputError] = []
+        self.faults = 0
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def state(self, feed: float, spindle: float, tool: Tool, operation: str) -> None:
+        """Feed (m/s), spindle (rad/s), tool and operation of the moves from here on."""
+        self._starts.append(len(self.lines))
+        self._feeds.append(feed)
+        self._spindles.append(spindle)
+        self._tools.append(self.tools.setdefault(tool, len(self.tools)))
+        self._operations.append(self.operations.setdefault(clean(operation), len(self.operations)))
+
+    def move(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
+        """One move to ``point`` (m) with tool axis ``axis`` of any length."""
+        self.room(1)
+        self.points.extend(point)
+        self.axes.extend(axis)
+        self.rapids.append(rapid)
+        self.lines.append(line)
+
+    def moves(self, line: int, points: NDArray[np.float64], axes: NDArray[np.float64], rapid: bool) -> None:
+        """Moves (m, 3) of one statement."""
+        self.room(len(points))
+        self.points.frombytes(np.ascontiguousarray(points).tobytes())
+        self.axes.frombytes(np.ascontiguousarray(axes).tobytes())
+        self.rapids.extend([rapid] * len(points))
+        self.lines.extend([line] * len(points))
+
+    def room(self, more: int) -> None:
+        """Refuse more moves than the limit before memory is taken for them."""
+        if len(self.lines) + more > self.max_moves:
+            raise InputError(
+                f"{self.source}: number of moves",
+                allowed=f"up to {self.max_moves}",
+                remedy="split the file, take a larger chord_tolerance for its arcs, or raise max_moves",
+            )
+
+    def dwell(self, line: int, seconds: float) -> None:
+        """Rest after the last move."""
+        if not np.isfinite(seconds) or seconds < 0.0:
+            self.error(line, "dwell", value=seconds, allowed="0 s or more")
+        elif len(self.lines):
+            last = len(self.lines) - 1
+            self._dwells[last] = self._dwells.get(last, 0.0) + seconds
+        elif seconds:
+            self.note(line, "a dwell before the first move is left out")
+
+    def event(self, line: int, word: str, text: str = "") -> None:
+        """Keep a word that is no motion."""
+        if len(self.events) < EVENTS:
+            self.events.append(Event(line, len(self.lines), clean(word), clean(text)))
+        else:
+            self._lost_events += 1
+
+    def note(self, line: int, text: str) -> None:
+        """Remark; the same text counts up."""
+        text = clean(text)
+        first, count = self._notes.get(text, (line, 0))
+        if count or len(self._notes) < NOTES:
+            self._notes[text] = (first, count + 1)
+
+    def error(self, line: int, what: str, **parts: Any) -> None:
+        """Fault; the first ``SHOWN`` are kept, the rest counted."""
+        self.faults += 1
+        if len(self.errors) < SHOWN:
+            if isinstance(parts.get("value"), str):
+                parts["value"] = clean(parts["value"])
+            where = f"{self.source}, line {line}: " if line else f"{self.source}: "
+            self.errors.append(InputError(where + clean(what), **parts))
+
+    def motions(self) -> Motions:
+        """The result.
+
+        Raises
+        ------
+        InputErrors
+            All faults found, at most ``SHOWN`` with their lines and the number of the rest.
+        """
+        points, axes, line = self._checked()
+        if not self.faults and not len(line):
+            self.error(0, "no motion in the file", remedy="give the file of a tool path")
+        if self.faults:
+            shown = list(self.errors)
+            if self.faults > len(shown):
+                shown.append(InputError(f"and {self.faults - len(shown)} more like these"))
+            raise InputErrors(f"tool path file {self.source}", shown)
+        if self._lost_events:
+            self.note(0, f"{self._lost_events} words that are no motion are not kept, beyond {EVENTS}")
+        return self._table(points, axes, line)
+
+    def _checked(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        line = np.frombuffer(self.lines, dtype=np.int64) if len(self.lines) else np.zeros(0, dtype=np.int64)
+        points = np.frombuffer(self.points, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
+        axes = np.frombuffer(self.axes, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
+        for i in np.flatnonzero(~np.isfinite(points).all(axis=1)):
+            self.error(int(line[i]), "coordinates", value=str(points[i].tolist()), allowed="finite numbers")
+        with np.errstate(over="ignore", invalid="ignore"):
+            length = np.linalg.norm(axes, axis=1)
+        bad = ~(np.isfinite(length) & (length > 1e-9))
+        for i in np.flatnonzero(bad):
+            allowed = "a direction from the tip into the holder"
+            self.error(int(line[i]), "tool axis", value=str(axes[i].tolist()), allowed=allowed, remedy="give i,j,k")
+        off = np.flatnonzero(~bad & (np.abs(length - 1.0) > UNIT))
+        if len(off):
+            text = f"tool axes of {len(off)} moves differ from length 1 by up to {np.abs(length[off] - 1).max():.2g}"
+            self.note(int(line[off[0]]), text + "; made unit vectors")
+        length[bad] = 1.0
+        return points, axes / length[:, None], line
+
+    def _turns(self, axes: NDArray[np.float64], rapid: NDArray[np.bool_], line: NDArray[np.int64]) -> None:
+        """Remark on moves at feed that turn the tool far: how it turns on the way is the control's."""
+        cosine = np.einsum("ij,ij->i", axes[1:], axes[:-1])
+        cosine[rapid[1:]] = 1.0
+        if len(cosine) and cosine.min() < TURN:
+            worst = int(np.argmin(cosine))
+            angle = np.degrees(np.arccos(np.clip(cosine[worst], -1.0, 1.0)))
+            far = int((cosine < TURN).sum())
+            self.note(int(line[worst + 1]), f"{far} moves at feed turn the tool by more than 10 deg, up to {angle:.4g}")
+
+    def _table(self, points: NDArray[np.float64], axes: NDArray[np.float64], line: NDArray[np.int64]) -> Motions:
+        n = len(line)
+        counts = np.diff(np.append(np.frombuffer(self._starts, dtype=np.int64), n))
+        rapid = np.frombuffer(self.rapids, dtype=np.int8).astype(bool)
+        feed = np.repeat(np.frombuffer(self._feeds), counts)
+        spindle = np.repeat(np.frombuffer(self._spindles), counts)
+        feed[rapid] = np.nan
+        self._turns(axes, rapid, line)
+        dwell = np.zeros(n)
+        if self._dwells:
+            dwell[list(self._dwells)] = list(self._dwells.values())
+        unknown = np.flatnonzero(np.isnan(feed) & ~rapid)
+        if len(unknown):
+            self.note(int(line[unknown[0]]), f"{len(unknown)} moves at feed without a feed that is known")
+        notes = tuple(Note(first, text, count) for text, (first, count) in self._notes.items())
+        return Motions(
+            points=points,
+            axes=axes,
+            rapid=rapid,
+            feed=feed,
+            line=line,
+            tool=np.repeat(np.frombuffer(self._tools, dtype=np.int64), counts),
+            spindle=spindle,
+            dwell=dwell,
+            operation=np.repeat(np.frombuffer(self._operations, dtype=np.int64), counts),
+            tools=tuple(self.tools),
+            operations=tuple(self.operations),
+            events=tuple(self.events),
+            notes=tuple(sorted(notes, key=lambda note: note.line)),
+            source=self.source,
+        )

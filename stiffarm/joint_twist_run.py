@@ -1,0 +1,191 @@
+"""The step `identify`: six stiffnesses a joint from tables of joint twists, and everything that is said about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements
+from doe.joint_twists import Identified, LawKind, TwistReadings, identify, joined, read_twists
+from doe.joint_twists.checks import BendingRatio, DiagonalTest, Loop, bending_ratio, diagonal_tests, loops
+from doe.joint_twists.cycles import Branches
+from doe.joint_twists.model_file import constant_compliances, with_six_springs
+from doe.joint_twists.substitute import (
+    Errors,
+    compliances_of,
+    errors_of,
+    predict,
+    reachable_poses,
+    stiffness_with,
+    usual_models,
+)
+from doe.joint_twists.workspace import Orientation, Window, stiffness_window
+from robots import InputError, ModelDescription, why_no_closed_form
+from robots.kinematics import forward_kinematics
+from stiffarm.inputs import ModelInput
+
+Array = NDArray[np.float64]
+
+# Random poses that models are compared at.
+POSES = 2000
+# The paper's joint: twist about X against that about the gear axis.
+RATIO_JOINT = 1
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked: law of the stiffnesses (None: chosen), branches used, and the window of the map."""
+
+    law: LawKind | None = None
+    branches: Branches = "mean"
+    orientation: Orientation = "forward"
+    origin_m: tuple[float, float] = (1.344, 0.550)
+    size_m: tuple[float, float] = (0.6, 0.6)
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Directional stiffness (n,) N/m at flange deflections that nothing was identified from.
+
+    ``measured``; ``predicted`` with ``low`` and ``high``; ``labels``, ``force_N`` (n,) and ``way`` (n, 3) flange axes.
+    """
+
+    source: str
+    labels: tuple[str, ...]
+    force_N: Array  # noqa: N815 - the unit's letter
+    way: Array
+    measured: Array
+    predicted: Array
+    low: Array
+    high: Array
+
+    @property
+    def error(self) -> Array:
+        """Relative error of the prediction (n,)."""
+        return np.asarray(self.predicted / self.measured - 1.0)
+
+
+@dataclass(frozen=True)
+class JointTwists:
+    """A finished identification with its checks and comparisons.
+
+    ``same`` and ``refitted``: errors of models of the gears alone, by flange axis, with ``effective`` compliances
+    (dof,) of the second; ``file``: errors of the model file, which has constants across the axes; ``spread`` (3,):
+    median half width of the intervals of directional stiffness. ``window``: the map, or None with the reason in
+    ``no_window``.
+    """
+
+    request: Request
+    given: ModelInput
+    found: Identified
+    description: ModelDescription
+    loops: tuple[Loop, ...]
+    diagonal: tuple[DiagonalTest, ...]
+    bending: BendingRatio | None
+    same: Errors
+    refitted: Errors
+    effective: Array
+    file: Errors
+    spread: Array
+    window: Window | None
+    no_window: str
+    held_out: HeldOut | None
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the readings were made up."""
+        return self.found.data.synthetic
+
+
+def read_tables(given: ModelInput, tables: Sequence[Path]) -> TwistReadings:
+    """Read one or more tables of joint twists or reflectors as one."""
+    for table in tables:
+        if not table.is_file():
+            raise InputError("TABLE", value=str(table), allowed="an existing .csv or .xlsx", remedy="check the path")
+    return joined([read_twists(table, given.robot) for table in tables])
+
+
+def run(
+    given: ModelInput, data: TwistReadings, request: Request, *, holdout: Measurements | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> JointTwists:  # fmt: skip
+    """Identify, check, compare.
+
+    Raises
+    ------
+    InputError
+        What :func:`doe.joint_twists.identify` refuses; no direction of any joint with a number; a window that the
+        arm does not reach.
+    """
+    model = given.model
+    say(f"identifying six stiffnesses at {model.robot.dof} joints from {data.n} readings")
+    found = identify(model, data, law=request.law, branches=request.branches)
+    if not any(d.law is not None for d in found.directions.values()):
+        raise InputError(
+            f"{data.source}: no stiffness is determined", remedy="give readings of joints under loads that reach them"
+        )
+    names, six = model.robot.joint_names, compliances_of(found)
+    rng = np.random.default_rng(request.seed)
+    say("comparing with models of the gears alone")
+    same, refitted, effective = usual_models(model, six, poses=POSES, rng=rng)
+    q = reachable_poses(model, POSES, rng)
+    of_file = errors_of(
+        stiffness_with(model, lambda p: constant_compliances(found, p), q), stiffness_with(model, six, q)
+    )
+    p = predict(model, found, q)
+    window, no_window = _window(given, found, request)
+    return JointTwists(
+        request, given, found, with_six_springs(given.description, model, found), loops(found, names),
+        diagonal_tests(found, names), _bending(found, names), same, refitted, effective, of_file,
+        np.asarray(np.median((p.high - p.low) / (2.0 * p.value), axis=0)), window, no_window,
+        None if holdout is None else _held_out(given, found, holdout),
+    )  # fmt: skip
+
+
+def _bending(found: Identified, names: tuple[str, ...]) -> BendingRatio | None:
+    return bending_ratio(found.directions, names[RATIO_JOINT]) if len(names) > RATIO_JOINT else None
+
+
+def _window(given: ModelInput, found: Identified, request: Request) -> tuple[Window | None, str]:
+    reason = why_no_closed_form(given.robot)
+    if reason is not None:
+        return None, f"no map: {reason}"
+    window = stiffness_window(
+        given.model, compliances_of(found), orientation=request.orientation, origin_m=request.origin_m,
+        size_m=request.size_m,
+    )  # fmt: skip
+    return window, ""
+
+
+def _held_out(given: ModelInput, found: Identified, data: Measurements) -> HeldOut:
+    """Flange deflections against the model, reading by reading: |F| / |d . F/|F||."""
+    F = data.wrench[:, :3]
+    size = np.linalg.norm(F, axis=1)
+    along = np.einsum("ni,ni->n", data.displacement[:, :3], F) / np.maximum(size, 1e-300)
+    use = (size > 0.0) & np.isfinite(along) & (along != 0.0) & ~data.wrench[:, 3:].any(axis=1)
+    if not use.any():
+        raise InputError(
+            f"--holdout {data.source}: no reading with a force and the displacement along it",
+            allowed="fx_N fy_N fz_N and dx_mm dy_mm dz_mm where the force has a part",
+            remedy="give deflections of the flange under forces",
+        )
+    rows = np.flatnonzero(use)
+    R = forward_kinematics(given.robot, data.q[rows]).R_flange
+    way = np.einsum("nji,nj->ni", R, F[rows]) / size[rows, None]
+    parts = [predict(given.model, found, data.q[i : i + 1], way[k : k + 1]) for k, i in enumerate(rows)]
+    value, low, high = (np.array([getattr(p, name)[0, 0] for p in parts]) for name in ("value", "low", "high"))
+    return HeldOut(
+        data.source,
+        tuple(data.pose[i] for i in rows),
+        size[rows],
+        way,
+        size[rows] / np.abs(along[rows]),
+        value,
+        low,
+        high,
+    )

@@ -1,0 +1,137 @@
+"""What machining commands share: the path, the cell or the frames that stand for one, the cutting force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from machining import Drive, Task, ToolPath, read_path
+from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance_of, read_cell, scene_of
+from machining.cutting import ConstantForce, CuttingForce, ToolBending, read_milling
+from robots import InputError, Robot
+from stiffarm.console import say
+from stiffarm.machining_options import parse_frame, parse_joint_figures, parse_vector
+
+Array = NDArray[np.float64]
+
+CellOpt = Annotated[
+    Path | None,
+    typer.Option(
+        "--cell", metavar="CELL.toml", help="cell file: tool, part, fixtures, floor, linear axes, joint speeds"
+    ),
+]
+ForceOpt = Annotated[
+    str | None,
+    typer.Option("--force", metavar="X,Y,Z", help="cutting force on the tool, N: predicts the error it leaves"),
+]
+ForceAxesOpt = Annotated[
+    str, typer.Option("--force-axes", help="axes of --force: base, part, or process (feed, cross-feed, tool axis)")
+]
+MillingOpt = Annotated[
+    Path | None,
+    typer.Option("--milling", metavar="MILLING.toml", help="end mill, cut and coefficients instead of --force"),
+]
+# Clearance is weighed from this many times the safety distance on, and from this far at least, m.
+ZONE = 3.0
+LEAST_ZONE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A cell, and the arm's bodies in it; ``arm`` is None where no surfaces are known, so nothing can collide."""
+
+    cell: Cell
+    arm: ArmBodies | None
+
+    def drive(self, drive: Drive, robot: Robot, travel: Array | None = None, table: float = 0.0) -> Drive:
+        """The drive with the cell's joint speeds and the clearance of the arm in it."""
+        if drive.speed is None and self.cell.joint_speed is not None:
+            drive = replace(drive, speed=self.cell.joint_speed)
+        if self.arm is None:
+            return drive
+        zone = max(ZONE * self.cell.safety, LEAST_ZONE)
+        return replace(
+            drive,
+            clearance_of=clearance_of(self.cell, self.arm, e=travel, table=table, within=zone),
+            clearance_zone=zone,
+            clearance_least=self.cell.safety,
+        )
+
+
+def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, part: str | None) -> Setup:
+    """The cell of ``--cell``, or one without surfaces from ``--tool`` and ``--part``.
+
+    Raises
+    ------
+    InputError
+        A cell file together with a frame that it holds itself.
+    """
+    if cell is None:
+        T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
+        T_part = np.eye(4) if part is None else parse_frame(part, "--part")
+        return Setup(Cell(T_world_part0=T_part, tool=Tool(T_tool)), None)
+    for option, value in (("--tool", tool), ("--part", part)):
+        if value is not None:
+            raise InputError(
+                f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
+            )
+    read = read_cell(cell)
+    arm = arm_of(model)
+    for note in scene_of(read, arm).notes:
+        say(f"note: {note}")
+    return Setup(read, arm)
+
+
+def read_tool_path(file: Path) -> ToolPath:
+    """The cutting moves of a tool path file."""
+    return read_path(file)
+
+
+def task_in(setup: Setup, path: ToolPath, travel: Array | None = None, table: float = 0.0) -> Task:
+    """The path on the part where the cell has it, linear axes and turntable at rest."""
+    e = np.zeros((1, len(setup.cell.linear_axes))) if travel is None else travel[None]
+    T = setup.cell.T_base_part(e, np.array([table]))[0]
+    return Task(path, setup.cell.tool.T_flange_tool, T)
+
+
+def parse_speed(robot: Robot, text: str | None) -> Array | None:
+    """Joint speeds (dof,) rad/s of ``--speed``."""
+    return None if text is None else np.radians(parse_joint_figures(robot, text, "--speed"))
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """The cutting force, and the tool's own bending where it is given."""
+
+    force: CuttingForce
+    tool: ToolBending | None = None
+
+
+def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
+    """The cutting force of ``--force`` or ``--milling``, None without either.
+
+    Raises
+    ------
+    InputError
+        Both given, or unknown axes.
+    """
+    if force is not None and milling is not None:
+        raise InputError("--force and --milling", value="both", allowed="one of the two")
+    if milling is not None:
+        read = read_milling(milling)
+        return Cut(read.force, read.tool)
+    if force is None:
+        return None
+    known: dict[str, Literal["base", "part", "process"]] = {"base": "base", "part": "part", "process": "process"}
+    if axes not in known:
+        raise InputError("--force-axes", value=axes, allowed=", ".join(known), remedy="choose one of them")
+    return Cut(ConstantForce(parse_vector(force, "--force", "N"), known[axes]))
+
+
+Progress = Callable[[int, int], None]

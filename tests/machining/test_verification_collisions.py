@@ -1,0 +1,267 @@
+"""Collisions planted at known lines are found there, by whole moves and not only at points; clean programs are clean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from verification_cases import ARM, cell, line, pillar, placed, program, tool
+
+from machining.cell import Body, Cell, Fixture, LinearAxis, Turntable, box, clearance, scene_of
+from machining.programs.program import JointProgram
+from machining.verification import Demands, Kind, Severity, verify
+from machining.verification.courses import courses_of
+from machining.verification.motion_bound import motion_bound
+from machining.verification.sweep import sweep
+
+Array = NDArray[np.float64]
+Faulty = tuple[JointProgram, int, set[str]]
+
+# Along x over the part in 5 mm moves; point i is at -150 mm + 5 i mm, its line is i + 11.
+ACROSS = line(61, (-0.15, 0.0, 0.0), (0.15, 0.0, 0.0))
+
+
+def line_at(x: float) -> int:
+    """Line of ACROSS' move within which the tip passes x."""
+    return int(np.ceil((x + 0.15) / 0.005)) + 11
+
+
+def mill_and_pillar(fault: bool) -> Faulty:
+    # The mill is 8 mm thick, the pillar 20 mm; the clean one stands 10 mm beside the mill.
+    where = cell(pillar(0.053, 0.0 if fault else 0.024, 0.05))
+    return program(ACROSS, where=where), line_at(0.053 - 0.01 - 0.004), {"mill", "pillar"}
+
+
+def spindle_and_pillar(fault: bool) -> Faulty:
+    # The spindle is 100 mm wide and starts 100 mm above the tip.
+    where = cell(pillar(0.053, 0.04, 0.2 if fault else 0.07))
+    return program(ACROSS, where=where), line_at(0.053 - 0.01 - 0.05), {"spindle", "pillar"}
+
+
+def plate_stepped_over(fault: bool) -> Faulty:
+    # A plate of 1 mm between two points 300 mm apart.
+    points = np.array([[-0.15, 0.0, 0.02], [-0.1, 0.0, 0.02], [0.15, 0.0, 0.02], [0.15, 0.05, 0.02]])
+    where = cell(placed(Body("plate", (box((0.001, 0.1, 0.05 if fault else 0.01)),)), 1.3333, 0.1, 0.6))
+    return program(points, np.ones(4), where=where), 13, {"mill", "plate"}
+
+
+def spindle_and_part(fault: bool) -> Faulty:
+    # The tip is 100 mm below the spindle.
+    depth = -0.115 if fault else -0.095
+    points = line(18, (0.0, 0.0, 0.02), (0.0, 0.0, depth))
+    first = int(np.argmax(points[:, 2] < -0.1)) + 11
+    return program(points), first, {"spindle", "part"}
+
+
+def rapid_through_part(fault: bool) -> Faulty:
+    depth = -0.005 if fault else 0.01
+    points = np.array([[-0.25, 0.0, 0.02], [-0.22, 0.0, depth], [-0.1, 0.0, depth], [-0.1, 0.0, 0.05]])
+    return program(points, np.ones(4)), 13, {"mill", "part"}
+
+
+def mill_and_table(fault: bool) -> Faulty:
+    # Beside the part, whose side is at -150 mm, down to the table's top at -110 mm.
+    points = line(17, (-0.1, -0.3, 0.03), (-0.1, -0.3, -0.127 if fault else -0.095))
+    return program(points), int(np.argmax(points[:, 2] < -0.11)) + 11, {"mill", "table"}
+
+
+def forearm_and_beam(fault: bool) -> Faulty:
+    where = cell(placed(Body("beam", (box((0.1, 0.1, 0.1)),)), 0.9, 0.0 if fault else 0.9, 1.2))
+    given = program(line(61, (0.0, 0.3, 0.0), (0.0, -0.1, 0.0)), where=where)
+    return given, first_by_sampling(given), {"forearm", "beam"}
+
+
+def tool_and_forearm(fault: bool) -> Faulty:
+    # The wrist turns until mill and spindle meet the forearm.
+    base = program(ACROSS[:12], where=cell())
+    q = base.q[:1] + np.linspace(0.0, 1.0, 12)[:, None] * np.radians([0, 0, 0, 0, 45 if fault else 20, 180])
+    T = replace(base, q=q).reached()
+    motions = replace(base.motions, points=T[:, :3, 3], axes=-T[:, :3, 2], rapid=np.ones(12, dtype=np.bool_))
+    given = replace(base, q=q, T_part_tool=T, motions=motions)
+    given = replace(given, cell=replace(base.cell, part=None, fixtures=()))
+    return given, first_by_sampling(given), {"forearm"}
+
+
+def carriage_into_wall(fault: bool) -> Faulty:
+    # The base is on a rail along y and moves on while the arm holds still; the wall is thick.
+    rail = LinearAxis("rail", np.array([0.0, 1.0, 0.0]), np.array([-1.0, 3.0]), speed=1.0)
+    wall = placed(Body("wall", (box((2.5, 0.1, 2.0)),)), 0.6, 1.6 if fault else 2.9, 0.0)
+    where = replace(cell(), part=None, linear_axes=(rail,), fixtures=(Fixture(wall),))
+    base = program(np.repeat(ACROSS[:1], 20, axis=0), np.ones(20), where=where)
+    travel = np.linspace(0.0, 1.8, 20)[:, None]
+    moved = replace(base, travel=travel)
+    T = moved.reached()
+    given = replace(moved, T_part_tool=T, motions=replace(base.motions, points=T[:, :3, 3]))
+    return given, first_by_sampling(given), set()
+
+
+def clamp_on_turntable(fault: bool) -> Faulty:
+    # The table turns a clamp into the standing mill.
+    table = Turntable(np.array([1.3, 0.1, 0.0]), np.array([0.0, 0.0, 1.0]))
+    clamp = Fixture(placed(Body("clamp", (box((0.03, 0.03, 0.05 if fault else 0.01)),)), 1.42, 0.1, 0.6), True)
+    where = replace(cell(), turntable=table, fixtures=(clamp,))
+    base = program(np.repeat([[0.0, 0.12, 0.02]], 25, axis=0), np.ones(25), where=where)
+    moved = replace(base, table=np.linspace(0.0, np.radians(120.0), 25))
+    T = moved.reached()
+    given = replace(moved, T_part_tool=T, motions=replace(base.motions, points=T[:, :3, 3], axes=-T[:, :3, 2]))
+    # The clamp's corner of 15 mm meets the mill of 4 mm radius 90 deg on, less asin(19 / 120) of its side.
+    return given, int(np.ceil((90.0 - np.degrees(np.arcsin(0.019 / 0.12))) / 5.0)) + 11, {"mill", "clamp"}
+
+
+CASES: list[Callable[[bool], Faulty]] = [
+    mill_and_pillar,
+    spindle_and_pillar,
+    plate_stepped_over,
+    spindle_and_part,
+    rapid_through_part,
+    mill_and_table,
+    forearm_and_beam,
+    tool_and_forearm,
+    carriage_into_wall,
+    clamp_on_turntable,
+]
+
+
+def first_by_sampling(given: JointProgram, each: int = 40) -> int:
+    """Line of the first move with an overlap at one of many even samples; 0 where there is none."""
+    scene = scene_of(given.cell, ARM)
+    s = np.arange(1, each + 1) / each
+
+    def dense(values: Array) -> Array:
+        steps = values[:-1, None] + s[:, None] * np.diff(values, axis=0)[:, None]
+        return np.concatenate([values[:1], steps.reshape(each * (len(values) - 1), values.shape[1])])
+
+    seen = clearance(scene, dense(given.q), dense(given.travel), dense(given.table[:, None])[:, 0], within=0.01)
+    hits = np.flatnonzero(seen.collides)
+    return int(given.motions.line[-(-hits[0] // each)]) if len(hits) else 0
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_planted_collision_is_found_at_its_line(case: Callable[[bool], Faulty]) -> None:
+    given, at, bodies = case(True)
+    found = verify(given, ARM, Demands(tolerance=1.0, axis_tolerance=9.0))
+    first = next(o for o in found.offences if o.kind in (Kind.COLLISION, Kind.RAPID_CONTACT))
+    assert first.severity is Severity.ERROR
+    assert first.line == at
+    assert first.bodies is not None
+    assert bodies <= set(first.bodies)
+    assert not found.clean
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_its_clean_neighbour_is_clean(case: Callable[[bool], Faulty]) -> None:
+    found = verify(case(False)[0], ARM, Demands(tolerance=1.0, axis_tolerance=9.0))
+    touches = {Kind.COLLISION, Kind.RAPID_CONTACT, Kind.UNPROVEN, Kind.CLEARANCE}
+    assert [o for o in found.offences if o.kind in touches] == []
+    assert (found.swept.proven > 0.0).all()
+
+
+def test_straight_moves_are_swept_too() -> None:
+    given, at, _ = plate_stepped_over(True)
+    for interpolation in ("joint", "linear"):
+        found = verify(given, ARM, Demands(interpolation=interpolation, singular_least=0.0))  # type: ignore[arg-type]
+        first = next(o for o in found.offences if o.kind is Kind.COLLISION)
+        # From -100 mm to the plate's face less the mill's radius: 128.8 of 250 mm. Joints leave that line by 5 mm.
+        assert first.line == at
+        if interpolation == "linear":
+            assert first.at == pytest.approx(0.1288 / 0.25, abs=0.001 / 0.25)
+    assert "plate" in first.bodies  # type: ignore[operator]
+
+
+def test_the_bound_holds_the_motion_of_all_bodies() -> None:
+    """No node of any body moves farther than the bound says, on random motions of all axes of a cell."""
+    table = Turntable(np.array([1.3, 0.1, 0.0]), np.array([0.0, 0.6, 0.8]))
+    rail = LinearAxis("rail", np.array([0.0, 1.0, 0.0]), np.array([-1.0, 3.0]))
+    where = replace(cell(), turntable=table, linear_axes=(rail,))
+    given = program(ACROSS[:2], where=where)
+    scene, courses = scene_of(where, ARM), courses_of(given, "joint")
+    bound = motion_bound(scene, courses.axes)
+    rng = np.random.default_rng(3)
+    start = rng.uniform(-2.0, 2.0, (200, 8))
+    end = start + rng.normal(size=(200, 8)) * 10.0 ** rng.uniform(-3.0, -0.5, (200, 1))
+    L = bound(start, np.abs(end - start))
+
+    def nodes(values: Array) -> list[Array]:
+        R, p = scene.frames(*courses.axes.parts(values))
+        return [
+            np.einsum("nij,kj->nki", R[:, m.frame], np.vstack([s.nodes for s in m.body.solids])) + p[:, m.frame, None]
+            for m in scene.members
+        ]
+
+    moved = [np.linalg.norm(b - a, axis=2).max(axis=1) for a, b in zip(nodes(start), nodes(end), strict=True)]
+    # Against each other: the arm's fastest body and the fastest of the cell, as seen from the base.
+    arm = np.max([m for m, member in zip(moved, scene.members, strict=True) if member.frame < ARM.count], axis=0)
+    rest = np.max([m for m, member in zip(moved, scene.members, strict=True) if member.frame >= ARM.count], axis=0)
+    assert (arm <= L).all()
+    assert (rest <= L).all()
+    # It is of use: within a few times the true motion of single joints.
+    assert np.median(L / np.maximum(arm, rest)) < 6.0
+
+
+def test_proven_distances_are_below_dense_samples() -> None:
+    """Between points nothing is nearer than what was proven, and nothing seen is below it."""
+    where = cell(pillar(0.05, 0.05, 0.09), safety=0.03)
+    rng = np.random.default_rng(5)
+    points = np.column_stack([rng.uniform(-0.15, 0.15, (12, 2)), rng.uniform(0.0, 0.1, 12)])
+    given = program(points, np.ones(12), where=where)
+    scene, courses = scene_of(where, ARM), courses_of(given, "joint")
+    found = sweep(courses, scene, safety=0.03)
+    s = np.linspace(0.0, 1.0, 101)
+    for move in range(1, 12):
+        values, _ = courses.at(np.full(101, move), s)
+        dense = clearance(scene, *courses.axes.parts(values), within=found.within).distance
+        assert dense.min() >= found.proven[move] - 1e-9
+        assert dense.min() <= found.distance[move] + 1e-3
+        assert (dense.min() < 0.0) == np.isfinite(found.hit[move])
+
+
+def test_clearance_below_safety_is_an_offence_of_its_own() -> None:
+    # The mill passes 10 mm beside the pillar; 2 mm more are asked for.
+    given = program(ACROSS, where=cell(pillar(0.053, 0.024, 0.05), safety=0.012))
+    found = verify(given, ARM)
+    assert {o.kind for o in found.errors} == {Kind.CLEARANCE}
+    (offence,) = found.errors
+    # Nearer than 12 mm to the pillar's corner: 10 mm aside, so sqrt(16^2 - 14^2) mm from the corner along x.
+    assert offence.line == line_at(0.053 - 0.01 - np.sqrt(0.016**2 - 0.014**2))
+    assert offence.value == pytest.approx(0.010, abs=1e-4)
+    assert offence.limit == 0.012
+
+
+def test_what_cannot_be_decided_is_said() -> None:
+    # The mill slides along the pillar with 0.1 um between them: no division of 1 mm tells that from a touch.
+    given = program(ACROSS, where=cell(pillar(0.053, 0.0140001, 0.05)))
+    found = verify(given, ARM)
+    assert {o.kind for o in found.errors} <= {Kind.UNPROVEN, Kind.COLLISION}
+    assert not found.clean
+
+
+def test_a_retract_from_the_cut_is_a_warning_and_rapid_through_stock_is_none() -> None:
+    points = np.array([[0.0, 0.0, 0.02], [0.0, 0.0, -0.005], [0.02, 0.0, -0.005], [0.02, 0.0, 0.05]])
+    up = verify(program(points, [1, 0, 0, 1]), ARM, Demands(tolerance=1.0))
+    assert [(o.kind, o.severity, o.line) for o in up.offences] == [(Kind.RAPID_CONTACT, Severity.WARNING, 14)]
+    assert up.clean
+    across = points.copy()
+    across[3] = 0.1, 0.0, -0.005
+    through = verify(program(across, [1, 0, 0, 1]), ARM, Demands(tolerance=1.0))
+    assert [(o.kind, o.severity, o.line) for o in through.offences] == [(Kind.RAPID_CONTACT, Severity.ERROR, 14)]
+
+
+def test_a_lasting_collision_is_one_offence() -> None:
+    found = verify(program(ACROSS, where=cell(pillar(0.053, 0.0, 0.05))), ARM)
+    (offence,) = found.errors
+    # In touch over 28 mm: at most seven moves of 5 mm.
+    assert 6 <= offence.moves <= 7
+    assert offence.bodies == ("mill", "pillar")
+    # It shows first where the mill meets the pillar's side, to the resolution of 1 mm.
+    x = -0.15 + 0.005 * (offence.move - 1 + offence.at)
+    assert x == pytest.approx(0.053 - 0.014, abs=1e-3)
+
+
+def test_a_tool_without_bodies_is_said() -> None:
+    where: Cell = replace(cell(), tool=replace(tool(), holder=(), cutter=()), floor=None)
+    found = verify(program(ACROSS, where=where), ARM)
+    assert any("tool" in text for text in found.not_looked_at)
+    assert any("floor" in text for text in found.not_looked_at)
