@@ -214,8 +214,10 @@ def _coverage_part(tallies: list[tuple[Case, Tally]]) -> list[str]:
     out.append("\n" + "".join(f"- **{case.name}**: {case.words}.\n" for case, _ in tallies))
     t = tallies[0][1]
     out.append(words.BY_ROW + "| joint | " + " | ".join(ROWS) + " |\n|---|" + "---|" * 6 + "\n")
-    for j, shares in enumerate(t.held / t.asked):
-        out.append(f"| j{j + 1} | " + " | ".join(f"{100.0 * s:.1f}" for s in shares) + " |\n")
+    for j, row in enumerate(t.held / t.asked):
+        out.append(f"| j{j + 1} | " + " | ".join(f"{100.0 * s:.1f}" for s in row) + " |\n")
+    shares = 100.0 * t.held / t.asked
+    out.append(f"\nThey lie between {shares.min():.1f} and {shares.max():.1f} %.\n")
     r = t.row()
     paper = "".join(f"| {n} | {f} | {m:.2f} | {k:.2f} | {100.0 * (k / m - 1.0):+.2f} |\n" for n, f, m, k in PAPER)
     out.append(words.PREDICTION.format(n=UNSEEN, within=100.0 * r["unseen_within_3"], p95=100.0 * r["unseen_p95"],

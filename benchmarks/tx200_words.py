@@ -58,8 +58,8 @@ not quite known. Three per cent on synthetic data is no promise of three per cen
 With the arm at ({q}) deg and 600 N, flange Y bends joint 2 about X by {b.moment_x:.0f} N m and flange Z
 bends it about its gear axis by {b.moment_z:.0f} N m. By the identified model it twists by {b.twist_x_deg:.4f} deg
 about X and {b.twist_z_deg:.4f} deg about the gear axis. Over all angles the ratio under the same moment is
-{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f}); the paper's is 0.59. It comes out because it was put in: this shows that such readings
-tell it, not that the robot has it.
+{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f}); the paper's is 0.59. It comes out because it was put in: this shows that
+such readings tell it, not that the robot has it.
 """
 
 HYSTERESIS = """

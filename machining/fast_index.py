@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # Fewer targets than this numpy has done in some 30 ms; loading numba takes 0.3 s, once.
 FEWEST = 5_000

@@ -147,7 +147,8 @@ def sweep_gamma(
     """Value of every branch at every point and angle; gamma (m,) or (n, m) rad.
 
     ``generator`` as in :func:`robots.inverse_kinematics`, for arms without a closed form. Their columns are
-    solutions in no fixed order, not branches.
+    solutions in no fixed order, not branches. Large sweeps go by compiled loops where that can be done
+    (:mod:`machining.fast_index`), with the same results to rounding.
 
     Raises
     ------

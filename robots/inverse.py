@@ -147,7 +147,8 @@ def _twins(q: Array, reached: NDArray[np.bool_], singular: NDArray[np.bool_]) ->
     """Twins of the closed form: branches only meet at singularities, so only such targets are looked at."""
     twin = np.zeros(reached.shape, dtype=np.bool_)
     rows = np.flatnonzero(singular.any(axis=(1, 2)))
-    twin[rows] = twins_of(q[rows], reached[rows])
+    if len(rows):
+        twin[rows] = twins_of(q[rows], reached[rows])
     return twin
 
 

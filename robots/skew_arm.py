@@ -11,6 +11,7 @@ from robots.axis_lines import AxisLines, axis_lines, nearest_point
 from robots.branches import Reason
 from robots.closed_form import ClosedForm, times
 from robots.quartic import line_roots, quartic_roots
+from robots.kept import once_per_robot
 from robots.robot import Robot
 from robots.spherical_wrist import DEGENERATE, NEARLY_LENGTH, why_no_spherical_wrist
 from robots.wrist import BOUNDARY, SINGULAR, Wrist, root, solve_wrist, wrist_from
@@ -41,6 +42,7 @@ class SkewArm:
     length: float
 
 
+@once_per_robot
 def skew_arm(robot: Robot) -> SkewArm | None:
     """Reduce a robot to such an arm; None where it has no spherical wrist or its axes 1 to 3 are degenerate."""
     if why_no_spherical_wrist(robot) is not None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from robots.axis_lines import axis_lines, basis, nearest_point
 from robots.errors import InputError
+from robots.kept import once_per_robot
 from robots.robot import Robot
 from robots.wrist import BOUNDARY, Wrist, wrist_from
 
@@ -97,6 +98,7 @@ def why_no_spherical_wrist(robot: Robot) -> str | None:
     return None
 
 
+@once_per_robot
 def why_not_spherical(robot: Robot) -> str | None:
     """Say in words why the robot is none of the arms of :class:`SphericalWristArm`; None if it is one."""
     reason = why_no_spherical_wrist(robot)
@@ -115,6 +117,7 @@ def why_not_spherical(robot: Robot) -> str | None:
     return None
 
 
+@once_per_robot
 def spherical_wrist_arm(robot: Robot) -> SphericalWristArm:
     """Reduce a robot to the figures of the closed form; found from its axis lines, not from names.
 

@@ -19,6 +19,7 @@ from stiffarm.commands import (
     mapping,
     models,
     planning,
+    posting,
     posture,
     sensitivity,
     surrogates,
@@ -45,6 +46,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "map": mapping.map_command,
     "index": indexing.index,
     "posture": posture.posture,
+    "post": posting.post,
     "import": importing.import_command,
     "export": exporting.export,
 }

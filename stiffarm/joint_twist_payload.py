@@ -12,7 +12,7 @@ from doe.joint_twists import Direction
 from doe.joint_twists.model_file import held_constant, rms_mm
 from doe.joint_twists.substitute import Errors
 from doe.joint_twists.workspace import Window
-from stiffarm.joint_twist_run import JointTwists
+from stiffarm.joint_twist_run import AtFlange, JointTwists
 from stiffarm.payloads import number
 
 SCHEMA = "stiffarm-joint-twists/1"
@@ -67,12 +67,8 @@ def identification(d: JointTwists) -> dict[str, Any]:
             "joint": d.bending.joint, "rx_over_rz": number(d.bending.ratio),
             "interval95": [number(d.bending.low), number(d.bending.high)],
         },
-        "gears_only": {
-            "same_stiffness": errors(d.same), "refitted_to_flange": errors(d.refitted),
-            "effective_Nm_per_rad": [None if c == 0.0 else 1.0 / c for c in d.effective.tolist()],
-        },
-        "model_file_constants": errors(d.file),
-        "half_interval_percent": {a: number(100.0 * v) for a, v in zip(AXES, d.spread.tolist(), strict=True)},
+        "at_flange": None if d.flange is None else at_flange(d.flange),
+        "why_not_at_flange": d.no_flange or None,
         "map": None if d.window is None else window(d.window),
         "held_out": None if d.held_out is None else [
             dict(zip(("pose", "force_N", "measured_N_per_mm", "predicted_N_per_mm", "error_percent"), row, strict=True))
@@ -84,6 +80,19 @@ def identification(d: JointTwists) -> dict[str, Any]:
 
 def _small(row: str) -> str:
     return "um" if row.startswith("t") else "urad"
+
+
+def at_flange(f: AtFlange) -> dict[str, Any]:
+    """Gears alone against six stiffnesses, the model file's constants, and intervals of directional stiffness."""
+    return {
+        "gears_only": {
+            "same_stiffness": errors(f.same),
+            "refitted_to_flange": errors(f.refitted),
+            "effective_Nm_per_rad": [None if c == 0.0 else 1.0 / c for c in f.effective.tolist()],
+        },
+        "model_file_constants": errors(f.file),
+        "half_interval_percent": {a: number(100.0 * v) for a, v in zip(AXES, f.spread.tolist(), strict=True)},
+    }
 
 
 def errors(e: Errors) -> dict[str, dict[str, Any]]:

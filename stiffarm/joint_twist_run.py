@@ -18,6 +18,7 @@ from doe.joint_twists.substitute import (
     Errors,
     compliances_of,
     errors_of,
+    loads_in,
     predict,
     reachable_poses,
     stiffness_with,
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 # Random poses that models are compared at.
 POSES = 2000
+# A force or a lever (N/N, m) below this is rounding.
+UNLOADED = 1e-6
 # The paper's joint: twist about X against that about the gear axis.
 RATIO_JOINT = 1
 
@@ -71,13 +74,27 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
+class AtFlange:
+    """What the stiffnesses make of the flange, over random poses.
+
+    ``same`` and ``refitted``: errors of models of the gears alone, by flange axis, with ``effective`` compliances
+    (dof,) of the second; ``file``: errors of the model file where it holds constants; ``spread`` (3,): median half
+    width of the intervals of directional stiffness.
+    """
+
+    same: Errors
+    refitted: Errors
+    effective: Array
+    file: Errors
+    spread: Array
+
+
+@dataclass(frozen=True)
 class JointTwists:
     """A finished identification with its checks and comparisons.
 
-    ``same`` and ``refitted``: errors of models of the gears alone, by flange axis, with ``effective`` compliances
-    (dof,) of the second; ``file``: errors of the model file, which has constants across the axes; ``spread`` (3,):
-    median half width of the intervals of directional stiffness. ``window``: the map, or None with the reason in
-    ``no_window``.
+    ``flange`` is None where forces at the flange load stiffnesses that are not identified: ``no_flange`` says which.
+    ``window``: the map, or None with the reason in ``no_window``.
     """
 
     request: Request
@@ -87,11 +104,8 @@ class JointTwists:
     loops: tuple[Loop, ...]
     diagonal: tuple[DiagonalTest, ...]
     bending: BendingRatio | None
-    same: Errors
-    refitted: Errors
-    effective: Array
-    file: Errors
-    spread: Array
+    flange: AtFlange | None
+    no_flange: str
     window: Window | None
     no_window: str
     held_out: HeldOut | None
@@ -129,22 +143,45 @@ def run(
         raise InputError(
             f"{data.source}: no stiffness is determined", remedy="give readings of joints under loads that reach them"
         )
-    names, six = model.robot.joint_names, compliances_of(found)
+    names = model.robot.joint_names
     rng = np.random.default_rng(request.seed)
-    say("comparing with models of the gears alone")
-    same, refitted, effective = usual_models(model, six, poses=POSES, rng=rng)
     q = reachable_poses(model, POSES, rng)
-    of_file = errors_of(
-        stiffness_with(model, lambda p: constant_compliances(found, p), q), stiffness_with(model, six, q)
-    )
-    p = predict(model, found, q)
-    window, no_window = _window(given, found, request)
+    no_flange = _why_no_flange(given, found, q)
+    if no_flange and holdout is not None:
+        raise InputError(
+            f"--holdout {holdout.source}: {no_flange}", remedy="leave out --holdout, or measure those joints too"
+        )
+    say("comparing with models of the gears alone" if not no_flange else f"note: {no_flange}")
+    window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
     return JointTwists(
         request, given, found, with_six_springs(given.description, model, found), loops(found, names),
-        diagonal_tests(found, names), _bending(found, names), same, refitted, effective, of_file,
-        np.asarray(np.median((p.high - p.low) / (2.0 * p.value), axis=0)), window, no_window,
+        diagonal_tests(found, names), _bending(found, names),
+        None if no_flange else _at_flange(given, found, q, rng), no_flange, window, no_window,
         None if holdout is None else _held_out(given, found, holdout),
     )  # fmt: skip
+
+
+def _why_no_flange(given: ModelInput, found: Identified, q: Array) -> str:
+    """Which stiffnesses forces at the flange load although nobody identified them; empty if none."""
+    s = np.abs(loads_in(given.model, q, np.eye(3))).max(axis=(0, 1)).ravel()
+    loaded = [
+        f"{joint}.{row}"
+        for (joint, row), d, most in zip(found.directions, found.directions.values(), s, strict=True)
+        if d.status == "not identified" and most > UNLOADED
+    ]
+    if not loaded:
+        return ""
+    return f"nothing is said of the flange, for it hangs on stiffnesses that are not identified: {', '.join(loaded)}"
+
+
+def _at_flange(given: ModelInput, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:
+    model, six = given.model, compliances_of(found)
+    same, refitted, effective = usual_models(model, six, poses=POSES, rng=rng)
+    reference = stiffness_with(model, six, q)
+    of_file = errors_of(stiffness_with(model, lambda p: constant_compliances(found, p), q), reference)
+    p = predict(model, found, q)
+    spread = np.median((p.high - p.low) / (2.0 * p.value), axis=0)
+    return AtFlange(same, refitted, effective, of_file, np.asarray(spread))
 
 
 def _bending(found: Identified, names: tuple[str, ...]) -> BendingRatio | None:

@@ -50,7 +50,7 @@ def parse_frame(text: str, option: str) -> Array:
     InputError
         Neither three nor six finite numbers.
     """
-    values = _floats(text)
+    values = parse_numbers(text)
     if values is None or len(values) not in (3, 6):
         raise InputError(option, value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0")
     T = np.eye(4)
@@ -83,7 +83,7 @@ def parse_vector(text: str, option: str, unit: str, *, zero: bool = False) -> Ar
     InputError
         Anything else.
     """
-    values = _floats(text)
+    values = parse_numbers(text)
     if values is None or len(values) != 3 or not (zero or any(values)):
         allowed = f"three finite numbers x,y,z{'' if zero else ', not all zero'}: {unit}"
         raise InputError(option, value=text, allowed=allowed, remedy=f"write it as in {option} 0,0,1")
@@ -98,7 +98,7 @@ def parse_gammas(text: str) -> GammaRange | float:
     InputError
         Not numbers, an empty range, a step that is not positive or leaves fewer than two angles.
     """
-    values = _floats(text, ":")
+    values = parse_numbers(text, ":")
     if values is None or len(values) not in (1, 3):
         raise InputError(
             "--gamma", value=text, allowed="one angle, or FROM:TO:STEP in deg", remedy="as in --gamma -180:180:5"
@@ -119,7 +119,8 @@ def parse_gammas(text: str) -> GammaRange | float:
     return GammaRange(math.radians(low), math.radians(high), max(2, cells if closed else cells + 1))
 
 
-def _floats(text: str, between: str = ",") -> tuple[float, ...] | None:
+def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:
+    """Finite numbers between commas, None if any is not."""
     try:
         values = tuple(float(part) for part in text.split(between))
     except ValueError:
@@ -135,7 +136,7 @@ def parse_joint_figures(robot: Robot, text: str, option: str) -> Array:
     InputError
         Another count, or a number that is not positive.
     """
-    values = _floats(text)
+    values = parse_numbers(text)
     if values is None or len(values) not in (1, robot.dof) or not all(v > 0.0 for v in values):
         raise InputError(
             option, value=text, allowed=f"one number above 0, or {robot.dof} separated by commas", remedy="correct it"

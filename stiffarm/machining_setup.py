@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from machining import Drive, Task, ToolPath, read_path
 from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance_of, read_cell, scene_of
 from machining.cutting import ConstantForce, CuttingForce, ToolBending, read_milling
+from machining.toolpaths import Motions, ReadOptions, read_toolpath, to_tool_path
 from robots import InputError, Robot
 from stiffarm.console import say
 from stiffarm.machining_options import parse_frame, parse_joint_figures, parse_vector
@@ -37,6 +37,18 @@ MillingOpt = Annotated[
     Path | None,
     typer.Option("--milling", metavar="MILLING.toml", help="end mill, cut and coefficients instead of --force"),
 ]
+KindOpt = Annotated[
+    str | None, typer.Option("--kind", help="of the tool path file: apt, gcode or csv; default: by name")
+]
+UnitsOpt = Annotated[
+    str | None, typer.Option("--units", help="of the tool path file, mm or inch, where it does not say")
+]
+RotaryOpt = Annotated[str, typer.Option("--rotary", help="kinematics of rotary axes in G-code, as table-AC or head-BC")]
+TcpOpt = Annotated[
+    bool, typer.Option("--tcp", help="X Y Z of G-code are the tool tip from its first line, without G43.4 or TRAORI")
+]
+# Remarks of a reader on the screen.
+NOTES_SHOWN = 10
 # Clearance is weighed from this many times the safety distance on, and from this far at least, m.
 ZONE = 3.0
 LEAST_ZONE = 0.02
@@ -88,9 +100,33 @@ def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, pa
     return Setup(read, arm)
 
 
-def read_tool_path(file: Path) -> ToolPath:
-    """The cutting moves of a tool path file."""
-    return read_path(file)
+@dataclass(frozen=True)
+class PathOptions:
+    """How a tool path file is read: what the file itself may leave open."""
+
+    kind: str | None = None
+    units: str | None = None
+    rotary: str = "none"
+    tcp: bool = False
+
+
+def read_moves(file: Path, options: PathOptions | None = None) -> Motions:
+    """The moves of a tool path file; what was odd about it is said."""
+    asked = options or PathOptions()
+    read = ReadOptions(units=asked.units, rotary=asked.rotary, tcp=asked.tcp)
+    motions = read_toolpath(file, kind=asked.kind, options=read)
+    for note in motions.notes[:NOTES_SHOWN]:
+        say(f"note: {note}")
+    if len(motions.notes) > NOTES_SHOWN:
+        say(f"note: {len(motions.notes) - NOTES_SHOWN} more remarks on {file.name}")
+    return motions
+
+
+def read_tool_path(file: Path, options: PathOptions | None = None) -> ToolPath:
+    """The cutting moves of a tool path file; surface normals are the tool axes where the file has none."""
+    if file.suffix.lower() == ".csv" and (options is None or options.kind in (None, "csv")):
+        return read_path(file)
+    return to_tool_path(read_moves(file, options)).path
 
 
 def task_in(setup: Setup, path: ToolPath, travel: Array | None = None, table: float = 0.0) -> Task:
@@ -132,6 +168,3 @@ def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
     if axes not in known:
         raise InputError("--force-axes", value=axes, allowed=", ".join(known), remedy="choose one of them")
     return Cut(ConstantForce(parse_vector(force, "--force", "N"), known[axes]))
-
-
-Progress = Callable[[int, int], None]

@@ -31,7 +31,8 @@ AXIS = 5
 class Stiffness:
     """Directional stiffness (n, k) N/m in k directions, the ends of its 95 % interval, and ``open_share`` (n, k).
 
-    ``open_share``: part of the squared forces and moments (at one metre) that falls on stiffnesses without a number.
+    ``open_share``: part of the squared forces and moments (at one metre) that falls on stiffnesses which are not
+    identified: where it is not zero the value is too stiff by what nobody knows.
     """
 
     value: Array
@@ -72,7 +73,7 @@ def predict(model: ArmModel, found: Identified, q: Array, directions: Array | No
     moved = np.einsum("nkjr,njr->nk", s2, c)
     spread = np.sqrt(np.einsum("nkjr,njr->nk", s2**2, sd**2))
     quantile = max(d.quantile for d in found.directions.values())
-    missing = np.array([d.law is None for d in found.directions.values()]).reshape(-1, 6)
+    missing = np.array([d.status == "not identified" for d in found.directions.values()]).reshape(-1, 6)
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = 1.0 / (moved + quantile * spread), 1.0 / (moved - quantile * spread)
         value = np.where(moved > 0.0, 1.0 / moved, np.nan)

@@ -129,10 +129,10 @@ class Job:
                 yield Move(i + 1, i, line, new, rapid, joint, stop, word, axes, side, changed, here, text)
 
     def stops(self) -> set[int]:
-        """Moves that end in an exact stop: the last, those before a change of tool or spindle, and in Cartesian
-        programs those between joint and straight moves, which controllers blend each in its own way.
+        """Moves that end in an exact stop: the last, and those before a change of tool or spindle.
 
-        Not those before other events: a stop in the cut would leave a mark.
+        In Cartesian programs those between joint and straight moves too, which controllers blend each in its own way;
+        not those before other events: a stop in the cut would leave a mark.
         """
         changes = {m - 1 for m, found in self.happenings.items() if any(h.kind in ("tool", "spindle") for h in found)}
         if self.kind == "cartesian":
@@ -190,6 +190,11 @@ def job_of(program: JointProgram, kind: Kind, options: WriteOptions, convention:
     )
 
 
+def reach_of(program: JointProgram) -> float:
+    """Farthest (m) that the tip can be from any joint axis: the arm stretched out, and the tool."""
+    return axis_lines(program.robot).length + float(np.linalg.norm(program.cell.tool.T_flange_tool[:3, 3]))
+
+
 def precision_notes(job: Job, orientation: tuple[str, int, float]) -> list[str]:
     """Say where the decimals alone move the tool by more than ``WANTED``.
 
@@ -197,7 +202,7 @@ def precision_notes(job: Job, orientation: tuple[str, int, float]) -> list[str]:
     """
     decimals, program = job.options.decimals, job.program
     half_mm, half_deg = 0.5 * 10.0**-decimals.length, 0.5 * 10.0**-decimals.angle
-    reach = axis_lines(program.robot).length + float(np.linalg.norm(program.cell.tool.T_flange_tool[:3, 3]))
+    reach = reach_of(program)
     linear = program.travel.shape[1] * half_mm * 1e-3
     turning = np.radians(half_deg) * program.robot.dof
     tip, turned = turning * reach + linear, turning

@@ -50,9 +50,9 @@ def rows(program: JointProgram, first: int, last: int) -> Iterator[list[object]]
         m.line[part],
         program.inserted[part],
         m.rapid[part],
-        m.feed[part] / MM_MIN,
+        _nullable(m.feed[part] / MM_MIN),
         m.tool[part],
-        m.spindle[part] / RPM,
+        _nullable(m.spindle[part] / RPM),
         m.dwell[part],
         m.operation[part],
         program.branch[part],
@@ -63,8 +63,11 @@ def rows(program: JointProgram, first: int, last: int) -> Iterator[list[object]]
         *(T[:, :3, 3] * 1e3).T,
         *quaternions(T[:, :3, :3]).T,
     )
-    for row in zip(*(column.tolist() for column in data), strict=True):
-        yield [None if isinstance(v, float) and not math.isfinite(v) else v for v in row]
+    yield from map(list, zip(*(c if isinstance(c, list) else c.tolist() for c in data), strict=True))
+
+
+def _nullable(column: Array) -> list[float | None]:
+    return [v if math.isfinite(v) else None for v in column.tolist()]
 
 
 def json_pieces(program: JointProgram) -> Iterator[str]:
@@ -108,7 +111,8 @@ def csv_pieces(program: JointProgram) -> Iterator[str]:
     Names of tools and operations are made harmless as in comments, so that no spreadsheet takes one for a formula.
     """
     names = columns(program.robot.dof, len(program.cell.linear_axes))
-    tool, operation, branch = names.index("tool"), names.index("operation"), names.index("branch")
+    tool, operation, branch = (names.index(name) for name in ("tool", "operation", "branch"))
+    inserted, rapid = names.index("inserted"), names.index("rapid")
     tools = [_cell(f"{'' if t.number is None else t.number} {t.name}") for t in program.motions.tools]
     operations = [_cell(name) for name in program.motions.operations]
     yield f"# {SCHEMA}\r\n"
@@ -119,7 +123,8 @@ def csv_pieces(program: JointProgram) -> Iterator[str]:
         for row in rows(program, first, min(first + BLOCK, program.n)):
             row[tool], row[operation] = tools[_index(row[tool])], operations[_index(row[operation])]
             row[branch] = _cell(program.names[_index(row[branch])]) if program.names else ""
-            writer.writerow([int(v) if isinstance(v, bool) else "" if v is None else v for v in row])
+            row[inserted], row[rapid] = int(row[inserted] is True), int(row[rapid] is True)
+            writer.writerow(row)
         yield text.getvalue()
 
 

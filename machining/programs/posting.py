@@ -23,8 +23,9 @@ from machining.path_error import PathError
 from machining.path_problem import Course
 from machining.posture import GammaRange
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.subdivide import pieces_for, subdivided
-from machining.task import REPEATED, Task, ToolPath
+from machining.programs.state import PostState, places, refined, source_line, task_of, tool_frames
+from machining.programs.subdivide import pieces_for
+from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
 from robots import InputError
 
@@ -69,11 +70,23 @@ class PostSettings:
 
 @dataclass(frozen=True, eq=False)
 class Posted:
-    """A program, the course behind it, and ``bend`` (n,) m: how far each move leaves the straight line half-way."""
+    """A program and how it was made.
+
+    ``settings``: with the direction that gamma counts from; ``course``: the postures at all moves; ``bend`` (n,) m: how
+    far each move of the joint program leaves the straight line half-way.
+    """
 
     program: JointProgram
+    settings: PostSettings
     course: Course
     bend: Array
+
+    def task(self) -> tuple[Task, Integers, Integers]:
+        """The path as a task, the moves (k,) that lead to its points, and the point (n,) of each move."""
+        p = self.program
+        state = PostState(p.motions, p.travel, p.inserted, p.gamma)
+        task, place = task_of(p.cell, state, self.settings.table, self.settings.reference)
+        return task, places(p.motions)[0], place
 
 
 def post(
@@ -93,26 +106,27 @@ def post(
     """
     settings = settings or PostSettings()
     _one_tool(motions)
+    settings = _with_reference(motions, settings)
     travel = _travel(cell, settings, motions.n)
     split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
-    state = _State(motions, travel, np.zeros(motions.n, dtype=np.bool_), None)
-    state = _refined(state, pieces)
+    state = PostState(motions, travel, np.zeros(motions.n, dtype=np.bool_), None)
+    state = refined(state, pieces)
     course: Course | None = None
     for round_ in range(ROUNDS):
         try:
             course = _course(model, cell, state, settings, progress if round_ == 0 else None)
         except PathError as error:
-            raise error.at(error.point, f"line {_line(state, error.point)}") from None
+            raise error.at(error.point, f"line {source_line(state, error.point)}") from None
         state = replace(state, gamma=course.gamma)
         bend = _bend(model, cell, state, course, settings)
         may = np.ones(state.motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~state.motions.rapid
         coarse = may & (bend > settings.tolerance)
         if not coarse.any():
-            return Posted(_program(model, cell, state, course, settings), course, bend)
+            return Posted(_program(model, cell, state, course, settings), settings, course, bend)
         more = np.where(coarse, np.ceil(np.sqrt(1.1 * bend / settings.tolerance)), 1.0).astype(np.int64)
-        state = _refined(state, np.minimum(more, 64))
+        state = refined(state, np.minimum(more, 64))
     worst = int(np.argmax(np.where(may, bend, 0.0)))
     raise InputError(
         f"line {int(state.motions.line[worst])}: joint motion leaves the straight line",
@@ -122,14 +136,33 @@ def post(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Moves with points put in, their travels (n, k), and gamma (n,) once it is chosen."""
+def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
+    """The same program with its points (n, 3) m, part frame, moved a little; gamma stays, no points are put in.
 
-    motions: Motions
-    travel: Array
-    inserted: Bools
-    gamma: Array | None
+    Raises
+    ------
+    InputError
+        Shape, or a moved path that cannot be driven.
+    """
+    program, cell, settings = posted.program, posted.program.cell, posted.settings
+    motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
+    state = PostState(motions, program.travel, program.inserted, program.gamma)
+    try:
+        course = _course(model, cell, state, settings, None)
+    except PathError as error:
+        raise error.at(error.point, f"line {source_line(state, error.point)}") from None
+    bend = _bend(model, cell, state, course, settings)
+    return Posted(_program(model, cell, state, course, settings), settings, course, bend)
+
+
+def _with_reference(motions: Motions, settings: PostSettings) -> PostSettings:
+    """The direction that gamma counts from, once for all: points put in later could make it another one."""
+    if settings.reference is not None:
+        return settings
+    n = motions.n
+    distinct = np.arange(n, dtype=np.float64)[:, None] * np.array([1.0, 0.0, 0.0])
+    path = ToolPath(distinct, motions.axes, motions.axes, np.full(n, np.nan))
+    return replace(settings, reference=Task(path, np.eye(4), np.eye(4)).reference)
 
 
 def _one_tool(motions: Motions) -> None:
@@ -165,30 +198,16 @@ def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
     return rows
 
 
-def _refined(state: _State, pieces: Integers) -> _State:
-    motions, inserted, move = subdivided(state.motions, pieces)
-    last = np.cumsum(pieces) - 1
-    share = (np.arange(len(move)) - (last - pieces + 1)[move] + 1) / pieces[move]
-    before = np.maximum(move - 1, 0)
-
-    def between(values: Array) -> Array:
-        share_ = share if values.ndim == 1 else share[:, None]
-        return np.asarray(values[before] + share_ * (values[move] - values[before]))
-
-    gamma = None if state.gamma is None else between(np.unwrap(state.gamma))
-    return _State(motions, between(state.travel), inserted | state.inserted[move], gamma)
-
-
 def _course(
     model: fem.ArmModel,
     cell: Cell,
-    state: _State,
+    state: PostState,
     settings: PostSettings,
     progress: Callable[[int, int], None] | None,
 ) -> Course:
     """Postures at every move; points that repeat the one before share its posture."""
-    task, place = _task(cell, state, settings)
-    first = _places(state.motions)[0]
+    task, place = task_of(cell, state, settings.table, settings.reference)
+    first = places(state.motions)[0]
     free = np.asarray(state.motions.rapid[first][1:]) if settings.rapid == "joint" else None
     chosen = settings.gamma if state.gamma is None else state.gamma[first]
     if isinstance(chosen, GammaRange):
@@ -202,45 +221,7 @@ def _course(
     )
 
 
-def _places(motions: Motions) -> tuple[Integers, Integers]:
-    """Moves (k,) that lead elsewhere, and the path point (n,) that each move leads to."""
-    still = np.zeros(motions.n, dtype=np.bool_)
-    still[1:] = (np.linalg.norm(np.diff(motions.points, axis=0), axis=1) < REPEATED) & (
-        np.linalg.norm(np.diff(motions.axes, axis=0), axis=1) < REPEATED
-    )
-    return np.flatnonzero(~still), np.cumsum(~still) - 1
-
-
-def _task(cell: Cell, state: _State, settings: PostSettings) -> tuple[Task, Integers]:
-    """The path as a task of the robot, and the path point (n,) of each move."""
-    motions = state.motions
-    kept, place = _places(motions)
-    # Linear axes shift the part against the base; they do not turn it.
-    T = cell.T_base_part(state.travel[kept], np.full(len(kept), settings.table))
-    path = ToolPath(motions.points[kept], motions.axes[kept], motions.axes[kept], motions.feed[kept])
-    shift = T[:, :3, 3] - T[0, :3, 3]
-    task = Task(path, cell.tool.T_flange_tool, T[0], settings.reference, shift if shift.any() else None)
-    return task, place
-
-
-def _line(state: _State, point: int) -> int:
-    """Source line of a path point."""
-    _, place = _places(state.motions)
-    return int(state.motions.line[np.searchsorted(place, point)])
-
-
-def _frames(cell: Cell, state: _State, settings: PostSettings, gamma: Array) -> Array:
-    """Tool frames (n, 4, 4) in the part frame."""
-    motions = state.motions
-    task, place = _task(cell, state, settings)
-    first = _places(motions)[0]
-    in_part = Task(task.path, cell.tool.T_flange_tool, np.eye(4), task.reference)
-    T = in_part.tool_frames(gamma[first][:, None])[place, 0]
-    T[:, :3, 3] = motions.points
-    return np.asarray(T)
-
-
-def _bend(model: fem.ArmModel, cell: Cell, state: _State, course: Course, settings: PostSettings) -> Array:
+def _bend(model: fem.ArmModel, cell: Cell, state: PostState, course: Course, settings: PostSettings) -> Array:
     """Distance (n,) m of the tip from the straight line when all axes are half-way to each move's end."""
     bend = np.zeros(state.motions.n)
     if len(bend) < 2:
@@ -254,12 +235,12 @@ def _bend(model: fem.ArmModel, cell: Cell, state: _State, course: Course, settin
     return bend
 
 
-def _program(model: fem.ArmModel, cell: Cell, state: _State, course: Course, settings: PostSettings) -> JointProgram:
+def _program(model: fem.ArmModel, cell: Cell, state: PostState, course: Course, settings: PostSettings) -> JointProgram:
     return JointProgram(
         robot=model.robot,
         cell=cell,
         motions=state.motions,
-        T_part_tool=_frames(cell, state, settings, course.gamma),
+        T_part_tool=tool_frames(cell, state, settings.table, settings.reference, course.gamma),
         q=course.q,
         travel=state.travel,
         table=np.full(state.motions.n, settings.table),

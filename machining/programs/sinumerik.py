@@ -1,10 +1,10 @@
 """SINUMERIK 840D: joint programs, an axis word for each joint; and read back.
 
 Syntax after the SINUMERIK programming manuals (Fundamentals, Job planning): G1 with ``name=value`` of machine axes,
-TRAFOOF before, sub-programs called by name and ended by M17, G641 with ADIS for corners, G9 for an exact stop. Feed is
-inverse time (G93, F in 1/min in every block: 60 / s of the move), or G94 with F in deg/min over all axes of FGROUP,
-where a mm of a linear axis counts as a deg (the control's reference radius of 180/pi mm). Axis names, signs and zeros
-are what the machine was set up with: check them on the machine.
+TRAFOOF before, sub-programs called by name and ended by M17, G641 with ADIS for corners (deg: what ``blend_mm`` is at
+the arm's full reach), G9 for an exact stop. Feed is inverse time (G93, F in 1/min in every block: 60 / s of the move),
+or G94 with F in deg/min over all axes of FGROUP, where a mm of a linear axis counts as a deg (the control's reference
+radius of 180/pi mm). Axis names, signs and zeros are what the machine was set up with: check them on the machine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.programs.job import Job
+from machining.programs.job import Job, reach_of
 from machining.programs.rendering import rendered
 from machining.programs.words import common, part_names, plain
 from machining.programs.write_options import SinumerikOptions
@@ -48,7 +48,14 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
     axes = axis_names(o.sinumerik, len(cell.linear_axes), cell.turntable is not None)
     per_minute = o.sinumerik.feed == "per_minute"
     names = [name.upper() for name in part_names(job, o.name)]
-    own_main = {"parts": names, "group": axes if per_minute else [], "per_minute": per_minute}
+    # Of an axis that turns the farthest point by the zone.
+    blend = np.degrees(o.blend_mm * 1e-3 / reach_of(job.program))
+    own_main = {
+        "parts": names,
+        "group": axes if per_minute else [],
+        "per_minute": per_minute,
+        "blend_deg": plain(blend),
+    }
     shared = common(job) | {"names": axes}
     decimals = (o.decimals.angle,) * robot.dof
 

@@ -57,9 +57,12 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
     names = [f"p{i + 1:03d}" for i in range(len(job.parts()))]
     shared = common(job) | {"parts": names}
 
-    def moves(first: int, last: int) -> Iterator[Move]:
-        configurations = configurations_of(job, val3_configuration)
-        return job.moves(first, last, words_of(job, xyz_degrees, digits), configurations, speeds_of(job, 1e-3))
+    def moves(first: int, last: int, points: bool) -> Iterator[Move]:
+        """With points for the data, without for the programs, which name them by their place."""
+        words, configurations = words_of(job, xyz_degrees, digits), configurations_of(job, val3_configuration)
+        if points:
+            return job.moves(first, last, words, configurations, lambda part: [""] * (part.stop - part.start))
+        return job.moves(first, last, _nothing, lambda part: [()] * (part.stop - part.start), speeds_of(job, 1e-3))
 
     def data() -> Iterator[str]:
         own = {
@@ -68,13 +71,19 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
             "external": formatted(job.externals(slice(0, 1)), job.external_decimals)[0],
             "first_speed": plain(float(job.commands.speed[0]) * 1e3),
             "blend": "off" if o.blend_mm == 0.0 else "cartesian" if job.kind == "cartesian" else "joint",
-            "moves": moves(0, job.n),
+            "moves": moves(0, job.n, points=True),
         }
         return rendered(made, "val3/data.j2", shared | own)
 
     def part(name: str, first: int, last: int) -> Iterator[str]:
         after = shared["after"] if last == job.n else []
-        own = {"part": name, "first": first + 1, "last": last, "moves": moves(first, last), "after": after}
+        own = {
+            "part": name,
+            "first": first + 1,
+            "last": last,
+            "moves": moves(first, last, points=False),
+            "after": after,
+        }
         return rendered(made, "val3/moves.j2", shared | own)
 
     def simple(template: str) -> Iterator[str]:
@@ -89,6 +98,10 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
     for name, (first, last) in zip(names, job.parts(), strict=True):
         files.append(ProgramFile(f"{name}.pgx", lambda n=name, a=first, b=last: part(n, a, b)))  # type: ignore[misc]
     return files
+
+
+def _nothing(part: slice) -> tuple[Array, tuple[int, ...]]:
+    return np.zeros((part.stop - part.start, 0)), ()
 
 
 def read(files: Mapping[str, str]) -> ReadMoves:

@@ -24,10 +24,9 @@ SCHEMA = "stiffarm-post/1"
 Percent = Annotated[float, Field(gt=0.0, le=100.0)]
 Digits = Annotated[int, Field(ge=0, le=15)]
 # Words that mean something in one of the languages; a program of that name would not run.
-RESERVED = frozenset(
-    ["begin", "call", "def", "defdat", "do", "end", "endmodule", "endproc", "false", "for", "if", "lin", "loop", "main"]
-    + ["module", "movej", "movel", "proc", "ptp", "return", "start", "stop", "sub", "then", "true", "wait", "while"]
-)
+_WORDS = """begin call def defdat do end endmodule endproc false for if lin loop main module movej movel proc ptp return
+start stop sub then true wait while"""
+RESERVED = frozenset(_WORDS.split())
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,15}")
 AXIS = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
 # Address letters of SINUMERIK that are no axes.

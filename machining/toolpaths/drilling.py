@@ -22,8 +22,9 @@ def drill(
 ) -> Vector:
     """Moves of ``cycle`` at ``point`` (3,) m, tool along ``axis`` (3,); the point where the tool ends.
 
-    From ``here`` (m, None: not known) the tool rises along the axis if it stands below the height where feed begins, moves across at that
-    height (rapid), then down. ``state(at_cycle_feed, reversed)`` is called before the moves that it holds for.
+    From ``here`` (m, None: not known) the tool rises along the axis if it stands below the height where feed begins,
+    moves across at that height (rapid), then down. ``state(at_cycle_feed, reversed)`` is called before the moves
+    that it holds for.
     """
     p, a = np.asarray(point, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     unit = a / max(float(np.linalg.norm(a)), 1e-300)

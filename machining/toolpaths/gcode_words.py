@@ -28,6 +28,8 @@ QUIET = (
     "ORIWKS",
     "ORIMKS",
 )
+# Words whose brackets are no comment.
+CALLS = ("CYCLE", "MCALL", "MSG", "HOLES", "POCKET", "SLOT")
 MOTION_WORDS = re.compile(
     r"^(?:CYCLE(?!832)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROT|AROT|TRANS|"
     r"ATRANS|SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
@@ -56,22 +58,20 @@ class Block:
 def block(line: str) -> Block:
     """Words of one line."""
     out = Block()
-    text = line.strip().upper()
+    text = line.strip()
     # Siemens messages hold comment signs inside quotes.
     if '"' in text:
         text = re.sub(r'"[^"]*"', "", text)
     if ";" in text:
         text, _, comment = text.partition(";")
         out.comments.append(comment)
-    if "(" in text and not text.lstrip("/ 0123456789N").startswith(
-        ("CYCLE", "MCALL", "MSG", "HOLES", "POCKET", "SLOT")
-    ):
+    if "(" in text and not text.upper().lstrip("/ 0123456789N").startswith(CALLS):
         out.comments += _COMMENT.findall(text)
         text = _COMMENT.sub(" ", text)
-        head, mark, comment = text.partition("(")
+        text, mark, comment = text.partition("(")
         if mark:
-            text = head
             out.comments.append(comment)
+    text = text.upper()
     text = text.strip()
     if text.startswith("/"):
         out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()

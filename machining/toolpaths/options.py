@@ -29,7 +29,7 @@ class ReadOptions:
     circle_axis : how an APT ``CIRCLE/`` turns about its vector: "right" or "left" hand; "auto": left for the ten or
         more numbers that Siemens NX writes, right for six or seven (Creo, SolidWorks CAM)
     max_bytes : largest file read
-    max_moves : most moves kept; 96 bytes each
+    max_moves : most moves kept; about 170 bytes of memory each
     rotary : kinematics of the rotary axes in G-code, such as "table-AC" or "head-BC" (see :mod:`rotary`)
     tcp : the program's X Y Z are the tool tip in the part frame from its first line, without G43.4 or TRAORI
     start : m, where the tool stands before the first G-code line, if known
@@ -51,7 +51,7 @@ class ReadOptions:
     frames: str = "one"
     circle_axis: str = "auto"
     max_bytes: int = 256 * 2**20
-    max_moves: int = 20_000_000
+    max_moves: int = 10_000_000
     rotary: str = "none"
     tcp: bool = False
     start: Point | None = None

@@ -34,7 +34,7 @@ def check_size(path: Path, max_bytes: int) -> None:
             f"tool path file {path.name}: size",
             value=f"{status.st_size} bytes",
             allowed=f"up to {max_bytes} bytes",
-            remedy="split the file by operation, or raise max_bytes (96 bytes of memory for each move)",
+            remedy="split the file by operation, or raise max_bytes (about 170 bytes of memory for each move)",
         )
     if status.st_size == 0:
         raise InputError(f"tool path file {path.name} is empty", remedy="post the program once more")
@@ -69,5 +69,6 @@ def readable(text: str) -> str:
         return text
     try:
         return text.encode("latin-1").decode("utf-8")
-    except UnicodeDecodeError:
+    except UnicodeError:
+        # Upper case of Latin-1 is not always Latin-1.
         return text

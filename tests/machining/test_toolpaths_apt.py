@@ -36,9 +36,9 @@ def test_siemens_nx() -> None:
     hole = np.isin(m.line, [35, 36])
     # Above the first hole already: down to 3, drilled to -12, out to 3 and 20; across at 20 to the next hole.
     np.testing.assert_allclose(m.points[hole][:, 2] * 1e3, [3, -12, 3, 20, 20, 3, -12, 3, 20], atol=1e-12)
-    assert m.rapid[hole].tolist() == [True, False, True, True] + [True, True, False, True, True]
+    assert m.rapid[hole].tolist() == [True, False, True, True, True, True, False, True, True]
     np.testing.assert_allclose(m.feed[hole][~m.rapid[hole]], 180 * MM_PER_MIN)
-    np.testing.assert_allclose(m.dwell[hole], [0, 0.5, 0, 0] + [0, 0, 0.5, 0, 0])
+    np.testing.assert_allclose(m.dwell[hole], [0, 0.5, 0, 0, 0, 0, 0.5, 0, 0])
     assert [e.word for e in m.events if e.word == "COOLNT"] == ["COOLNT"]
     assert [str(n) for n in m.notes] == ["line 16: no UNITS in the file: taken as mm from the feed unit MMPM"]
 
@@ -161,7 +161,8 @@ def test_the_unit_must_be_known_and_stay(tmp_path: Path) -> None:
 
 
 def test_continuation_comments_and_spaces(tmp_path: Path) -> None:
-    text = "GOTO  / 1.0,  $ rest of the line is a comment\n  2.0,$\n   3.0 $$ done\n$$ GOTO/9,9,9\n  goto/4,5,6\nPPRINT costs $5 a piece\n"
+    text = "GOTO  / 1.0,  $ rest of the line is a comment\n  2.0,$\n   3.0 $$ done\n$$ GOTO/9,9,9\n"
+    text += "  goto/4,5,6\nPPRINT costs $5 a piece\n"
     m = apt(tmp_path, text)
     np.testing.assert_allclose(m.points * 1e3, [[1, 2, 3], [4, 5, 6]])
     assert m.line.tolist() == [2, 6]
@@ -189,7 +190,8 @@ def test_gohome_without_a_point_is_said_and_forgets_where_the_tool_is(tmp_path: 
 
 
 def test_kept_words_are_events_in_order_with_the_move_they_come_before(tmp_path: Path) -> None:
-    text = "COOLNT/FLOOD\nGOTO/0,0,0\nSTOP\nOPSTOP\nRETRCT\nPAINT/COLOR,3\nSELECT/TOOL,5\nGOTO/1,0,0\nCUTCOM/LEFT\nINSERT/note\nFINI\n"
+    text = "COOLNT/FLOOD\nGOTO/0,0,0\nSTOP\nOPSTOP\nRETRCT\nPAINT/COLOR,3\nSELECT/TOOL,5\n"
+    text += "GOTO/1,0,0\nCUTCOM/LEFT\nINSERT/note\nFINI\n"
     m = apt(tmp_path, text)
     got = [(e.word, e.move, e.line) for e in m.events]
     assert got == [
@@ -275,7 +277,7 @@ def test_faults_come_with_their_line(tmp_path: Path, text: str, line: int, word:
 )
 def test_words_that_sound_like_motion_are_faults_unless_asked(tmp_path: Path, word: str) -> None:
     text = f"GOTO/0,0,0\n{word}\nGOTO/1,0,0\n"
-    with pytest.raises(InputErrors, match="line 3: .*sounds like a motion"):
+    with pytest.raises(InputErrors, match=r"line 3: .*sounds like a motion"):
         apt(tmp_path, text)
     m = apt(tmp_path, text, unknown_motion="report")
     assert m.n == 2

@@ -68,7 +68,8 @@ def test_feed_dwell_and_spindle_of_cycles(tmp_path: Path) -> None:
 
 
 def test_holes_along_a_tilted_tool_axis_rise_before_they_cross(tmp_path: Path) -> None:
-    text = "RAPID\nGOTO/0,0,0,0,0.6,0.8\nCYCLE/DRILL,RAPTO,5,FEDTO,-10,MMPM,50\nGOTO/0,0,0\nGOTO/10,0,0\nCYCLE/OFF\nGOTO/0,0,50\n"
+    text = "RAPID\nGOTO/0,0,0,0,0.6,0.8\nCYCLE/DRILL,RAPTO,5,FEDTO,-10,MMPM,50\n"
+    text += "GOTO/0,0,0\nGOTO/10,0,0\nCYCLE/OFF\nGOTO/0,0,50\n"
     m = apt(tmp_path, text)
     axis = np.array([0, 0.6, 0.8])
     along = m.points @ axis * 1e3
@@ -104,7 +105,7 @@ def test_cycles_that_are_not_read_are_faults(tmp_path: Path, words: str, what: s
 
 
 def test_a_tool_change_with_the_cycle_on_is_a_fault(tmp_path: Path) -> None:
-    with pytest.raises(InputErrors, match="line 8: .*cycle is on"):
+    with pytest.raises(InputErrors, match=r"line 8: .*cycle is on"):
         apt(tmp_path, HEAD + "CYCLE/DRILL,RAPTO,3,FEDTO,-10\nGOTO/0,0,0\nLOADTL/5\nGOTO/0,0,9\n")
 
 

@@ -1,4 +1,4 @@
-"""Collisions planted at known lines are found there, by whole moves and not only at points; clean programs are clean."""
+"""Collisions planted at known lines are found there, on whole moves and not only at points; clean ones are clean."""
 
 from __future__ import annotations
 

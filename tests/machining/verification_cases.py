@@ -31,8 +31,9 @@ def tool() -> Tool:
     T[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
     T[:3, 3] = 0.3, 0.0, 0.08
     spindle = placed(Body("spindle", (box((0.1, 0.1, 0.1)),)), 0.15, 0.0, 0.03)
+    bracket = placed(Body("bracket", (box((0.25, 0.08, 0.03)),)), 0.075, 0.0, 0.0)
     mill = Body("mill", (capsule((0.2, 0.0, 0.08), (0.296, 0.0, 0.08), 0.004),))
-    return Tool(T, (spindle,), (mill,))
+    return Tool(T, (bracket, spindle), (mill,))
 
 
 def cell(*fixtures: Body, safety: float = 0.0, **more: object) -> Cell:

@@ -1,0 +1,147 @@
+"""Compensation: the predicted deflection under the cutting force taken off the path, so that the tool ends up on it.
+
+The arm in posture q gives way by ``d = C_tt(q) F``. The commanded point is moved by ``-d``, for which the arm takes
+another posture, which gives way by a little more or less; so it is repeated until nothing changes. Statics of the model
+only: what the model does not know (backlash, friction, its own error) is not compensated, and a wrong force is
+compensated wrongly. The turn of the tool under the force is left as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, ToolBending, surface_error
+from machining.programs.posting import Posted, repost
+from machining.task import REPEATED, Task
+from robots import InputError
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+# Rounds of the fixed point; a deflection of 1 mm changes itself by some 1e-3 of it each time.
+ROUNDS = 12
+# Change of the deflection (m) below which it is at rest.
+AT_REST = 1e-8
+# Compensation that is never exceeded unless the caller says so, m.
+CAP = 1e-3
+# Cosine between feed and tool axis beyond which a move plunges or retracts: nothing is milled sideways.
+ALONG_AXIS = 0.999
+
+
+@dataclass(frozen=True, eq=False)
+class Compensated:
+    """A compensated program beside the ``nominal`` one.
+
+    ``error``: the deflection that is compensated, at the path's points, with its uncertainty; ``deflection`` (n, 3) m
+    at all moves, part axes; ``moved`` (n, 3) m: what was taken off the path; ``capped`` (n,) moves at which the cap was
+    reached; ``rounds`` until at rest.
+    """
+
+    posted: Posted
+    nominal: Posted
+    error: SurfaceError
+    deflection: Array
+    moved: Array
+    capped: Bools
+    rounds: int
+
+    @property
+    def left(self) -> Array:
+        """Predicted distance (n, 3) m of the tool from the wanted path, part axes: 0 but where capped."""
+        return np.asarray(self.deflection - self.moved)
+
+
+@dataclass(frozen=True, eq=False)
+class _Acting:
+    """A force worked out on the nominal path, that a path moved by micrometres shall not change."""
+
+    found: ForceAlong
+
+    def along(self, task: Task) -> ForceAlong:
+        return self.found
+
+
+def compensate(
+    model: fem.ArmModel,
+    nominal: Posted,
+    force: CuttingForce,
+    *,
+    tool: ToolBending | None = None,
+    stiffness: StiffnessUncertainty | None = None,
+    cap: float = CAP,
+) -> Compensated:
+    """Take the predicted deflection off a program's path; moves that mill nothing stay where they are.
+
+    Parameters
+    ----------
+    nominal : a program and what it was made with
+    force, tool, stiffness : as in :func:`machining.cutting.surface_error`
+    cap : m, no point is moved by more; where more were needed the point is moved by the cap and said to be
+
+    Raises
+    ------
+    InputError
+        A cap that is not positive, a path that mills nothing, a deflection that does not come to rest, or a moved path
+        that cannot be driven.
+    """
+    if not (np.isfinite(cap) and cap > 0.0):
+        raise InputError("cap of the compensation", value=cap, allowed="more than 0 m")
+    wanted = nominal.program.motions.points
+    task, kept, place = nominal.task()
+    acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
+    posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
+    change = np.inf
+    for rounds in range(1, ROUNDS + 1):
+        here = posted.task()[0] if rounds > 1 else task
+        error = surface_error(model, here, posted.program.q[kept], acting, stiffness=stiffness, tool=tool)
+        deflection = (error.deflection @ task.T_base_part[:3, :3])[place]
+        change = float(np.abs(deflection - last).max(initial=0.0))
+        length = np.linalg.norm(deflection, axis=1)
+        if change < AT_REST:
+            return Compensated(posted, nominal, error, deflection, moved, length > cap, rounds)
+        last = deflection
+        moved = deflection * np.minimum(1.0, cap / np.maximum(length, 1e-30))[:, None]
+        posted = repost(model, posted, wanted - moved)
+    raise InputError(
+        "compensation does not come to rest",
+        value=f"still moves by {change * 1e6:.3g} um after {ROUNDS} rounds",
+        allowed=f"less than {AT_REST * 1e6:g} um",
+        remedy="check force and stiffness, or keep the path away from singularities",
+    )
+
+
+def milling_force(force: CuttingForce, task: Task, cutting: Bools) -> ForceAlong:
+    """The force along a whole program: that of each cut by itself, none on rapid moves, plunges and retracts.
+
+    ``cutting`` (n,): moves at feed, by the point that they lead to.
+
+    Raises
+    ------
+    InputError
+        Nothing is milled; else as the force.
+    """
+    cuts = cuts_of(task, cutting)
+    if not cuts:
+        raise InputError("cutting force of a path", value="no move mills sideways", allowed="moves at feed")
+    parts = [(cut, force.along(task.at(cut))) for cut in cuts]
+    first = parts[0][1]
+    basis = np.zeros((task.path.n, *first.basis.shape[1:]))
+    for cut, found in parts:
+        basis[cut.start + 1 : cut.stop] = found.basis[1:]
+    return ForceAlong(basis, first.value, first.covariance, first.names, first.note)
+
+
+def cuts_of(task: Task, cutting: Bools) -> list[slice]:
+    """Runs of points between which the tool mills: at feed, not along its own axis; with the point they start at."""
+    path = task.path
+    step = np.diff(path.points, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    along = np.abs(np.einsum("ni,ni->n", step, path.axes[1:]))
+    mills = cutting[1:] & (length > REPEATED) & (along < ALONG_AXIS * length)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mills, [False]]).astype(np.int8)))
+    return [slice(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,158 @@
+"""The command `post`: from a tool path to programs for the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from machining import Drive, Objective
+from machining.cell import Cell
+from machining.programs.posting import PostSettings
+from machining.programs.write_options import WriteOptions, read_options
+from robots import InputError
+from stiffarm import inputs, post_report
+from stiffarm.console import emit_json, progress, say, show_table, user_errors
+from stiffarm.machining_options import PartOpt, ToolOpt, parse_gammas, parse_numbers
+from stiffarm.machining_setup import (
+    CellOpt,
+    ForceAxesOpt,
+    ForceOpt,
+    KindOpt,
+    MillingOpt,
+    PathOptions,
+    RotaryOpt,
+    TcpOpt,
+    UnitsOpt,
+    parse_speed,
+    read_cut,
+    read_moves,
+    read_setup,
+)
+from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, model_hash, output_folder
+from stiffarm.post_run import PostRequest, PostRun, parse_targets, run_post
+
+Array = NDArray[np.float64]
+
+
+def post(
+    model: ModelArg,
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="tool path: APT/CLS, G-code or CSV")],
+    out: Annotated[Path, typer.Option("--out", help="folder for the programs")],
+    cell: CellOpt = None,
+    tool: ToolOpt = None,
+    part: PartOpt = None,
+    formats: Annotated[
+        str, typer.Option("--format", help="krl, rapid, val3, sinumerik, csv, json; several with commas")
+    ] = "json",
+    coordinates: Annotated[str, typer.Option("--coordinates", help="cartesian, joint or both")] = "both",
+    gamma: Annotated[
+        str, typer.Option("--gamma", metavar="DEG|FROM:TO:STEP", help="one angle, or a range to choose the best from")
+    ] = "0",
+    travel: Annotated[
+        str | None, typer.Option("--travel", metavar="MM,...", help="where the linear axes stand; default: 0")
+    ] = None,
+    table: Annotated[float, typer.Option("--table", metavar="DEG", help="where the turntable stands")] = 0.0,
+    tolerance: Annotated[
+        float, typer.Option("--tolerance-um", help="that joint motion may leave the straight line by", min=0.1)
+    ] = 10.0,
+    rapid: Annotated[str, typer.Option("--rapid", help="rapid moves: linear, or joint (as the axes like)")] = "linear",
+    compensate: Annotated[
+        bool, typer.Option("--compensate", help="take the deflection under --force or --milling off the path")
+    ] = False,
+    cap: Annotated[float, typer.Option("--cap-um", help="most that a point is moved by", min=0.1)] = 1000.0,
+    force: ForceOpt = None,
+    force_axes: ForceAxesOpt = "base",
+    milling: MillingOpt = None,
+    options: Annotated[Path | None, typer.Option("--options", help="TOML or JSON of the formats' options")] = None,
+    templates: Annotated[Path | None, typer.Option("--template", help="folder of your own templates")] = None,
+    speed: Annotated[str | None, typer.Option("--speed", metavar="DEG/S", help="joint speeds, one or one each")] = None,
+    kind: KindOpt = None,
+    units: UnitsOpt = None,
+    rotary: RotaryOpt = "none",
+    tcp: TcpOpt = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Programs for the robot from a CAM tool path: Cartesian and joint coordinates from one run, read back.
+
+    Writes the programs, post.json and a report into --out.
+    """
+    with user_errors(debug):
+        targets = parse_targets(formats, coordinates)
+        given = inputs.read_model(model, links, load_path, without="the programs")
+        setup = read_setup(model, given.robot, cell, tool, part)
+        cut = read_cut(force, force_axes, milling)
+        if compensate and cut is None:
+            raise InputError("--compensate needs a cutting force", remedy="give --force or --milling")
+        motions = read_moves(path, PathOptions(kind, units, rotary, tcp))
+        place = _travel(setup.cell, travel)
+        written = WriteOptions() if options is None else read_options(options)
+        if rapid not in ("linear", "joint"):
+            raise InputError("--rapid", value=rapid, allowed="linear, joint", remedy="choose one of them")
+        settings = PostSettings(
+            gamma=parse_gammas(gamma),
+            objective=Objective(),
+            drive=setup.drive(
+                Drive(speed=parse_speed(given.robot, speed)), given.robot, place, float(np.radians(table))
+            ),
+            travel=place,
+            table=float(np.radians(table)),
+            tolerance=tolerance * 1e-6,
+            rapid="joint" if rapid == "joint" else "linear",
+        )
+        request = PostRequest(
+            motions,
+            setup,
+            settings,
+            targets,
+            written.model_copy(update={"rapid": settings.rapid}),
+            templates,
+            cut if compensate else None,
+            cap * 1e-6,
+        )
+        files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
+        named = (("cell", cell), ("milling", milling), ("options", options))
+        files |= {name: file for name, file in named if file is not None}
+        with output_folder(out, files) as folder:
+            with progress("posture along the path") as bar:
+                run = run_post(given.model, request, folder, bar)
+            content = post_report.payload(run)
+            folder.write_json("post.json", content)
+            post_report.write_report(run, given.description.title.split(" (")[0], folder)
+        if as_json:
+            emit_json(content)
+            return
+        _show(run)
+        say(f"written: {', '.join(str(out / target.folder) for target in run.written)}, {out / 'report.html'}")
+
+
+def _travel(cell: Cell, text: str | None) -> Array | None:
+    """Travels (k,) m of ``--travel``."""
+    if text is None:
+        return None if not cell.linear_axes else np.zeros(len(cell.linear_axes))
+    values = parse_numbers(text)
+    if values is None or len(values) != len(cell.linear_axes):
+        names = ", ".join(axis.name for axis in cell.linear_axes) or "the cell has no linear axis"
+        raise InputError("--travel", value=text, allowed=f"one number (mm) for each of: {names}")
+    return np.array(values) * 1e-3
+
+
+def _show(run: PostRun) -> None:
+    rows = [
+        [target.folder, str(len(run.written[target].files)), f"{trip.tip * 1e6:.2g}", f"{trip.turned * 1e6:.2g}"]
+        for target, trip in run.trips.items()
+    ]
+    program = run.posted.program
+    title = f"{run.request.motions.n:,} moves read, {program.n:,} written"
+    show_table(title, ["program", "files", "off path, um", "off path, urad"], rows)
+    for note in {note: None for target in run.trips for note in run.written[target].notes}:
+        say(f"note: {note}")
+    if run.compensated is not None:
+        say(post_report.compensation_words(run.compensated))
+    say(f"note: {post_report.UNVERIFIED}")

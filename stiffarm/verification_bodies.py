@@ -1,0 +1,73 @@
+"""Surfaces of everything in a cell for pictures and the replay: triangles in the frames that bodies move with."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyvista as pv
+import trimesh
+from numpy.typing import NDArray
+
+from machining.cell import Scene, Solid
+from machining.cell.scene import ARM, CARRIAGE, CUTTER, FIXED, HOLDER, PART
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+KIND_NAMES = {ARM: "arm", HOLDER: "holder", CUTTER: "cutter", CARRIAGE: "carriage", FIXED: "fixture", PART: "part"}
+# Most triangles of one body; closed surfaces with more are thinned out, hulls are small anyway.
+MOST_TRIANGLES = 6000
+
+# Has no type hints.
+_creation: Any = trimesh.creation
+
+
+class BodySurface(NamedTuple):
+    """A body: name, kind (a value of ``KIND_NAMES``), number of its frame in ``Scene.frames``, triangles in m."""
+
+    name: str
+    kind: str
+    frame: int
+    vertices: Array
+    triangles: Indices
+
+
+def body_surfaces(scene: Scene, most: int = MOST_TRIANGLES) -> list[BodySurface]:
+    """Surfaces of all bodies of a scene, each with at most about ``most`` triangles.
+
+    Rounded hulls are drawn with their rounding; surfaces that stand for thick walls without their thickness.
+    """
+    out = []
+    for member in scene.members:
+        meshes = [_mesh(solid, most // len(member.body.solids)) for solid in member.body.solids]
+        first = np.cumsum([0, *(len(nodes) for nodes, _ in meshes[:-1])])
+        vertices = np.concatenate([nodes for nodes, _ in meshes])
+        triangles = np.concatenate([faces + start for (_, faces), start in zip(meshes, first, strict=True)])
+        out.append(BodySurface(member.body.name, KIND_NAMES[member.kind], member.frame, vertices, triangles))
+    return out
+
+
+def _mesh(solid: Solid, most: int) -> tuple[Array, Indices]:
+    nodes, faces = solid.nodes, solid.faces
+    if solid.convex and solid.radius > 0.0:
+        ball = np.asarray(_creation.icosphere(subdivisions=2, radius=solid.radius).vertices)
+        around = trimesh.convex.convex_hull((nodes[:, None] + ball).reshape(-1, 3))
+        nodes, faces = np.asarray(around.vertices), np.asarray(around.faces)
+    if len(faces) > most:
+        thin = pv.PolyData.from_regular_faces(nodes, faces).decimate(1.0 - most / len(faces))
+        nodes, faces = np.asarray(thin.points), np.asarray(thin.regular_faces)
+    return np.asarray(nodes, dtype=np.float64), np.asarray(faces, dtype=np.int64)
+
+
+def placed_in_world(
+    scene: Scene, surfaces: list[BodySurface], q: Array, travel: Array, table: float
+) -> list[Array]:
+    """Vertices (k, 3) m of the surfaces in the world, at a pose q (dof,) rad, travel (k,) m and table rad."""
+    R, p = (x[0] for x in scene.frames(q[None], travel[None], np.array([table])))
+    base = scene.cell.T_world_base(travel[None])[0]
+    placed = []
+    for body in surfaces:
+        x = body.vertices @ R[body.frame].T + p[body.frame]
+        placed.append(x @ base[:3, :3].T + base[:3, 3])
+    return placed

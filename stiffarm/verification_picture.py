@@ -1,0 +1,153 @@
+"""The picture of an offence: robot and cell in that pose, the bodies it is about in colour, whole and from near."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from machining.verification import Offence, Verification
+from stiffarm import picture_style as style
+from stiffarm.rendering import Picture, Renderer, chosen, show
+from stiffarm.scenes import Scene, Surface
+from stiffarm.verification_bodies import BodySurface, body_surfaces, placed_in_world
+
+Array = NDArray[np.float64]
+
+# Near grey, so that colour means offence; cutter and part are what a reader looks for.
+COLOURS = {
+    "arm": "#D3D6DA",
+    "holder": "#7C858E",
+    "cutter": "#3C4147",
+    "carriage": "#A3A9B0",
+    "fixture": "#B9B2A6",
+    "part": "#A9C3D6",
+}
+FIRST, SECOND = style.OKABE_ITO["vermillion"], style.OKABE_ITO["purple"]
+# Half the width of the near view, m; what is smaller than this around the touch is seen.
+NEAR = 0.22
+FLOOR_COLOUR = "#E8EAED"
+M_TO_MM = 1e3
+
+
+def offence_picture(found: Verification, offence: Offence, path: Path, *, renderer: Renderer | None = None) -> Picture:
+    """Draw an offence; PNG, the whole cell on the left, the place of the offence on the right.
+
+    Raises
+    ------
+    InputError
+        pyvista was asked for and cannot draw here, or the folder does not exist.
+    """
+    works, message = chosen(renderer)
+    style.require_folder(path)
+    surfaces = body_surfaces(found.scene)
+    placed = placed_in_world(found.scene, surfaces, offence.q, offence.travel, offence.table)
+    place = place_of(found, offence, surfaces, placed)
+    base = found.program.cell.T_world_base(offence.travel[None])[0, :3, 3]
+    camera = style.Camera(_towards(base, place))
+    painted = tuple(
+        Surface(M_TO_MM * x, body.triangles, np.tile(to_rgb(_colour(offence, body)), (len(body.triangles), 1)))
+        for body, x in zip(surfaces, placed, strict=True)
+    )
+    floor = _floor(found, placed)
+    nothing = np.zeros((0, 3))
+    whole = Scene(camera, nothing, nothing, (), (*painted, *floor))
+    figure, _ = style.new_figure("wide", rows=0)
+    with style.house_style():
+        left = figure.add_axes((0.01, 0.02, 0.48, 0.90))
+        right = figure.add_axes((0.51, 0.02, 0.48, 0.90))
+        bodies = [x for body, x in zip(surfaces, placed, strict=True)]
+        _frame(figure, left, camera(M_TO_MM * np.vstack(bodies))[:, :2])
+        near = camera(M_TO_MM * (place + NEAR * np.array([[-1, -1, -1], [1, 1, 1], [0, 0, 0]])))[2, :2]
+        _frame(figure, right, near + M_TO_MM * NEAR * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        for axes in (left, right):
+            show(figure, axes, whole, works)
+        _box_of_near(left, right)
+        _names(figure, offence)
+    style.save_png(figure, path)
+    return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
+
+
+def place_of(found: Verification, offence: Offence, surfaces: list[BodySurface], placed: list[Array]) -> Array:
+    """The place (3,) m that an offence is at: between its bodies where they are nearest, else the tool tip."""
+    pair = [_dense(x, b.triangles) for b, x in zip(surfaces, placed, strict=True) if b.name in (offence.bodies or ())]
+    if len(pair) == 1:
+        # The other is the floor: the lowest point.
+        return np.asarray(pair[0][np.argmin(pair[0][:, 2])])
+    if len(pair) == 2:
+        distance, other = cKDTree(pair[1]).query(pair[0])
+        nearest = int(np.argmin(distance))
+        return np.asarray(0.5 * (pair[0][nearest] + pair[1][other[nearest]]))
+    cell = found.program.cell
+    tip = found.courses.frames(found.axes.table(offence.q[None], offence.travel[None], np.array([offence.table])))
+    return np.asarray((cell.T_world_part(np.array([offence.table]))[0] @ tip[0])[:3, 3])
+
+
+def _dense(vertices: Array, triangles: NDArray[np.int64]) -> Array:
+    """Points (k, 3) all over triangles: corners, and a grid within each."""
+    share = np.array([[i, j, 8 - i - j] for i in range(9) for j in range(9 - i)]) / 8.0
+    return np.asarray((share @ vertices[triangles]).reshape(-1, 3))
+
+
+def _towards(base: Array, place: Array) -> Array:
+    """From a place to the eye: aside of the arm and a little ahead of it, from above."""
+    ahead = place[:2] - base[:2]
+    length = float(np.linalg.norm(ahead))
+    ahead = np.array([1.0, 0.0]) if length < 1e-6 else ahead / length
+    aside = np.array([ahead[1], -ahead[0]])
+    return np.array([*(0.85 * aside + 0.55 * ahead), 0.5])
+
+
+def _colour(offence: Offence, body: BodySurface) -> str:
+    if offence.bodies and body.name in offence.bodies:
+        return FIRST if body.name == offence.bodies[0] else SECOND
+    return COLOURS[body.kind]
+
+
+def _floor(found: Verification, placed: list[Array]) -> list[Surface]:
+    """The floor as two triangles below everything, if there is one."""
+    z = found.program.cell.floor
+    if z is None:
+        return []
+    every = np.vstack(placed)[:, :2]
+    (x0, y0), (x1, y1) = every.min(axis=0) - 0.2, every.max(axis=0) + 0.2
+    corners = M_TO_MM * np.array([[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]])
+    return [Surface(corners, np.array([[0, 1, 2], [0, 2, 3]]), np.tile(to_rgb(FLOOR_COLOUR), (2, 1)))]
+
+
+def _frame(figure: Figure, axes: Axes, flat: Array) -> None:
+    """Let axes show at least the points (k, 2) of the picture plane, without distortion."""
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    size = figure.get_size_inches() * axes.get_position().size
+    half = 0.53 * (high - low)
+    half = np.maximum(half, half[::-1] * size / size[::-1])
+    (u0, v0), (u1, v1) = 0.5 * (low + high) - half, 0.5 * (low + high) + half
+    axes.set(xlim=(u0, u1), ylim=(v0, v1), autoscale_on=False, xticks=[], yticks=[])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    axes.grid(visible=False)
+
+
+def _box_of_near(left: Axes, right: Axes) -> None:
+    """Mark in the whole picture what the near one shows."""
+    (u0, u1), (v0, v1) = right.get_xlim(), right.get_ylim()
+    left.plot([u0, u1, u1, u0, u0], [v0, v0, v1, v1, v0], color=style.INK, linewidth=0.9, zorder=5)
+    for spine in right.spines.values():
+        spine.set(visible=True, color=style.INK, linewidth=0.9)
+
+
+def _names(figure: Figure, offence: Offence) -> None:
+    """Say which colour is which body."""
+    x = 0.015
+    named = zip(offence.bodies or (), (FIRST, SECOND), strict=False)
+    for name, colour in named:
+        figure.text(x, 0.95, "■", color=colour, size=13, va="center")
+        label = figure.text(x + 0.018, 0.95, name, size=10.5, va="center")
+        extent = label.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
+        x += 0.018 + extent.width / (figure.get_size_inches()[0] * figure.dpi) + 0.025
+    figure.text(0.985, 0.95, f"line {offence.line}: {offence.kind}", size=10.5, va="center", ha="right")

@@ -1,0 +1,145 @@
+"""Compensation: the model's own deflection brings the tool back onto the path, never beyond the cap."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from posture_cases import dome
+from test_posting import cell_of, motions_of
+
+import fem
+from machining.cutting import ConstantForce, ToolBending
+from machining.programs.compensation import compensate, cuts_of, milling_force
+from machining.programs.posting import Posted, PostSettings, post
+from machining.task import Task, ToolPath
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def posted(kr60: fem.ArmModel) -> Posted:
+    return post(kr60, cell_of(), motions_of(dome(15, 0.3)), PostSettings(gamma=0.3, tolerance=1e-4))
+
+
+def reached(model: fem.ArmModel, posted: Posted, force: Array) -> Array:
+    """Tool points (n, 3) in the part frame with the force on the tool: joint program plus deflection, from scratch."""
+    program = posted.program
+    w = np.concatenate([np.broadcast_to(force, (program.n, 3)), np.zeros((program.n, 3))], axis=1)
+    d = fem.deflection(model, program.q, w, program.cell.tool.T_flange_tool[:3, 3])[:, :3]
+    # The part's axes are the base's in this cell.
+    return program.reached()[:, :3, 3] + d
+
+
+def test_the_loaded_tool_ends_up_on_the_wanted_path(kr60: fem.ArmModel, posted: Posted) -> None:
+    force = np.array([60.0, -80.0, 120.0])
+    found = compensate(kr60, posted, ConstantForce(force))
+    wanted = posted.program.motions.points
+    off_before = np.linalg.norm(reached(kr60, posted, force) - wanted, axis=1)
+    off_after = np.linalg.norm(reached(kr60, found.posted, force) - wanted, axis=1)
+    assert off_before.max() > 1e-4
+    # The fixed point stops when the deflection changes by less than 1e-8 m. The first point has no move that mills.
+    assert off_after[1:].max() < 2e-8
+    assert not found.capped.any()
+    assert np.abs(found.left[1:]).max() < 2e-8
+    away, turned = found.posted.program.deviation()
+    assert max(away.max(), turned.max()) < 1e-12
+    np.testing.assert_array_equal(found.posted.program.gamma, posted.program.gamma)
+
+
+def test_moved_by_minus_the_deflection_and_to_first_order_only_once(kr60: fem.ArmModel, posted: Posted) -> None:
+    force = np.array([0.0, 0.0, 50.0])
+    found = compensate(kr60, posted, ConstantForce(force))
+    moved = found.posted.program.motions.points - posted.program.motions.points
+    np.testing.assert_allclose(moved, -found.moved, atol=1e-15)
+    first = reached(kr60, posted, force) - posted.program.motions.points
+    # The posture of the moved path gives way by a share of about its move over the arm's length more or less.
+    np.testing.assert_allclose(found.deflection[1:], first[1:], atol=2e-3 * np.abs(first).max())
+    assert found.rounds <= 5
+
+
+def test_nothing_is_moved_beyond_the_cap_and_it_is_said(kr60: fem.ArmModel, posted: Posted) -> None:
+    force = ConstantForce([60.0, -80.0, 120.0])
+    free = compensate(kr60, posted, force)
+    cap = float(np.median(np.linalg.norm(free.moved[1:], axis=1)))
+    found = compensate(kr60, posted, force, cap=cap)
+    length = np.linalg.norm(found.moved, axis=1)
+    assert length.max() <= cap * (1.0 + 1e-12)
+    assert 0.2 < found.capped.mean() < 0.8
+    over = found.capped
+    assert (np.linalg.norm(found.left[over], axis=1) > 0.0).all()
+    assert np.abs(found.left[~over]).max() < 2e-8
+
+
+def test_the_tools_own_bending_is_taken_off_too(kr60: fem.ArmModel, posted: Posted) -> None:
+    bending = ToolBending(0.05, 0.008, 600e9)
+    force = np.array([40.0, 10.0, 0.0])
+    plain = compensate(kr60, posted, ConstantForce(force))
+    more = compensate(kr60, posted, ConstantForce(force), tool=bending)
+    axes = posted.program.motions.axes
+    across = force - (axes @ force)[:, None] * axes
+    np.testing.assert_allclose(
+        (more.deflection - plain.deflection)[1:], bending.compliance * across[1:], rtol=2e-2, atol=2e-8
+    )
+
+
+def test_rapid_moves_plunges_and_their_like_carry_no_force(kr60: fem.ArmModel) -> None:
+    points = np.array([[0, 0, 50], [0, 0, 5], [0, 0, 0], [30, 0, 0], [30, 30, 0], [30, 30, 40], [0, 0, 50]]) * 1e-3
+    axes = np.tile([0.0, 0.0, 1.0], (7, 1))
+    rapid = np.array([True, True, False, False, False, False, True])
+    path = ToolPath(points, axes, axes, np.where(rapid, np.nan, 0.01))
+    motions = motions_of(path, rapid=rapid, feed=path.feed)
+    posted = post(kr60, cell_of(), motions, PostSettings(gamma=-2.0, tolerance=1e-3))
+    task, kept, _ = posted.task()
+    cutting = posted.program.motions.cutting[kept]
+    cuts = cuts_of(task, cutting)
+    assert len(cuts) == 1
+    ends = task.path.points[[cuts[0].start, cuts[0].stop - 1]]
+    np.testing.assert_allclose(ends, points[[2, 4]], atol=1e-15)
+    force = milling_force(ConstantForce([10.0, 20.0, 0.0], "process"), task, cutting).force
+    at = [int(np.argmin(np.linalg.norm(task.path.points - p, axis=1))) for p in points[:6]]
+    assert not force[at[:3]].any()
+    assert not force[at[5]].any()
+    # Feed along x: the cross-feed is tool axis x feed = y.
+    halfway = force[at[3]]
+    np.testing.assert_allclose(halfway, [10.0, 20.0, 0.0], atol=1e-12)
+    found = compensate(kr60, posted, ConstantForce([10.0, 20.0, 0.0], "process"))
+    idle = ~(np.linalg.norm(found.deflection, axis=1) > 0.0)
+    np.testing.assert_array_equal(found.posted.program.motions.points[idle], posted.program.motions.points[idle])
+    assert 0 < idle.sum() < posted.program.n
+
+
+def test_each_cut_has_its_own_feed_direction(kr60: fem.ArmModel) -> None:
+    """Two grooves with a lift between: the lift's direction does not leak into the cuts' ends."""
+    points = np.array([[0, 0, 0], [20, 0, 0], [20, 0, 30], [20, 40, 30], [20, 40, 0], [0, 40, 0]]) * 1e-3
+    axes = np.tile([0.0, 0.0, 1.0], (6, 1))
+    rapid = np.array([True, False, True, True, True, False])
+    task = Task(ToolPath(points, axes, axes, np.full(6, np.nan)), np.eye(4), np.eye(4))
+    force = milling_force(ConstantForce([5.0, 0.0, 0.0], "process"), task, ~rapid).force
+    np.testing.assert_allclose(force[[1, 5]], [[5.0, 0.0, 0.0], [-5.0, 0.0, 0.0]], atol=1e-12)
+    assert not force[[0, 2, 3, 4]].any()
+
+
+def test_bad_caps_and_paths_that_mill_nothing_are_refused(kr60: fem.ArmModel, posted: Posted) -> None:
+    with pytest.raises(InputError, match="cap of the compensation"):
+        compensate(kr60, posted, ConstantForce([0.0, 0.0, 50.0]), cap=0.0)
+    task, kept, _ = posted.task()
+    with pytest.raises(InputError, match="no move mills"):
+        milling_force(ConstantForce([0.0, 0.0, 50.0]), task, np.zeros(len(kept), dtype=np.bool_))
+    with pytest.raises(InputError, match=r"cannot be reached|come to rest"):
+        compensate(kr60, posted, ConstantForce([0.0, 0.0, 1e7]), cap=10.0)
+
+
+def test_the_uncertainty_is_that_of_the_deflection(kr60: fem.ArmModel, posted: Posted) -> None:
+    """All springs off by the same 15 % and the force exact: the error is off by 15 %."""
+    force = ConstantForce([0.0, 0.0, 80.0], relative_sd=0.0)
+    found = compensate(kr60, posted, force)
+    part = found.error
+    assert (part.sd[1:] > 0.0).all()
+    assert (part.sd[1:] < 0.15 * np.abs(part.normal[1:]) * 1.0001).all()
+    assert posted.settings.reference is not None
+    again = replace(force, relative_sd=0.1)
+    assert (compensate(kr60, posted, again).error.sd[1:] > part.sd[1:]).all()
