@@ -160,7 +160,7 @@ class _Reader(AptMotion):
         try:
             if handler is not None:
                 handler(rest)
-            elif word[0] in "+-.0123456789(" and not words.sounds_like_motion(word):
+            elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
                 self._fault("numbers without a word before them", readable(text), "GOTO/ and the like, or $ above")
             elif words.sounds_like_motion(word):
                 self._lost(word, rest)

@@ -47,6 +47,8 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
         A kind that is not read, numbers without a word, no depth, values without sense.
     """
     kind, values, feed, unread = _sorted(parts)
+    if not kind:
+        raise WordError("a cycle without its kind", ", ".join(KINDS))
     pecks, chip_break, feed_out, reverse = KINDS[kind]
     if "FEDTO" not in values and "DEPTH" not in values:
         raise WordError("a cycle without its depth", "FEDTO or DEPTH with a number")

@@ -52,10 +52,11 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
         No cutting move, moves that are not ascending indices, normals of another shape or of length zero.
     """
     if moves is None:
-        runs = cutting_runs(motions)
-        if not runs:
+        cutting = motions.cutting
+        if not cutting.any():
             raise InputError("tool path", value="no move at feed", remedy="check RAPID or G0 in the program")
-        chosen = np.unique(np.concatenate(runs))
+        # Each run with the move before it, as in cutting_runs.
+        chosen = np.flatnonzero(cutting | np.append(cutting[1:], False))
     else:
         chosen = np.asarray(moves, dtype=np.int64)
         if chosen.ndim != 1 or not len(chosen) or chosen.min() < 0 or chosen.max() >= motions.n:

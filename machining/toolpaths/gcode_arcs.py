@@ -14,7 +14,7 @@ from machining.toolpaths.gcode_words import Block
 Array = NDArray[np.float64]
 
 # Indices of the plane's first and second axis and its normal, right-handed: G17 XY, G18 ZX, G19 YZ.
-PLANES = {170: (0, 1, 2), 180: (0, 2, 1), 190: (1, 2, 0)}
+PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
 CYCLES = {730: "chip", 810: "drill", 820: "drill", 830: "peck", 840: "tap", 850: "bore", 860: "drill", 890: "bore"}
 
 

@@ -1,4 +1,4 @@
-"""What the tests of programs share: joint programs of the KR60 and the TX200 on short paths, made by inverse kinematics."""
+"""What the tests of programs share: joint programs of KR60 and TX200 on short paths, by inverse kinematics."""
 
 from __future__ import annotations
 
@@ -132,5 +132,3 @@ def posed(robot: Robot, q: Array, cell: Cell | None = None) -> JointProgram:
 
 def random_poses(robot: Robot, n: int, rng: np.random.Generator) -> Array:
     return np.asarray(rng.uniform(robot.limits[:, 0], robot.limits[:, 1], (n, robot.dof)))
-
-

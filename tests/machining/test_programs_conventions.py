@@ -112,7 +112,7 @@ def brute_sides(robot: Robot, controller: Array) -> tuple[bool, bool, bool]:
     beyond = centre - (shoulder + arm)
     # Forwards of the upper arm, where the arm stands up: to +x.
     forwards = beyond[0] * arm[2] - beyond[2] * arm[0]
-    return centre[0] < 0.0, forwards < 0.0, controller[4] < 0.0
+    return bool(centre[0] < 0.0), bool(forwards < 0.0), bool(controller[4] < 0.0)
 
 
 def test_sides_of_random_poses(robot: Robot, rng: np.random.Generator) -> None:
@@ -129,8 +129,8 @@ def test_sides_of_random_poses(robot: Robot, rng: np.random.Generator) -> None:
         assert abb[i, 3] == 4 * int(behind) + 2 * int(backward) + int(negative)
         for cf, angle in zip(abb[i, :3], deg[i, [0, 3, 5]], strict=True):
             assert 90.0 * cf <= angle < 90.0 * (cf + 1)
-        words = (("lefty", "righty")[behind], ("epositive", "enegative")[backward], ("wpositive", "wnegative")[negative])
-        assert val3[i] == words
+        assert val3[i][0] == ("righty" if behind else "lefty")
+        assert val3[i][1:] == ("enegative" if backward else "epositive", "wnegative" if negative else "wpositive")
     assert len(seen) == 8
 
 
@@ -225,3 +225,28 @@ def test_a_part_on_a_turntable_has_no_fixed_frame() -> None:
     assert "$BASE = BASE_DATA[1]" in main
     assert any("turntable" in note for note in written.notes)
     assert np.isfinite(identity(program.robot, 1).external_sign).all()
+
+
+def test_signs_offsets_and_frames_by_their_definition() -> None:
+    """A controller whose every joint, base and flange differ: its angle is sign times ours plus offset."""
+    table = {
+        "sign": [-1, 1, -1, 1, -1, 1],
+        "offset_deg": [10.0, 20.0, 30.0, 40.0, 50.0, 60.0],
+        "base": {"position_mm": [100.0, 0.0, 642.0], "rpy_deg": [0.0, 0.0, 90.0]},
+        "flange": {"position_mm": [0.0, 0.0, 50.0], "rpy_deg": [0.0, 90.0, 0.0]},
+    }
+    program = program_of("tx200", n=3)
+    convention = convention_for(program.robot, 0, "val3", parse_options({"arm": table}, "options").arm)
+    q = np.radians([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+    np.testing.assert_allclose(convention.controller_deg(q), [[9.0, 22.0, 27.0, 44.0, 45.0, 66.0]], atol=1e-12)
+    job = job_of(program, "cartesian", WriteOptions(), convention)
+    assert job.T_base is not None
+    own_base, own_flange = shift(0.1, 0.0, 0.642) @ turn("z", 90.0), shift(0.0, 0.0, 0.05) @ turn("y", 90.0)
+    np.testing.assert_allclose(own_base @ job.T_base, program.cell.T_world_part0, atol=1e-12)
+    np.testing.assert_allclose(own_flange @ job.T_tool, program.cell.tool.T_flange_tool, atol=1e-12)
+
+
+def test_the_bundled_tx200_does_not_claim_to_know_the_controllers_world() -> None:
+    written = write_program(program_of("tx200", n=3), "val3")
+    assert '<Value key="0" fatherId="world[0]" />' in written.texts()["part.dtx"]
+    assert any("set the part frame on the robot" in note for note in written.notes)

@@ -264,6 +264,7 @@ def test_frames_that_are_none_are_refused(tmp_path: Path, frame: str) -> None:
         ("SPINDL/-3\nGOTO/0,0,0\n", 2, "spindle"),
         ("GOTO/0,0,0\nDELAY/-1\n", 3, "dwell"),
         ("1.0, 2.0, 3.0\nGOTO/0,0,0\n", 2, "numbers without a word"),
+        ("/1.0,2.0,3.0\nGOTO/0,0,0\n", 2, "numbers without a word"),
     ],
 )
 def test_faults_come_with_their_line(tmp_path: Path, text: str, line: int, word: str) -> None:

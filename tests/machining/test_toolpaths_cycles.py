@@ -91,6 +91,7 @@ def test_cycle_on_returns_the_last_one_and_off_makes_plain_points(tmp_path: Path
     [
         ("DRILL,126.0,85.0,1.0,MMPR", "without its word"),
         ("DRILL,RAPTO,3,MMPM,50", "without its depth"),
+        ("", "without its kind"),
         ("BORE,NODRAG,FEDTO,3", "NODRAG"),
         ("MILL,FEDTO,3", "MILL"),
         ("DRILL,FEDTO,3,MMPM,-5,RAPTO,1", "feed"),
@@ -192,3 +193,8 @@ def test_a_cycle_knows_its_heights() -> None:
     assert Cycle(start=0.002, depth=0.01).height_back == 0.002
     assert Cycle(start=0.002, depth=0.01, back=0.001).height_back == 0.002
     assert Cycle(start=0.002, depth=0.01, back=math.inf).fault()
+
+
+def test_a_tool_below_the_start_height_rises_before_it_crosses(tmp_path: Path) -> None:
+    m = apt(tmp_path, "RAPID\nGOTO/0,0,1\nCYCLE/DRILL,RAPTO,5,FEDTO,-10,MMPM,50\nGOTO/10,0,0\nCYCLE/OFF\n")
+    np.testing.assert_allclose(m.points * 1e3, [[0, 0, 1], [0, 0, 5], [10, 0, 5], [10, 0, -10], [10, 0, 5]], atol=1e-12)

@@ -144,7 +144,7 @@ def test_full_circles_and_turns(tmp_path: Path, code: int, sense: int) -> None:
 
 
 def test_incremental_absolute_inch_and_modal_motion(tmp_path: Path) -> None:
-    program = "G90 G0 X1 Y1 Z1\nG91 X1\nY-1 Z2\nG90 G1 X0 F10\nG21 X10\nY10 F600\nM30\n"
+    program = "G90 G0 X1 Y1 Z1\nG91 X1\nY-1 Z2\nG90 G1 X0 F10\nG21 M3 X10\nY10 F600\nM30\n"
     m = gcode(tmp_path, program, head="G20\n")
     inch = 25.4
     np.testing.assert_allclose(
@@ -213,6 +213,8 @@ def test_work_offsets(tmp_path: Path) -> None:
     # With known offsets the tool stays where it is when the offset changes.
     m = gcode(tmp_path, "G54\nG0 X1 Y1 Z1\nG55\nG0 Z5\nM30\n", offsets={"G54": (0.1, 0, 0), "G55": (0, 0.2, 0)})
     np.testing.assert_allclose(m.points[-1], [0.101, 0.001, 0.005])
+    arc = gcode(tmp_path, "G54\nG0 X5 Y0 Z0\nG3 I-5 F100\nM30\n", offsets={"G54": (0.1, 0, 0)})
+    np.testing.assert_allclose(np.hypot(arc.points[:, 0] - 0.1, arc.points[:, 1]), 0.005, atol=1e-15)
 
 
 @pytest.mark.parametrize(("word", "option", "seconds"), [("P2.5", "s", 2.5), ("P500", "ms", 0.5), ("X3.", "ms", 3.0)])

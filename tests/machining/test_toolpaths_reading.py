@@ -254,6 +254,8 @@ def test_conversion_takes_the_cutting_moves_and_their_starts(tmp_path: Path) -> 
     np.testing.assert_allclose(both.path.feed, [np.nan, 0.01, 0.01, 0.01, np.nan, 0.01, 0.01])
     assert both.points.tolist() == [0, 1, 2, 2, 3, -1, 4, 5, 6]
     np.testing.assert_allclose(to_tool_path(m, [0, 1, 1]).path.normals[0], [0, math.sqrt(0.5), math.sqrt(0.5)])
+    # Moves that do not follow each other are joined by no feed.
+    np.testing.assert_allclose(to_tool_path(m, moves=[1, 2, 4]).path.feed, [np.nan, 0.01, np.nan])
     per_move = np.tile([0.0, 0.0, 1.0], (m.n, 1))
     per_move[3] = [1, 0, 0]
     np.testing.assert_allclose(to_tool_path(m, per_move, moves=runs[0]).path.normals[2], [1, 0, 0])

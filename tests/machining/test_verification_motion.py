@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from verification_cases import ARM, SPEED, cell, line, motions, program, zigzag
 
-from machining.cell import LinearAxis, Turntable
+from machining.cell import LinearAxis, Turntable, arm_of
 from machining.programs.program import JointProgram
 from machining.verification import Demands, Kind, Severity, verify
 from machining.verification.courses import courses_of
@@ -290,8 +290,6 @@ def test_bad_input() -> None:
     given = program(zigzag(2, 5))
     with pytest.raises(InputError, match="lines of the program"):
         verify(given, ARM, nc_lines=[1, 2])
-    from machining.cell import arm_of
-
     with pytest.raises(InputError, match="another robot"):
         verify(given, arm_of("xr701"))
 
