@@ -181,6 +181,9 @@ def _roots(
             shift = deformed.get(f"{name} other directions")
             if shift is not None:
                 motion = motion + both(R[body] @ robot.R_post[joint].T) @ shift
+            for row, _ in model.joints[joint].laws:
+                way = both(R[body] @ robot.R_post[joint].T)[:, row]
+                motion = motion + way * float(np.squeeze(deformed[f"{name} law {row + 1}"]))
         link = links.get(body)
         own = None if link is None else both(R[body]) @ deformed[link.name].reshape(-1, 6).T
         if p is not None and body == p.driven + 1:

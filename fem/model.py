@@ -62,7 +62,8 @@ class JointPart:
     ``axial``: law about the joint axis. ``bearing`` (6, 6): constant compliance of the joint frame's translations
     x, y, z (m/N) and rotations x, y, z (rad/(N m)), zero where it is rigid; its last diagonal entry is zero, for
     that is the axial spring's. ``housing`` (6, 6): the same of what does not turn with the joint: axes of the joint's
-    frame at zero, fixed in the body before it.
+    frame at zero, fixed in the body before it. ``laws``: row (0 to 4) of the bearing's axes and a compliance there
+    that varies with the pose, on top.
     """
 
     name: str
@@ -70,6 +71,7 @@ class JointPart:
     axial: SpringLaw
     bearing: Array
     housing: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    laws: tuple[tuple[int, SpringLaw], ...] = ()
 
     @property
     def other(self) -> Array:
@@ -176,11 +178,19 @@ class ArmModel:
                     allowed="a tilt that turns with the joint (turning = 1)",
                     remedy="remove that effect from the model file",
                 )
+            if joint.laws:
+                raise InputError(
+                    f"{what}: bearing_laws of joint {joint.name}",
+                    allowed="a bearing that does not vary with the joint's angle",
+                    remedy="give constants in [joint.bearing] instead",
+                )
 
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
         none = np.zeros((6, 6))
-        return replace(self, joints=tuple(replace(j, axial=RIGID, bearing=none, housing=none) for j in self.joints))
+        return replace(
+            self, joints=tuple(replace(j, axial=RIGID, bearing=none, housing=none, laws=()) for j in self.joints)
+        )
 
 
 def build_model(
@@ -314,7 +324,8 @@ def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
         bearing[[0, 1, 2], [0, 1, 2]] = 1.0 / joint.translational_stiffness.si
     if joint.tilt_stiffness is not None:
         bearing[[3, 4], [3, 4]] = 1.0 / joint.tilt_stiffness.si
-    part = JointPart(joint.name, index, axial, bearing)
+    laws = () if joint.bearing_laws is None else joint.bearing_laws.given
+    part = JointPart(joint.name, index, axial, bearing, laws=tuple((row, spring_from(robot, law)) for row, law in laws))
     p = robot.parallelogram
     if part.is_coupled and p is not None and index in (p.driven, p.crank_about):
         raise InputError(

@@ -156,6 +156,7 @@ def _maker(model: ArmModel, place: str, what: str) -> Parameter | None:
     if place in (BASE, TOOL, *joints):
         row = "rz" if what == "stiffness" and place in joints else what
         if row in ROWS:
+            _refuse_law(model, place, ROWS.index(row))
             return _stiffness(model, place, ROWS.index(row))
         pair = what.split("-")
         if len(pair) == 2 and pair[0] != pair[1] and set(pair) <= set(ROWS):
@@ -178,6 +179,18 @@ def _maker(model: ArmModel, place: str, what: str) -> Parameter | None:
     if place == "bar" and what == "stiffness" and model.bar is not None and model.bar.compliance > 0.0:
         return Parameter("", "stiffness", place, (0,), "N/m", 1.0 / model.bar.compliance, *SHIFT, "compliance")
     return None
+
+
+def _refuse_law(model: ArmModel, place: str, row: int) -> None:
+    if place in model.robot.joint_names and any(
+        row == given for given, _ in model.joints[model.robot.joint_names.index(place)].laws
+    ):
+        raise InputError(
+            f"parameter {place}.{ROWS[row]}",
+            value="a law over the joint's angle (bearing_laws)",
+            allowed="a constant of the model file",
+            remedy="leave it as it is, or replace the law by a constant in [joint.bearing]",
+        )
 
 
 def _stiffness(model: ArmModel, place: str, row: int) -> Parameter:
@@ -211,5 +224,6 @@ def own_compliance(model: ArmModel, place: str, a: int, b: int, q: Array) -> Arr
         joint = model.joints[model.robot.joint_names.index(place)]
         if (a, b) == (5, 5):
             return joint.axial.compliance(q)
-        return np.full(len(q), joint.bearing[a, b])
+        varying = [law.compliance(q) for row, law in joint.laws if (a, b) == (row, row)]
+        return np.full(len(q), joint.bearing[a, b]) + sum(varying, np.zeros(len(q)))
     return np.full(len(q), (model.base if place == BASE else model.tool)[a, b])

@@ -176,6 +176,9 @@ def transfers(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, first:
             yield _bearing(arm, loop, joint.joint, joint.bearing)
         if joint.housing.any():
             yield _bearing(arm, loop, joint.joint, joint.housing, turns=False)
+        for row, law in joint.laws:
+            carried = _bearing(arm, loop, joint.joint, joint.bearing).matrix()[row]
+            yield Transfer(f"{joint.name} law {row + 1}", law.compliance(q), along=Along(carried, np.ones((1, 1))))
     if model.tool.any():
         R_flange = poses_last(frames.R_flange)
         own = poses_last(tool_position(model.robot, frames))

@@ -18,6 +18,8 @@ Integers = NDArray[np.int64]
 
 # A motion of exactly the allowed size must not fail by rounding.
 ROUNDING = 1.0 + 1e-9
+# Up to so many pairs of states all are looked at; a search tree for the near ones only pays beyond.
+FEW_PAIRS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +84,15 @@ def cheapest_course(layers: Layers, links: Links) -> Integers | Gap:
     total = layers.cost[layers.rows(0)]
     back: list[Integers] = []
     for i in range(layers.n - 1):
-        a, b = _pairs(layers, links, i, np.isfinite(total))
         onto = layers.rows(i + 1)
-        dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
-        through = total[a] + links.cost(i, dq)
-        best, source = _least(through, a, b, onto.stop - onto.start)
+        if (onto.stop - onto.start) * len(total) <= FEW_PAIRS:
+            through = total[:, None] + _dense(layers, links, i)
+            source = through.argmin(axis=0)
+            best = through[source, np.arange(len(source))]
+        else:
+            a, b = _pairs(layers, links, i, np.isfinite(total))
+            dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
+            best, source = _least(total[a] + links.cost(i, dq), a, b, onto.stop - onto.start)
         if not np.isfinite(best).any():
             return _gap(layers, links, i, np.isfinite(total))
         total = best + layers.cost[onto]
@@ -111,6 +117,16 @@ def course_cost(layers: Layers, links: Links, course: Integers) -> float:
     """Cost of a course; its links are not checked."""
     dq = np.diff(layers.q[course], axis=0)
     return float(layers.cost[course].sum() + sum(float(links.cost(i, dq[i])) for i in range(len(dq))))
+
+
+def _dense(layers: Layers, links: Links, i: int) -> Array:
+    """Cost (k, m) of every link from layer i to the next, inf where there is none."""
+    dq = layers.q[layers.rows(i + 1)] - layers.q[layers.rows(i)][:, None]
+    far = (np.abs(dq) > links.step[i] * ROUNDING).any(axis=2)
+    if np.isfinite(links.gamma_step):
+        turn = layers.gamma[layers.rows(i + 1)] - layers.gamma[layers.rows(i)][:, None]
+        far |= _short_way(turn) > links.gamma_step * ROUNDING + 1e-12
+    return np.where(far, np.inf, links.cost(i, dq))
 
 
 def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers, Integers]:

@@ -116,7 +116,7 @@ def axial_compliance(model: fem.ArmModel) -> Array | None:
         return None
     out = np.zeros(model.robot.dof)
     for joint in model.joints:
-        if not isinstance(joint.axial, ConstantSpring) or joint.bearing.any() or joint.housing.any():
+        if not isinstance(joint.axial, ConstantSpring) or joint.bearing.any() or joint.housing.any() or joint.laws:
             return None
         out[joint.joint] = 1.0 / joint.axial.stiffness
     return out

@@ -36,6 +36,7 @@ from robots.schema_links import (
     TubeSection,
 )
 from robots.schema_springs import (
+    BearingLaws,
     ComplianceEntry,
     LogFourierLaw,
     LogPolynomialLaw,
@@ -48,6 +49,7 @@ from robots.schema_springs import (
 __all__ = [
     "BUILT_IN_SOURCES",
     "SCHEMA",
+    "BearingLaws",
     "BoxSection",
     "Calibration",
     "ComplianceEntry",
@@ -126,6 +128,7 @@ class Joint(Strict):
 
     ``stiffness`` is about the axis. ``bearing`` holds the other five directions one by one (and entries that couple
     them with the axis); ``tilt_stiffness`` and ``translational_stiffness`` are short for two or three equal ones.
+    ``bearing_laws``: directions across the axis that vary with a joint's angle.
     ``zero_error`` is added to the coordinate: what the joint really turned when the controller says zero.
     """
 
@@ -140,6 +143,7 @@ class Joint(Strict):
     tilt_stiffness: RotationalStiffness | None = None
     translational_stiffness: TranslationalStiffness | None = None
     bearing: PlaceStiffness | None = None
+    bearing_laws: BearingLaws | None = None
     zero_error: Angle | None = None
 
     @field_validator("coordinate")
@@ -298,6 +302,8 @@ def _unknown_names(model: ModelDescription) -> list[str]:
     for joint in model.joint:
         if isinstance(joint.stiffness, LogPolynomialLaw | LogFourierLaw | TableLaw):
             used += [("coordinate", name) for name in joint.stiffness.inputs]
+        if joint.bearing_laws is not None:
+            used += [("coordinate", law.input) for _, law in joint.bearing_laws.given]
     p = model.parallelogram
     if p is not None:
         used += [("joint", p.driven), ("joint", p.crank_about)]

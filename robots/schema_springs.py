@@ -125,6 +125,26 @@ class ComplianceEntry(Strict):
         return self
 
 
+class BearingLaws(Strict):
+    """Stiffness across a joint's axis that varies with a joint's angle, direction by direction.
+
+    ln k as :class:`LogFourierLaw` has it, of N/m for tx, ty, tz and of N m/rad for rx, ry. It gives way on top of what
+    ``bearing`` holds.
+    """
+
+    tx: LogFourierLaw | None = None
+    ty: LogFourierLaw | None = None
+    tz: LogFourierLaw | None = None
+    rx: LogFourierLaw | None = None
+    ry: LogFourierLaw | None = None
+
+    @property
+    def given(self) -> tuple[tuple[int, LogFourierLaw], ...]:
+        """Row (0 to 4) and law of those that are given."""
+        laws = (self.tx, self.ty, self.tz, self.rx, self.ry)
+        return tuple((row, law) for row, law in enumerate(laws) if law is not None)
+
+
 class PlaceStiffness(Strict):
     """Stiffness of a place in six directions of its own axes; what is not given is rigid.
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from robots.axis_lines import AxisLines, axis_lines, nearest_point
 from robots.branches import Reason
 from robots.closed_form import ClosedForm, times
-from robots.quartic import line_roots, quartic_roots
 from robots.kept import once_per_robot
+from robots.quartic import line_roots, quartic_roots
 from robots.robot import Robot
 from robots.spherical_wrist import DEGENERATE, NEARLY_LENGTH, why_no_spherical_wrist
 from robots.wrist import BOUNDARY, SINGULAR, Wrist, root, solve_wrist, wrist_from

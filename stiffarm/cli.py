@@ -18,11 +18,14 @@ from stiffarm.commands import (
     indexing,
     mapping,
     models,
+    placement,
     planning,
     posting,
     posture,
     sensitivity,
+    serving,
     surrogates,
+    verification,
 )
 
 app = typer.Typer(
@@ -46,7 +49,10 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "map": mapping.map_command,
     "index": indexing.index,
     "posture": posture.posture,
+    "place": placement.place,
+    "serve": serving.serve_command,
     "post": posting.post,
+    "verify": verification.verify_command,
     "import": importing.import_command,
     "export": exporting.export,
 }

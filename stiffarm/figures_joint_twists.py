@@ -77,7 +77,9 @@ def laws_figure(found: Identified, names: Sequence[str], made_up: str = "") -> F
     """Stiffness over the joint's angle with 95 % bands, six directions (columns) of every joint (rows)."""
     dof = len(names)
     with house_style():
-        figure, axes = new_figure((16.0, 0.8 + 2.3 * dof), dof, 6)
+        high = 0.8 + 2.3 * dof
+        figure, _ = new_figure((16.0, high), rows=0)
+        axes = figure.subplots(dof, 6, squeeze=False).ravel()
         for k, d in enumerate(found.directions.values()):
             ax = axes[k]
             _law_panel(ax, d, k // 6, dof)
@@ -94,6 +96,8 @@ def laws_figure(found: Identified, names: Sequence[str], made_up: str = "") -> F
                    label="each angle by itself, 95 %"),
         ]  # fmt: skip
         figure.legend(handles=handles, loc="upper right", ncols=2)
+        # By hand: 36 panels laid out by constraints are drawn twice, which takes seconds.
+        figure.subplots_adjust(0.055, 0.5 / high, 0.99, 1.0 - 0.9 / high, wspace=0.26, hspace=0.2)
         title(figure, f"Six stiffnesses of every joint over its angle{made_up}")
     return figure
 
@@ -150,7 +154,7 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
     known = [d for d in found.directions.values() if d.row in rows and d.law is not None]
     bottom = 0.4 * min((factor * d.mean for d in known), default=1.0)
     top = 2.5 * max((factor * (d.mean + d.quantile * d.spread) for d in known), default=10.0)
-    handles: list[object] = []
+    handles: dict[str, object] = {}
     for r, row in enumerate(rows):
         for j, name in enumerate(names):
             d, x = found.directions[name, row], j + 0.27 * (r - 1)
@@ -162,12 +166,13 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
             half = factor * d.quantile * d.spread
             low = min(half, factor * d.mean - 0.5 * bottom)
             ax.errorbar(x, factor * d.mean, [[low], [half]], color=INK, linewidth=1.0, capsize=2.0)
-            if len(handles) == r:
+            if row not in handles:
                 bar.set_label(_WORDS[row])
-                handles.append(bar)
+                handles[row] = bar
+    ax.set_xlim(-0.6, len(names) - 0.4)
     ax.set_ylim(bottom, top)
     log_ticks(ax.yaxis, lambda v: f"{v:g}")
-    return handles
+    return list(handles.values())
 
 
 def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:

@@ -80,11 +80,7 @@ def summary(d: JointTwists) -> list[str]:
             f"{100.0 * most.share:.1f} % of the range ({most.joint}). From the way up alone that gear would come out "
             f"{100.0 * most.loading_only:+.1f} % stiffer."
         )
-    bad = [t.joint for t in d.diagonal if not t.suffices]
-    out.append(
-        f"A diagonal matrix is not enough at {', '.join(bad)}: cross terms are proven." if bad
-        else "A diagonal matrix a joint is enough: no cross term is both proven and above a tenth of the diagonal."
-    )  # fmt: skip
+    out += _diagonal_words(d)
     if d.flange is None:
         out.append(f"{d.no_flange[0].upper()}{d.no_flange[1:]}.")
     else:
@@ -99,6 +95,18 @@ def summary(d: JointTwists) -> list[str]:
             f"{_percent(d.flange.file.worst)}."
         )
     return out
+
+
+def _diagonal_words(d: JointTwists) -> list[str]:
+    bad = [t.joint for t in d.diagonal if not t.suffices]
+    if bad:
+        return [f"A diagonal matrix is not enough at {', '.join(bad)}: cross terms are proven."]
+    if not d.diagonal:
+        return ["Whether a diagonal matrix a joint is enough cannot be tested: no two rows of a joint have numbers."]
+    where = "" if len(d.diagonal) == d.given.robot.dof else f" at {', '.join(t.joint for t in d.diagonal)}"
+    return [
+        f"A diagonal matrix a joint is enough{where}: no cross term is both proven and above a tenth of the diagonal."
+    ]
 
 
 def _scatter_words(d: JointTwists) -> str:

@@ -16,15 +16,13 @@ from robots.schema import Calibration, Joint, LogFourierLaw, PlaceStiffness, Spr
 Array = NDArray[np.float64]
 
 SOURCE_KEY = "identified"
-# Whether model files know laws over the angle across the axis too, not only about it.
-ACROSS = "bearing_laws" in Joint.model_fields
 
 
 def with_six_springs(description: ModelDescription, model: ArmModel, found: Identified) -> ModelDescription:
     """The description with the identified springs; what has no number is rigid, but a gear keeps the spring it had.
 
-    About the axis the law is written as identified. Where the other five directions of a model file are constants, the
-    mean compliance over the angles measured is written, which :func:`held_constant` names.
+    Laws are written as identified. A table of stiffnesses fits a model file about the axis only: of the other five
+    directions the mean compliance over the angles measured is written, which :func:`held_constant` names.
     """
     joints = [_joint(joint, found, k) for k, joint in enumerate(description.joint)]
     data = found.data
@@ -52,7 +50,7 @@ def with_six_springs(description: ModelDescription, model: ArmModel, found: Iden
 
 
 def held_constant(found: Identified) -> tuple[str, ...]:
-    """What the model file does not hold as identified: directions across the axis that vary with the angle."""
+    """What the model file does not hold as identified: tables of stiffnesses across the axis."""
     varying = [f"{j}.{r}" for (j, r), d in found.directions.items() if d.law is not None and not _is_held(d, d.law)]
     if not varying:
         return ()
@@ -65,7 +63,7 @@ def held_constant(found: Identified) -> tuple[str, ...]:
 
 def _is_held(d: Direction, law: Law) -> bool:
     """Whether a model file has a direction's law as it is."""
-    return d.row == "rz" or law.kind == "constant" or (ACROSS and law.kind.startswith("fourier"))
+    return d.row == "rz" or law.kind == "constant" or law.kind.startswith("fourier")
 
 
 def constant_compliances(found: Identified, q: Array) -> Array:

@@ -181,6 +181,16 @@ def test_noise_and_scatter_are_found() -> None:
     assert found.scatter[1] == pytest.approx(0.04, rel=0.25)
 
 
+def test_scatter_of_set_ups_is_in_the_intervals() -> None:
+    """Gears are read to a fraction of a percent: what is left is the set-up."""
+    found = identify(tx200(), readings(truth(), replace(NOISY, scatter=0.04), 5), law="constant")
+    d = found.directions["j2", "rz"]
+    share = found.scatter[1]
+    # Three set-ups an angle, 21 in all.
+    assert (d.sd > share * d.value / np.sqrt(3.0) * 0.999).all()
+    assert d.spread > share * d.mean / np.sqrt(21.0) * 0.99
+
+
 def test_given_sigmas_are_used_and_not_estimated() -> None:
     data = readings(truth(), NOISY, 2)
     given = replace(data, sigma=np.tile(np.repeat([NOISY.noise_m, NOISY.noise_rad], 3), (data.n, 1)))

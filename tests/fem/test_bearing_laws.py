@@ -1,0 +1,73 @@
+"""Stiffness across a joint's axis that varies with the joint's angle: as a constant at every single angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fem
+from fem.direct import deflection_direct
+from fem.parameters import parameter
+from robots import InputError, load_description
+from robots.schema import ModelDescription
+
+
+def described() -> ModelDescription:
+    """kr60-3 whose joint 2 has laws about x and along y."""
+    plain = load_description("kr60-3").model_dump(by_alias=True)
+    law = {"kind": "log-fourier", "input": "q2_deg", "source": "assumed"}
+    plain["joint"][1]["bearing_laws"] = {
+        "rx": law | {"coefficients": (14.5, 0.3, -0.2)},
+        "ty": law | {"coefficients": (17.0, -0.1, 0.25)},
+    }
+    return ModelDescription.model_validate(plain)
+
+
+@pytest.fixture(scope="module")
+def model() -> fem.ArmModel:
+    return fem.build_model(described(), links="rigid")
+
+
+def constant_at(q2: float) -> fem.ArmModel:
+    """The same arm with the laws' values at an angle of joint 2 (rad) as constants."""
+    plain = load_description("kr60-3").model_dump(by_alias=True)
+    values = {
+        name: float(np.exp(a + b * np.cos(q2) + c * np.sin(q2)))
+        for name, (a, b, c) in {"rx": (14.5, 0.3, -0.2), "ty": (17.0, -0.1, 0.25)}.items()
+    }
+    units = {"rx": "N m/rad", "ty": "N/m"}
+    plain["joint"][1]["bearing"] = {n: {"value": v, "unit": units[n], "source": "assumed"} for n, v in values.items()}
+    return fem.build_model(ModelDescription.model_validate(plain), links="rigid")
+
+
+def test_at_each_angle_it_is_the_constant_of_that_angle(model: fem.ArmModel, rng: np.random.Generator) -> None:
+    low, high = model.robot.limits.T
+    q = rng.uniform(low, high, (6, 6))
+    for row in q:
+        one = fem.compliance(constant_at(row[1]), row[None])
+        # Round-off of sums of a handful of terms.
+        np.testing.assert_allclose(fem.compliance(model, row[None]), one, rtol=1e-12, atol=1e-18)
+    plain = fem.compliance(fem.build_model(load_description("kr60-3"), links="rigid"), q)
+    assert np.abs(fem.compliance(model, q) / plain - 1.0).max() > 1e-3
+
+
+def test_rigid_joints_have_no_laws(model: fem.ArmModel) -> None:
+    assert not fem.compliance(model.with_rigid_joints(), np.zeros((1, 6))).any()
+
+
+def test_codes_with_one_matrix_a_joint_refuse_it(model: fem.ArmModel) -> None:
+    with pytest.raises(InputError, match="bearing_laws of joint j2"):
+        deflection_direct(model, np.zeros((1, 6)), np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]))
+
+
+def test_a_direction_with_a_law_is_no_free_constant(model: fem.ArmModel) -> None:
+    with pytest.raises(InputError, match="law over the joint's angle"):
+        parameter(model, "j2.rx")
+    assert parameter(model, "j2.ry").place == "j2"
+
+
+def test_the_file_is_checked(model: fem.ArmModel) -> None:
+    bad = described().model_dump(by_alias=True)
+    bad["joint"][1]["bearing_laws"]["rx"]["input"] = "q9_deg"
+    with pytest.raises(ValueError, match="q9_deg"):
+        ModelDescription.model_validate(bad)
