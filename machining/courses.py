@@ -48,15 +48,20 @@ class Layers:
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """What links states: ``step`` (n - 1, dof) rad each joint may move, inf for any; ``gamma_step`` rad, likewise.
+    """What links states.
 
+    ``step`` (n - 1, dof) rad each joint may move, inf for any; ``gamma_step`` rad, one for all or (n - 1,), likewise.
     The cost of a link is ``weight * mean over joints of (dq / unit)^2`` with ``unit`` (n - 1, dof) rad.
     """
 
     step: Array
-    gamma_step: float
+    gamma_step: float | Array
     unit: Array
     weight: float
+
+    def turn(self, i: int) -> float:
+        """How far gamma may change from layer i to the next, rad."""
+        return float(np.asarray(self.gamma_step).reshape(-1)[i if np.ndim(self.gamma_step) else 0])
 
     def cost(self, i: int, dq: Array) -> Array:
         """Cost (...) of motions dq (..., dof) rad from layer i to the next."""
@@ -123,9 +128,10 @@ def _dense(layers: Layers, links: Links, i: int) -> Array:
     """Cost (k, m) of every link from layer i to the next, inf where there is none."""
     dq = layers.q[layers.rows(i + 1)] - layers.q[layers.rows(i)][:, None]
     far = (np.abs(dq) > links.step[i] * ROUNDING).any(axis=2)
-    if np.isfinite(links.gamma_step):
+    most = links.turn(i)
+    if np.isfinite(most):
         turn = layers.gamma[layers.rows(i + 1)] - layers.gamma[layers.rows(i)][:, None]
-        far |= _short_way(turn) > links.gamma_step * ROUNDING + 1e-12
+        far |= _short_way(turn) > most * ROUNDING + 1e-12
     return np.where(far, np.inf, links.cost(i, dq))
 
 
@@ -140,9 +146,10 @@ def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers
         a, b = found["i"].astype(np.int64), found["j"].astype(np.int64)
     else:
         a, b = (index.ravel() for index in np.indices((len(A), len(B))))
-    if np.isfinite(links.gamma_step):
+    most = links.turn(i)
+    if np.isfinite(most):
         turn = layers.gamma[layers.rows(i + 1)][b] - layers.gamma[layers.rows(i)][sources][a]
-        near = _short_way(turn) <= links.gamma_step * ROUNDING + 1e-12
+        near = _short_way(turn) <= most * ROUNDING + 1e-12
         a, b = a[near], b[near]
     return sources[a], b
 

@@ -19,6 +19,7 @@ import fem
 from machining.courses import Gap, Links
 from machining.drive import Drive
 from machining.objective import Objective
+from machining.path_error import PathError
 from machining.path_posture import refine_course
 from machining.path_problem import Course, Problem, gap_error, problem_of, solve, states_of
 from machining.posture import GammaRange, sweep_gamma
@@ -31,8 +32,10 @@ Integers = NDArray[np.int64]
 
 # Knots at first; enough that a smooth surface's gamma is found, few enough for a second's search.
 KNOTS = 300
-# Searches with more knots before it is given up.
-TRIALS = 5
+# Searches with less change of gamma, or more knots, where the last one failed, before it is given up.
+TRIALS = 20
+# Cells of the grid that gamma changes by from knot to knot at first.
+CELLS = 2.0
 # Turning the tool by a radian counts as much as moving by this many m when knots are spread.
 LEVER = 0.5
 
@@ -72,20 +75,28 @@ def optimise_long_path(
         As :func:`machining.optimise_path`; the arm has no closed-form inverse kinematics.
     """
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
-    links = _links(model, task, drive, free)
+    search = _Search(model, task, objective, gammas, drive, _links(model, task, drive, free), passes)
     chosen = _spread(task.path, min(knots, task.path.n))
+    rate = _first_rate(chosen, drive.gamma_step, gammas.cell)
     for trial in range(TRIALS):
         if progress is not None:
             progress(trial, TRIALS)
-        gamma = _gamma(model, task, objective, gammas, drive, links, chosen, passes)
-        found = _follow(model, task, gamma, objective, drive, links)
-        if not isinstance(found, InputError):
+        try:
+            found, error = search.course(chosen, rate)
+        except InputError:
+            if trial > 0:
+                raise
+            # Gamma has to change faster than is usual.
+            rate = np.full(task.path.n - 1, drive.gamma_step)
+            continue
+        if isinstance(error, Course):
             if progress is not None:
                 progress(TRIALS, TRIALS)
-            return LongCourse(found, chosen)
-        if len(chosen) == task.path.n or trial == TRIALS - 1:
-            raise found
-        chosen = _spread(task.path, min(3 * len(chosen), task.path.n))
+            return LongCourse(error, chosen)
+        more = _tighter(chosen, rate, found.gamma, error.points, gammas.cell)
+        if (len(more) == len(chosen) == task.path.n) or trial == TRIALS - 1:
+            raise error
+        chosen = more
     raise AssertionError("unreachable")  # pragma: no cover
 
 
@@ -105,7 +116,7 @@ def follow_gamma(
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
     found = _follow(model, task, angle, objective, drive, _links(model, task, drive, free))
-    if isinstance(found, InputError):
+    if isinstance(found, PathError):
         raise found
     return found
 
@@ -129,34 +140,98 @@ def _spread(path: ToolPath, count: int) -> Integers:
     return np.unique(np.clip(np.searchsorted(way, wanted), 0, path.n - 1).astype(np.int64))
 
 
-def _gamma(
-    model: fem.ArmModel,
-    task: Task,
-    objective: Objective,
-    gammas: GammaRange,
-    drive: Drive,
-    links: Links,
-    knots: Integers,
-    passes: int,
-) -> Array:
-    """Gamma (n,) of the best course on the knots, interpolated to all points."""
-    knot_task, knot_objective = _at_knots(task, objective, knots)
-    sweep = sweep_gamma(model, knot_task, knot_objective, gammas.angles)
-    problem = problem_of(model, knot_task, knot_objective, gammas, drive, sweep, None)
-    share = np.gradient(knots.astype(np.float64)) / (task.path.n - 1) if len(knots) > 1 else np.ones(1)
-    problem = replace(problem, links=_summed(links, knots, task.path.n), share=share)
-    states = states_of(problem, sweep)
-    found = solve(problem, states, problem.links)
-    best = refine_course(problem, states, found, passes) if passes > 0 else found
-    if isinstance(best, Gap):
-        a, b = knots[best.after], knots[best.after + 1]
-        raise gap_error(problem, states, best).at(int(a), f"between points {a} and {b}")
-    way = np.arange(task.path.n, dtype=np.float64)
-    if len(knots) == task.path.n:
-        return best.gamma
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A search on knots, followed at all points."""
+
+    model: fem.ArmModel
+    task: Task
+    objective: Objective
+    gammas: GammaRange
+    drive: Drive
+    links: Links
+    passes: int
+
+    def course(self, knots: Integers, rate: Array) -> tuple[Course, Course | PathError]:
+        """Best course on the knots, and the course of all points, or what is in its way.
+
+        Raises
+        ------
+        InputError
+            No course on the knots alone.
+        """
+        task, objective = _at_knots(self.task, self.objective, knots)
+        sweep = sweep_gamma(self.model, task, objective, self.gammas.angles)
+        problem = problem_of(self.model, task, objective, self.gammas, self.drive, sweep, None)
+        n = self.task.path.n
+        share = np.gradient(knots.astype(np.float64)) / (n - 1) if len(knots) > 1 else np.ones(1)
+        problem = replace(problem, links=_summed(self.links, rate, knots, n), share=share)
+        states = states_of(problem, sweep)
+        found = solve(problem, states, problem.links)
+        if isinstance(found, Gap) and self.passes == 0:
+            raise _at_points(gap_error(problem, states, found), knots)
+        if not isinstance(found, Gap):
+            # Before the finer grids: a change of gamma that leads out of reach is no use refining.
+            lost = self._lost(_between(knots, found.gamma, n))
+            if lost is not None:
+                return found, lost
+        best = refine_course(problem, states, found, self.passes) if self.passes > 0 else found
+        if isinstance(best, Gap):
+            raise _at_points(gap_error(problem, states, best), knots)
+        followed = self._follow(_between(knots, best.gamma, n))
+        if isinstance(followed, PathError) and not isinstance(found, Gap) and best is not found:
+            coarse = self._follow(_between(knots, found.gamma, n))
+            followed = followed if isinstance(coarse, PathError) else coarse
+        return best, followed
+
+    def _lost(self, gamma: Array) -> PathError | None:
+        try:
+            sweep_gamma(self.model, self.task, self.objective, gamma[:, None]).check_reached()
+        except PathError as error:
+            return error
+        return None
+
+    def _follow(self, gamma: Array) -> Course | PathError:
+        return _follow(self.model, self.task, gamma, self.objective, self.drive, self.links)
+
+
+def _between(knots: Integers, gamma: Array, n: int) -> Array:
+    """Gamma (n,) at all points from that at the knots, without overshoot."""
+    if len(knots) == n:
+        return gamma
     if len(knots) == 1:
-        return np.full(task.path.n, best.gamma[0])
-    return np.asarray(PchipInterpolator(knots, np.unwrap(best.gamma))(way))
+        return np.full(n, gamma[0])
+    return np.asarray(PchipInterpolator(knots, np.unwrap(gamma))(np.arange(n, dtype=np.float64)))
+
+
+def _first_rate(knots: Integers, most: float, cell: float) -> Array:
+    """What gamma may change by from point to point (n - 1,) rad at first.
+
+    Between knots some points apart no more than two cells of the grid: then it cannot pass from one range of gamma to
+    another through what is barred between them, for the knots would see that.
+    """
+    many = np.diff(knots)
+    return np.repeat(np.where(many > 1, np.minimum(most, CELLS * cell / np.maximum(many, 1)), most), many)
+
+
+def _tighter(knots: Integers, rate: Array, gamma: Array, bad: Integers, cell: float) -> Integers:
+    """What to change where gamma between knots went wrong: knots with those to add; ``rate`` is changed in place.
+
+    A change of gamma that is larger than a cell of the grid is halved. A small one goes astray only because what is
+    allowed moves between the knots: there are too few.
+    """
+    segments = np.unique(np.clip(np.searchsorted(knots, bad, side="right") - 1, 0, len(knots) - 2))
+    change = np.abs(np.diff(np.unwrap(gamma)))[segments]
+    added = [knots]
+    for k, moved in zip(segments, change, strict=True):
+        a, b = int(knots[k]), int(knots[k + 1])
+        if moved > cell:
+            rate[a:b] = np.minimum(rate[a:b], 0.5 * moved / (b - a))
+        else:
+            inside = bad[(bad > a) & (bad < b)]
+            middle = int(inside[len(inside) // 2]) if len(inside) else (a + b) // 2
+            added.append(np.unique([(a + middle) // 2, middle, (middle + b) // 2]))
+    return np.unique(np.concatenate(added))
 
 
 def _at_knots(task: Task, objective: Objective, knots: Integers) -> tuple[Task, Objective]:
@@ -166,27 +241,31 @@ def _at_knots(task: Task, objective: Objective, knots: Integers) -> tuple[Task, 
     return few, replace(objective, force=None if forces is None else forces[knots])
 
 
-def _summed(links: Links, knots: Integers, n: int) -> Links:
+def _at_points(error: PathError, knots: Integers) -> PathError:
+    a, b = knots[error.point], knots[min(error.point + 1, len(knots) - 1)]
+    return error.at(int(a), f"between points {a} and {b}")
+
+
+def _summed(links: Links, rate: Array, knots: Integers, n: int) -> Links:
     """What the segments between two knots allow together."""
     if len(knots) < 2:
-        return replace(links, step=links.step[:0], unit=links.unit[:0])
+        return replace(links, step=links.step[:0], unit=links.unit[:0], gamma_step=rate[:0])
     many = np.diff(knots)[:, None]
     step = np.add.reduceat(links.step, knots[:-1], axis=0)
     unit = np.add.reduceat(links.unit, knots[:-1], axis=0) / np.sqrt(many)
-    gamma_step = links.gamma_step * float(many.min()) if np.isfinite(links.gamma_step) else links.gamma_step
-    return Links(step, gamma_step, unit, links.weight / n)
+    return Links(step, np.add.reduceat(rate, knots[:-1]), unit, links.weight / n)
 
 
 def _follow(
     model: fem.ArmModel, task: Task, gamma: Array, objective: Objective, drive: Drive, links: Links
-) -> Course | InputError:
+) -> Course | PathError:
     """Best branches and turns at a given gamma, or what is in the way."""
     try:
         sweep = sweep_gamma(model, task, objective, gamma[:, None])
         problem: Problem = problem_of(model, task, objective, GammaRange(), drive, sweep, None)
         problem = replace(problem, links=replace(links, weight=links.weight / task.path.n))
         states = states_of(problem, sweep)
-    except InputError as error:
+    except PathError as error:
         return error
     found = solve(problem, states, problem.links)
     return gap_error(problem, states, found) if isinstance(found, Gap) else found

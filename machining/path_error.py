@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robots import InputError
 
 
 class PathError(InputError):
-    """Bad input at path point ``point``; else as :class:`robots.InputError`."""
+    """Bad input at path points: ``points`` (k,), the first is ``point``; else as :class:`robots.InputError`."""
 
     def __init__(
         self,
-        point: int,
+        points: int | NDArray[np.int64],
         what: str,
         *,
         value: object = None,
@@ -18,8 +21,13 @@ class PathError(InputError):
         remedy: str | None = None,
     ) -> None:
         super().__init__(what, value=value, allowed=allowed, remedy=remedy)
-        self.point = point
+        self.points = np.atleast_1d(np.asarray(points, dtype=np.int64))
 
-    def at(self, point: int, where: str) -> PathError:
-        """The same at another point of a finer path, or under another name."""
-        return PathError(point, f"{where}: {self.what}", value=self.value, allowed=self.allowed, remedy=self.remedy)
+    @property
+    def point(self) -> int:
+        """The first point."""
+        return int(self.points[0])
+
+    def at(self, points: int | NDArray[np.int64], where: str) -> PathError:
+        """The same at other points, of a finer path or under another name."""
+        return PathError(points, f"{where}: {self.what}", value=self.value, allowed=self.allowed, remedy=self.remedy)

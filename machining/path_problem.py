@@ -121,7 +121,7 @@ def _check_left(n: int, point: Integers, thing: str, least: str) -> None:
     empty = np.flatnonzero(np.bincount(point, minlength=n) == 0)
     if len(empty):
         raise PathError(
-            int(empty[0]),
+            empty,
             f"path point {int(empty[0])} ({len(empty)} of {n} points): all postures are too near to {thing}",
             allowed=f"a distance of {least} or more",
             remedy=f"move the part, tilt the tool, or lower that distance ({least})",

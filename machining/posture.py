@@ -115,7 +115,7 @@ class Sweep:
         )
         more = f" (and {len(lost) - 1} more: {', '.join(map(str, lost[1:6]))}{' ...' if len(lost) > 6 else ''})"
         raise PathError(
-            first,
+            lost,
             f"path point {first}{more if len(lost) > 1 else ''} cannot be reached at any of {self.gamma.shape[1]} "
             f"angles gamma from {np.degrees(self.gamma[first].min()):.4g} to "
             f"{np.degrees(self.gamma[first].max()):.4g} deg",

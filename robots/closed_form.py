@@ -16,6 +16,8 @@ Bools = NDArray[np.bool_]
 
 # Targets a pass: the arrays of one pass then stay in the processor's cache.
 CHUNK = 2048
+# Up to this many targets the four wrists of a pass are solved at once: calls of numpy are what counts then.
+FEW = 64
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ def _solve(arm: SphericalWristArm, T: Array, near: Array, q: Array, reason: NDAr
     free = (radius < BOUNDARY * arm.length) & (np.abs(across) < margin)
     straight = np.arctan2(y1, x1)
     reason[:, np.abs(across) - radius > margin] = Reason.SHOULDER
+    hands: list[list[Array]] = []
     for back in (0, 1):
         side = arm.front * (1.0 - 2.0 * back)
         q1 = np.where(free, near[0] + np.pi * back, straight - side * swing)
@@ -86,7 +89,29 @@ def _solve(arm: SphericalWristArm, T: Array, near: Array, q: Array, reason: NDAr
         singular[rows, 0] = np.abs(place[1]) < SINGULAR * arm.length
         turned = [arm.R_21 @ np.stack([cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]]) for v in hand]
         seen = (arm.R_21 @ place)[:2] - arm.t_21[:2, None]
-        _solve_elbow(arm, seen, turned, side * arm.front, near, q[rows], reason[rows], singular[rows])
+        hands += _solve_elbow(arm, seen, turned, side * arm.front, near, q[rows], reason[rows], singular[rows])
+    if T.shape[-1] <= FEW:
+        _solve_wrists(arm, hands, near, q, reason, singular)
+        return
+    for i, turned in enumerate(hands):
+        rows = slice(2 * i, 2 * i + 2)
+        solve_wrist(arm.wrist, turned, near[3], arm.margin_rad, q[rows], reason[rows], singular[rows])
+
+
+def _solve_wrists(
+    arm: SphericalWristArm, hands: list[list[Array]], near: Array, q: Array, reason: NDArray[np.int8], singular: Bools
+) -> None:
+    """The wrists of all four arms in one call, side by side."""
+    k = q.shape[-1]
+    z6, x6 = (np.concatenate(parts, axis=1) for parts in zip(*hands, strict=True))
+    # Rows (flip), columns (arm, target) of what solve_wrist reads and writes.
+    side = reason.reshape(4, 2, k).swapaxes(0, 1).reshape(2, 4 * k)
+    angles, marks = np.empty((2, 6, 4 * k)), np.zeros((2, 3, 4 * k), dtype=np.bool_)
+    solve_wrist(arm.wrist, (z6, x6), np.tile(near[3], 4), arm.margin_rad, angles, side, marks)
+    for flip in (0, 1):
+        q[flip::2, 3:] = angles[flip, 3:].reshape(3, 4, k).swapaxes(0, 1)
+        reason[flip::2] = side[flip].reshape(4, k)
+        singular[flip::2, 2] = marks[flip, 2].reshape(4, k)
 
 
 def _solve_elbow(
@@ -98,8 +123,8 @@ def _solve_elbow(
     q: Array,
     reason: NDArray[np.int8],
     singular: Bools,
-) -> None:
-    """Joints 2 and 3 bring the wrist centre to ``wrist`` (2, k) in the plane across axis 2; then the wrist."""
+) -> list[list[Array]]:
+    """Joints 2 and 3 bring the wrist centre to ``wrist`` (2, k) across axis 2; returns what is left to the wrists."""
     margin = arm.margin_m
     upper, fore = arm.upper, arm.fore
     distance = np.hypot(wrist[0], wrist[1])
@@ -111,6 +136,7 @@ def _solve_elbow(
     towards = np.arctan2(wrist[1], wrist[0])
     free = distance < BOUNDARY * arm.length
     singular[:, 1] = (bend < SINGULAR) | (np.pi - bend < SINGULAR)
+    hands = []
     for down in (0, 1):
         elbow = arm.elbow_up * side * (1.0 - 2.0 * down) * bend
         q2 = towards - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
@@ -119,8 +145,8 @@ def _solve_elbow(
         q[rows, 1], q[rows, 2] = q2, arm.sign3 * (elbow - arm.elbow_zero)
         pitch = q2 + elbow - arm.elbow_zero
         cos, sin = np.cos(pitch), np.sin(pitch)
-        turned = [arm.R_42 @ np.stack([cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]]) for v in hand]
-        solve_wrist(arm.wrist, turned, near[3], arm.margin_rad, q[rows], reason[rows], singular[rows])
+        hands.append([arm.R_42 @ np.stack([cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]]) for v in hand])
+    return hands
 
 
 def times(R: Array, v: Array) -> Array:

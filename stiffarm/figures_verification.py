@@ -44,14 +44,21 @@ def clearance_figure(found: Verification) -> Figure:
         _, proven = binned(np.clip(swept.proven, 0.0, swept.within) * 1e3, least=True)
         ax.fill_between(x, proven, np.maximum(seen, 0.0), color=PROVEN, linewidth=0.0)
         ax.plot(x, np.maximum(seen, 0.0), color=SEEN, linewidth=1.4)
-        handles = [Line2D([], [], color=SEEN, label="least distance seen"), Patch(color=PROVEN, label="down to the distance proven")]
+        handles: list[Line2D | Patch] = [
+            Line2D([], [], color=SEEN, label="least distance seen"),
+            Patch(color=PROVEN, label="down to the distance proven"),
+        ]
         if found.safety > 0.0:
             ax.axhline(found.safety * 1e3, color=BAD, linestyle=":", linewidth=1.4)
-            handles.append(Line2D([], [], color=BAD, linestyle=":", label=f"safety distance, {found.safety * 1e3:g} mm"))
-        hits = np.flatnonzero(np.isfinite(swept.hit))
-        if len(hits):
-            ax.plot(hits, np.zeros(len(hits)), "|", color=BAD, markersize=16, markeredgewidth=1.6, clip_on=False)
-            handles.append(Line2D([], [], color=BAD, marker="|", linestyle="", markersize=10, label="overlap"))
+            handles.append(
+                Line2D([], [], color=BAD, linestyle=":", label=f"safety distance, {found.safety * 1e3:g} mm")
+            )
+        hits = [o for o in found.offences if o.kind is Kind.COLLISION]
+        for offence in hits:
+            ax.axvspan(offence.move - 0.5, offence.last + 0.5, color=BAD, alpha=0.25, linewidth=0.0)
+            ax.axvspan(offence.move - 0.5, offence.last + 0.5, ymax=0.03, color=BAD, linewidth=0.0)
+        if hits:
+            handles.append(Patch(color=BAD, label="overlap"))
         ax.set(ylim=(0.0, within * 1.03), ylabel=f"distance (mm), up to {within:g}")
         _moves(ax, n)
         above(ax, handles, 4)
@@ -76,12 +83,13 @@ def speeds_figure(found: Verification) -> Figure | None:
             ax.plot(x, worst, color=colour, linestyle=style, linewidth=1.2, label=found.axes.names[j])
         ax.axhline(100.0, color=BAD, linestyle=":", linewidth=1.4)
         top = float(np.nanmax(share))
-        ax.set(ylim=(0.0, max(110.0, 1.05 * min(top, 400.0))), ylabel="speed asked over the greatest (%)")
+        # Far below the limit the limit is left out, so that the curves can be told apart.
+        high = 1.25 * top if top < 25.0 else max(110.0, 1.05 * min(top, 400.0))
+        ax.set(ylim=(0.0, high if high > 0.0 else 1.0), ylabel="speed asked over the greatest (%)")
         _mark(ax, found, Kind.SPEED)
         _moves(ax, found.program.n)
         above(ax, ax.get_legend_handles_labels()[0], min(len(shown), 9))
-        beyond = f"; up to {top:.3g} %" if top > 400.0 else ""
-        title(figure, f"Axis speeds at the programmed feed{beyond}")
+        title(figure, f"Axis speeds at the programmed feed: up to {top:.3g} % of the greatest")
     return figure
 
 

@@ -71,13 +71,10 @@ def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
     InputError
         An unknown format or kind, or a format named twice.
     """
-    kinds: dict[str, tuple[Kind, ...]] = {
-        "cartesian": ("cartesian",),
-        "joint": ("joint",),
-        "both": ("cartesian", "joint"),
-    }
-    if kind not in kinds:
-        raise InputError("--coordinates", value=kind, allowed=", ".join(kinds))
+    both: tuple[Kind, ...] = ("cartesian", "joint")
+    kinds = tuple(k for k in both if kind in (k, "both"))
+    if not kinds:
+        raise InputError("--coordinates", value=kind, allowed="cartesian, joint, both", remedy="choose one of them")
     names = [part.strip() for part in text.split(",") if part.strip()]
     for name in names:
         if name not in FORMATS:

@@ -55,14 +55,13 @@ def _mesh(solid: Solid, most: int) -> tuple[Array, Indices]:
         around = trimesh.convex.convex_hull((nodes[:, None] + ball).reshape(-1, 3))
         nodes, faces = np.asarray(around.vertices), np.asarray(around.faces)
     if len(faces) > most:
-        thin = pv.PolyData.from_regular_faces(nodes, faces).decimate(1.0 - most / len(faces))
+        numbers: Any = faces
+        thin = pv.PolyData.from_regular_faces(nodes, numbers).decimate(1.0 - most / len(faces))
         nodes, faces = np.asarray(thin.points), np.asarray(thin.regular_faces)
     return np.asarray(nodes, dtype=np.float64), np.asarray(faces, dtype=np.int64)
 
 
-def placed_in_world(
-    scene: Scene, surfaces: list[BodySurface], q: Array, travel: Array, table: float
-) -> list[Array]:
+def placed_in_world(scene: Scene, surfaces: list[BodySurface], q: Array, travel: Array, table: float) -> list[Array]:
     """Vertices (k, 3) m of the surfaces in the world, at a pose q (dof,) rad, travel (k,) m and table rad."""
     R, p = (x[0] for x in scene.frames(q[None], travel[None], np.array([table])))
     base = scene.cell.T_world_base(travel[None])[0]

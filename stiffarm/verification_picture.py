@@ -31,6 +31,8 @@ COLOURS = {
 FIRST, SECOND = style.OKABE_ITO["vermillion"], style.OKABE_ITO["purple"]
 # Half the width of the near view, m; what is smaller than this around the touch is seen.
 NEAR = 0.22
+# Lines of sight that a view is judged by, a body.
+RAYS = 24
 FLOOR_COLOUR = "#E8EAED"
 M_TO_MM = 1e3
 
@@ -47,9 +49,13 @@ def offence_picture(found: Verification, offence: Offence, path: Path, *, render
     style.require_folder(path)
     surfaces = body_surfaces(found.scene)
     placed = placed_in_world(found.scene, surfaces, offence.q, offence.travel, offence.table)
-    place = place_of(found, offence, surfaces, placed)
+    touching = [
+        _dense(x, b.triangles) for b, x in zip(surfaces, placed, strict=True) if b.name in (offence.bodies or ())
+    ]
+    place = place_of(found, offence, touching)
     base = found.program.cell.T_world_base(offence.travel[None])[0, :3, 3]
-    camera = style.Camera(_towards(base, place))
+    everything = np.concatenate([x[b.triangles] for b, x in zip(surfaces, placed, strict=True)])
+    camera = style.Camera(_towards(base, place, [_near_points(place, x) for x in touching], everything))
     painted = tuple(
         Surface(M_TO_MM * x, body.triangles, np.tile(to_rgb(_colour(offence, body)), (len(body.triangles), 1)))
         for body, x in zip(surfaces, placed, strict=True)
@@ -61,10 +67,10 @@ def offence_picture(found: Verification, offence: Offence, path: Path, *, render
     with style.house_style():
         left = figure.add_axes((0.01, 0.02, 0.48, 0.90))
         right = figure.add_axes((0.51, 0.02, 0.48, 0.90))
-        bodies = [x for body, x in zip(surfaces, placed, strict=True)]
-        _frame(figure, left, camera(M_TO_MM * np.vstack(bodies))[:, :2])
-        near = camera(M_TO_MM * (place + NEAR * np.array([[-1, -1, -1], [1, 1, 1], [0, 0, 0]])))[2, :2]
-        _frame(figure, right, near + M_TO_MM * NEAR * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        corners = np.vstack([M_TO_MM * np.vstack(placed), *(surface.vertices for surface in floor)])
+        _frame(figure, right, camera(M_TO_MM * place)[:2] + M_TO_MM * NEAR * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        near = np.stack([right.get_xlim(), right.get_ylim()], axis=1)
+        _frame(figure, left, np.vstack([camera(corners)[:, :2], near]))
         for axes in (left, right):
             show(figure, axes, whole, works)
         _box_of_near(left, right)
@@ -73,16 +79,15 @@ def offence_picture(found: Verification, offence: Offence, path: Path, *, render
     return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
 
 
-def place_of(found: Verification, offence: Offence, surfaces: list[BodySurface], placed: list[Array]) -> Array:
-    """The place (3,) m that an offence is at: between its bodies where they are nearest, else the tool tip."""
-    pair = [_dense(x, b.triangles) for b, x in zip(surfaces, placed, strict=True) if b.name in (offence.bodies or ())]
+def place_of(found: Verification, offence: Offence, pair: list[Array]) -> Array:
+    """The place (3,) m of an offence: between its bodies (points of each) where they are nearest, else the tip."""
     if len(pair) == 1:
         # The other is the floor: the lowest point.
         return np.asarray(pair[0][np.argmin(pair[0][:, 2])])
     if len(pair) == 2:
         distance, other = cKDTree(pair[1]).query(pair[0])
         nearest = int(np.argmin(distance))
-        return np.asarray(0.5 * (pair[0][nearest] + pair[1][other[nearest]]))
+        return np.asarray(0.5 * (pair[0][nearest] + pair[1][np.asarray(other)[nearest]]))
     cell = found.program.cell
     tip = found.courses.frames(found.axes.table(offence.q[None], offence.travel[None], np.array([offence.table])))
     return np.asarray((cell.T_world_part(np.array([offence.table]))[0] @ tip[0])[:3, 3])
@@ -94,13 +99,50 @@ def _dense(vertices: Array, triangles: NDArray[np.int64]) -> Array:
     return np.asarray((share @ vertices[triangles]).reshape(-1, 3))
 
 
-def _towards(base: Array, place: Array) -> Array:
-    """From a place to the eye: aside of the arm and a little ahead of it, from above."""
+def _towards(base: Array, place: Array, bodies: list[Array], everything: Array) -> Array:
+    """From a place to the eye, from above: aside of the arm unless the bodies hide each other there.
+
+    Parameters
+    ----------
+    bodies : points (k, 3) m of the bodies near the place, one array each
+    everything : (t, 3, 3) m, corners of all triangles in the scene
+    """
     ahead = place[:2] - base[:2]
     length = float(np.linalg.norm(ahead))
-    ahead = np.array([1.0, 0.0]) if length < 1e-6 else ahead / length
-    aside = np.array([ahead[1], -ahead[0]])
-    return np.array([*(0.85 * aside + 0.55 * ahead), 0.5])
+    along = float(np.arctan2(ahead[1], ahead[0])) if length > 1e-6 else 0.0
+    best, chosen_way = -1.0, np.array([0.0, -1.0, 0.5])
+    # Aside first: of views that show as much the first is taken.
+    for turn in np.radians([-57.0, 57.0, -90.0, 90.0, -25.0, 25.0, -120.0, 120.0]):
+        way = np.array([np.cos(along + turn), np.sin(along + turn), 0.5])
+        seen = min((float(_seen(points, way, everything).mean()) for points in bodies), default=1.0)
+        if seen > best + 0.1:
+            best, chosen_way = seen, way
+    return chosen_way
+
+
+def _near_points(place: Array, points: Array) -> Array:
+    """At most ``RAYS`` points of a body near the place, evenly chosen."""
+    near = points[np.linalg.norm(points - place, axis=1) < 0.3 * NEAR]
+    near = near if len(near) else points
+    return np.asarray(near[np.linspace(0, len(near) - 1, min(len(near), RAYS)).astype(int)])
+
+
+def _seen(points: Array, way: Array, triangles: Array) -> NDArray[np.bool_]:
+    """Whether nothing stands between points (k, 3) and an eye far off along ``way`` (T. Moeller, B. Trumbore 1997)."""
+    way = way / np.linalg.norm(way)
+    # A step off the surface that a point is on.
+    start = points + 1e-3 * way
+    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    p = np.cross(way, v)
+    volume = np.einsum("ti,ti->t", u, p)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = start[:, None] - a
+        first = np.einsum("kti,ti->kt", r, p) / volume
+        q = np.cross(r, u)
+        second = q @ way / volume
+        distance = np.einsum("kti,ti->kt", q, v) / volume
+    hit = (first >= 0.0) & (second >= 0.0) & (first + second <= 1.0) & (distance > 0.0)
+    return np.asarray(~hit.any(axis=1))
 
 
 def _colour(offence: Offence, body: BodySurface) -> str:

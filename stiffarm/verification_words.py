@@ -27,7 +27,8 @@ def value_words(offence: Offence) -> str:
     if offence.kind is Kind.BRANCH_JUMP:
         return f"largest joint step {value:.3g} {unit}"
     if offence.kind is Kind.UNPROVEN:
-        return f"{value:.2g} {unit} apart where it was seen"
+        apart = f"{value:.2g}" if value >= 1e-3 else "less than 0.001"
+        return f"{apart} {unit} apart where it was seen"
     # A value that rounds to its limit would look like no offence.
     digits = 4 if f"{value:.4g}" != f"{limit:.4g}" else 9
     return f"{value:.{digits}g} {unit}".strip() + f", limit {limit:.4g} {unit}".rstrip()

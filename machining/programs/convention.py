@@ -18,7 +18,7 @@ from robots.library import parse_toml
 
 Array = NDArray[np.float64]
 
-SCHEMA = "stiffarm-controller-arm/1"
+SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 
 
 class ConventionTable(Strict):

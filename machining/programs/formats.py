@@ -119,7 +119,7 @@ def _notes(job: Job, name: str) -> list[str]:
             notes.append("the part frame turns with the turntable: couple it to the turntable on the controller")
         elif job.T_base is None:
             notes.append("the controller's robot frame is not known: set the part frame on the robot")
-    if name == "rapid" and o.rapid_language.tool_mass_kg is None:
+    if name == "rapid" and o.abb.tool_mass_kg is None:
         notes.append(f"the load of the tool is not known: tooldata {o.tool_name} has to stand on the controller")
     if name == "krl" and job.kind == "joint":
         notes.append(f"PTP moves at {o.joint_percent:g} % of the axes' speed: the feed of the tool path is not kept")
@@ -195,6 +195,9 @@ def round_trip(
         raise InputError(f"{name} program", value=f"{len(found.words)} moves", allowed=f"{program.n}, as written")
     if found.kind != kind:
         raise InputError(f"{name} program", value=f"{found.kind} coordinates", allowed=kind)
+    if found.external.shape[1] != external_count(program):
+        value = f"{found.external.shape[1]} external axes"
+        raise InputError(f"{name} program", value=value, allowed=f"{external_count(program)}, as the cell has")
     convention = _convention(program, name, o)
     linear = len(program.cell.linear_axes)
     external = convention.external_back(found.external)

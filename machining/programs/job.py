@@ -83,7 +83,7 @@ class Job:
     @property
     def external_decimals(self) -> tuple[int, ...]:
         """Digits of each external axis."""
-        linear = (self.options.decimals.length,) * self.program.travel.shape[1]
+        linear = (self.options.decimals.length,) * len(self.program.cell.linear_axes)
         return linear + (self.options.decimals.angle,) * (self.program.cell.turntable is not None)
 
     def moves(
@@ -155,7 +155,7 @@ def external_axes(program: JointProgram, part: slice) -> Array:
 
 def external_count(program: JointProgram) -> int:
     """Number of external axes."""
-    return program.travel.shape[1] + (program.cell.turntable is not None)
+    return len(program.cell.linear_axes) + (program.cell.turntable is not None)
 
 
 def formatted(values: Array, decimals: Sequence[int]) -> list[tuple[str, ...]]:

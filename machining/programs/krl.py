@@ -41,7 +41,8 @@ CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 AXES = tuple(f"A{i + 1}" for i in range(ARM))
 _MOTION = re.compile(r"\s*(LIN|PTP)\s*\{(?:\s*E6\w+\s*:)?([^{}]*)\}\s*(?:C_\w+\s*)*(?:;.*)?$", re.IGNORECASE)
 _SPEED = re.compile(r"\s*\$VEL\.CP\s*=\s*(\S+)\s*(?:;.*)?$", re.IGNORECASE)
-_CALL = re.compile(r"\s*([A-Za-z]\w*)\s*\(\s*\)\s*(?:;.*)?$")
+# Parts end in their number; other calls are the shop's own.
+_CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*\(\s*\)\s*(?:;.*)?$")
 # Motion that this reader does not know must not be passed over.
 _OTHER = re.compile(r"\s*(?:LIN|PTP|CIRC|SLIN|SPTP|SCIRC|SPL|SPLINE|LIN_REL|PTP_REL|CIRC_REL|ASYPTP)\b", re.IGNORECASE)
 

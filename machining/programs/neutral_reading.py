@@ -46,7 +46,9 @@ def program_from_json(text: str, robot: Robot, cell: Cell, where: str = "program
     try:
         motions = _motions(data, table, T, where)
         branch = _integers(table["branch"])
-    except (TypeError, KeyError, OverflowError) as error:
+    except InputError:
+        raise
+    except (TypeError, ValueError, KeyError, OverflowError) as error:
         raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
     names = tuple(str(name) for name in _list(data, "branches", where))
     q = np.radians(np.stack([table[f"q{i + 1}_deg"] for i in range(robot.dof)], axis=1))

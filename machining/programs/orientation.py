@@ -25,7 +25,7 @@ def zyx_degrees(R: Array) -> Array:
     b = np.arctan2(-R[:, 2, 0], across)
     sin, cos = np.sin(a), np.cos(a)
     c = np.arctan2(sin * R[:, 0, 2] - cos * R[:, 1, 2], cos * R[:, 1, 1] - sin * R[:, 0, 1])
-    return np.degrees(np.stack([a, b, c], axis=1))
+    return np.asarray(np.degrees(np.stack([a, b, c], axis=1)))
 
 
 def from_zyx_degrees(angles: Array) -> Array:
@@ -40,7 +40,7 @@ def xyz_degrees(R: Array) -> Array:
     b = np.arctan2(R[:, 0, 2], across)
     sin, cos = np.sin(a), np.cos(a)
     c = np.arctan2(cos * R[:, 1, 0] + sin * R[:, 2, 0], cos * R[:, 1, 1] + sin * R[:, 2, 1])
-    return np.degrees(np.stack([a, b, c], axis=1))
+    return np.asarray(np.degrees(np.stack([a, b, c], axis=1)))
 
 
 def from_xyz_degrees(angles: Array) -> Array:

@@ -32,9 +32,9 @@ UNUSED = "9E9"
 ZONE = (1.0, 1.5, 1.5, 0.15, 1.5, 0.15)
 _MOTION = re.compile(r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,\s*\w+\s*,\s*\w+\s*,.*;", re.IGNORECASE)
 _SPEED = re.compile(r"\s*vMove\.v_tcp\s*:=\s*([^;]+);", re.IGNORECASE)
-_CALL = re.compile(r"\s*([A-Za-z]\w*)\s*;\s*(?:!.*)?$")
+# Parts end in their number; other calls are the shop's own.
+_CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*;\s*(?:!.*)?$")
 _OTHER = re.compile(r"\s*(?:Move\w*|SearchL|SearchC|TriggL|TriggJ|TriggC)\b", re.IGNORECASE)
-_WORDS = frozenset({"endproc", "endmodule", "return", "stop", "exit"})
 
 
 def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
@@ -47,12 +47,12 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
     shared = common(job) | {"parts": names, "unused": (UNUSED,) * (EXTERNALS - external)}
 
     def main() -> Iterator[str]:
-        loaded = o.rapid_language.tool_mass_kg
+        loaded = o.abb.tool_mass_kg
         own = {
             "tool": None if loaded is None else frame_words(job, job.T_tool, quaternions, o.decimals.quaternion),
             "base": frame_words(job, job.T_base, quaternions, o.decimals.quaternion),
             "mass": "" if loaded is None else plain(loaded),
-            "centre": [f"{v:.3f}" for v in o.rapid_language.tool_centre_mm],
+            "centre": [f"{v:.3f}" for v in o.abb.tool_centre_mm],
             "first_speed": plain(float(job.commands.speed[0]) * 1e3),
             "linear_mm_s": plain(o.rapid_mm_s),
             "zone": [plain(o.blend_mm * share) for share in ZONE],
@@ -86,8 +86,7 @@ def read(files: Mapping[str, str]) -> ReadMoves:
         Motion other than MoveL, MoveJ and MoveAbsJ with the target in the instruction; a module that is not there.
     """
     name, text = main_file(files, ".mod")
-    found = (_CALL.match(line) for line in text.splitlines())
-    calls = [call[1] for call in found if call is not None and call[1].lower() not in _WORDS]
+    calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
     out = Collector()
     speed = np.nan
     for source, body in [(name, text), *called(files, calls, ".mod")]:

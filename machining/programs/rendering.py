@@ -2,11 +2,19 @@
 
 The environment is immutable and sandboxed, undefined names are errors, and texts of source files come as
 :class:`~machining.programs.source_text.SourceText`, which only the filters ``comment`` and ``word`` print.
+
+To change a format, copy one file of ``templates/<format>/`` into a folder of the same name and edit it there:
+``events.j2`` has the macros for tools, spindle, operations and events
+(:class:`~machining.programs.commands.Happening`), ``main.j2`` (VAL3: ``start.j2``, ``data.j2``) the head of a program,
+``moves.j2`` the lines of each move (:class:`~machining.programs.job.Move`). All know the options as ``o``, ``head``,
+``count``, ``cartesian`` and ``after``. What is written is read back and compared with the tool path, so coordinates,
+and speeds in the form that the bundled templates have, must stay readable; lines that are no motion are the shop's own.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -32,6 +40,12 @@ class _Sandbox(ImmutableSandboxedEnvironment):
         return super().getattr(obj, attribute)
 
 
+@functools.lru_cache(maxsize=1)
+def bundled() -> jinja2.Environment:
+    """Bundled templates only; compiled once."""
+    return _made([])
+
+
 def environment(folder: Path | None) -> jinja2.Environment:
     """Templates of ``folder`` (with one folder a format, as the bundled ones), the bundled ones behind them.
 
@@ -40,13 +54,16 @@ def environment(folder: Path | None) -> jinja2.Environment:
     InputError
         ``folder`` is no folder.
     """
-    loaders: list[jinja2.BaseLoader] = [jinja2.PackageLoader("machining.programs", "templates")]
-    if folder is not None:
-        if not folder.is_dir():
-            raise InputError("folder of templates", value=str(folder), allowed="a folder that exists")
-        loaders.insert(0, jinja2.FileSystemLoader(folder))
+    if folder is None:
+        return bundled()
+    if not folder.is_dir():
+        raise InputError("folder of templates", value=str(folder), allowed="a folder that exists")
+    return _made([jinja2.FileSystemLoader(folder)])
+
+
+def _made(first: list[jinja2.BaseLoader]) -> jinja2.Environment:
     made = _Sandbox(
-        loader=jinja2.ChoiceLoader(loaders),
+        loader=jinja2.ChoiceLoader([*first, jinja2.PackageLoader("machining.programs", "templates")]),
         undefined=jinja2.StrictUndefined,
         # Controllers' languages are no HTML; what is foreign is guarded by SourceText.
         autoescape=False,

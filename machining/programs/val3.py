@@ -32,7 +32,8 @@ _DATA = re.compile(r'\s*<Data\s+name="(\w+)"')
 _ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
 _MOTION = re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[(\d+)\]\s*,\s*\w+\s*,\s*\w+\s*\)\s*(?://.*)?$")
 _SPEED = re.compile(r"\s*mMove\.tvel\s*=\s*(\S+)\s*$")
-_CALL = re.compile(r"\s*call\s+(\w+)\(\s*\)\s*$")
+# Parts are named by their number; other calls are the shop's own.
+_CALL = re.compile(r"\s*call\s+(p\d{3,})\(\s*\)\s*$")
 _OTHER = re.compile(r"\s*(?:\w+\s*=\s*)?(?:movel|movej|movec|movejf|compliantMove\w*)\s*\(")
 CARTESIAN, JOINTS, SIDES = (
     ("x", "y", "z", "rx", "ry", "rz"),
@@ -55,7 +56,7 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
             remedy="choose another format, or split the path where they move",
         )
     names = [f"p{i + 1:03d}" for i in range(len(job.parts()))]
-    shared = common(job) | {"parts": names}
+    shared = common(job) | {"parts": names, "base": frame_words(job, job.T_base, xyz_degrees, digits)}
 
     def moves(first: int, last: int, points: bool) -> Iterator[Move]:
         """With points for the data, without for the programs, which name them by their place."""
@@ -67,7 +68,6 @@ def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
     def data() -> Iterator[str]:
         own = {
             "tool": frame_words(job, job.T_tool, xyz_degrees, digits),
-            "base": frame_words(job, job.T_base, xyz_degrees, digits),
             "external": formatted(job.externals(slice(0, 1)), job.external_decimals)[0],
             "first_speed": plain(float(job.commands.speed[0]) * 1e3),
             "blend": "off" if o.blend_mm == 0.0 else "cartesian" if job.kind == "cartesian" else "joint",

@@ -19,7 +19,7 @@ from machining.programs.convention import ConventionTable, fault, tuples
 from robots import InputError
 from robots.library import parse_toml, read_text
 
-SCHEMA = "stiffarm-post/1"
+SCHEMA: Literal["stiffarm-post/1"] = "stiffarm-post/1"
 
 Percent = Annotated[float, Field(gt=0.0, le=100.0)]
 Digits = Annotated[int, Field(ge=0, le=15)]
@@ -97,6 +97,7 @@ class WriteOptions(Strict):
     moves_per_file : programs with more are split
     source_lines : write the lines of the tool path file as comments
     tool_name, frame_name : in RAPID and VAL3
+    krl, abb, sinumerik : of one format only
     arm : how the controller counts the joints; None: the bundled convention of the robot
     """
 
@@ -114,7 +115,7 @@ class WriteOptions(Strict):
     frame_name: str = "fPart"
     decimals: Decimals = Decimals()
     krl: KrlOptions = KrlOptions()
-    rapid_language: RapidOptions = RapidOptions()
+    abb: RapidOptions = RapidOptions()
     sinumerik: SinumerikOptions = SinumerikOptions()
     arm: ConventionTable | None = None
 

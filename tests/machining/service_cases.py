@@ -43,9 +43,10 @@ def on_rail(model: fem.ArmModel) -> Session:
     return Session(model, Cell(T_world_part0=turned_part(), tool=Tool(spindle()), linear_axes=(rail,)))
 
 
-def with_bodies(model: fem.ArmModel, more: str = "") -> Session:
+def with_bodies(model: fem.ArmModel, more: str = "", safety_mm: float = 10.0) -> Session:
     """The cell of the example, arm's surfaces and all; ``more``: TOML after it."""
-    return Session(model, parse_cell(RAIL.read_text(encoding="utf-8") + more, "cell", RAIL.parent), arm_of("kr60-3"))
+    text = RAIL.read_text(encoding="utf-8").replace("safety_mm = 10", f"safety_mm = {safety_mm}")
+    return Session(model, parse_cell(text + more, "cell", RAIL.parent), arm_of("kr60-3"))
 
 
 def raw(session: Session, request: Any) -> Any:

@@ -26,9 +26,13 @@ from robots import InputError, forward_kinematics
 Array = NDArray[np.float64]
 
 
+# Where gamma does not matter, or any will do.
+ANY = GammaRange(count=18)
+
+
 @pytest.fixture(scope="module")
 def waist(kr60: fem.ArmModel) -> fem.ArmModel:
-    """Only joint 1 gives way, 2e6 N m/rad: stiffness across the radius is k / x^2, x the distance in front of axis 1."""
+    """Only joint 1 gives way, 2e6 N m/rad: stiffness along y is k / x^2, x the distance in front of axis 1."""
     stiff = kr60.with_rigid_joints()
     joints = tuple(kr60.joints[i] if i == 0 else joint for i, joint in enumerate(stiff.joints))
     return replace(stiff, joints=joints).with_springs({kr60.robot.joint_names[0]: 2e6})
@@ -42,7 +46,7 @@ def distance_of(x: Array, path: Array) -> Array:
 def test_a_soft_waist_stands_as_near_as_it_can(waist: fem.ArmModel) -> None:
     """A force along y turns joint 1 only: k_i = k1 / x_i^2, exactly, so the stiffest position is the nearest one."""
     cell, path = cell_of(rail(limits=(-0.6, 0.0))), line()
-    found = place(problem_of(waist, cell, path))
+    found = place(problem_of(waist, cell, path, gamma=ANY))
     expected = 2e6 / distance_of(np.zeros(1), path.points)[0] ** 2
     np.testing.assert_allclose(found.after.e, 0.0, atol=1e-12)
     # Round-off of the inverse and forward kinematics.
@@ -53,7 +57,7 @@ def test_a_soft_waist_stands_as_near_as_it_can(waist: fem.ArmModel) -> None:
 
 def test_k_sf_of_a_soft_waist_in_closed_form(waist: fem.ArmModel) -> None:
     cell, path = cell_of(rail(limits=(-0.6, -0.1))), line()
-    found = place(problem_of(waist, cell, path, "ksf"))
+    found = place(problem_of(waist, cell, path, "ksf", ANY))
     k = 2e3 / distance_of(np.full(1, -0.1), path.points)[0] ** 2
     criterion = found.criterion
     expected = criterion.alpha * (k**2).sum() + criterion.beta * k.mean() ** 4
@@ -63,36 +67,36 @@ def test_k_sf_of_a_soft_waist_in_closed_form(waist: fem.ArmModel) -> None:
     assert 0.7 < float(found.after.terms.mean) < 1.5
 
 
-def test_the_best_point_of_a_curve_with_a_maximum_inside(waist: fem.ArmModel) -> None:
-    """A rail across: the lever of a force along y is the distance in front, that of one along x is aside.
+def test_a_force_aslant_wants_the_base_beside_it(waist: fem.ArmModel) -> None:
+    """A rail across. F = (fx, fy) turns joint 1 by x fy - y fx: k = k1 |F|^2 / (x fy - y fx)^2.
 
-    With F = (fx, fy) the twist is x fy - y fx, k = k1 |F|^2 / (x fy - y fx)^2; for one point the best position along y
-    within the range is the one where the force goes by axis 1 nearest.
+    The best position is the one where the force goes by axis 1 nearest.
     """
-    cell, force = cell_of(rail("cross", (0.0, 1.0, 0.0), limits=(-0.3, 0.3))), (-60.0, 80.0, 0.0)
+    cell, force = cell_of(rail("cross", (0.0, 1.0, 0.0), limits=(-0.3, 0.1))), (-60.0, 80.0, 0.0)
     path = tool_path(np.array([[0.0, 0.0, 0.0], [0.0, 0.02, 0.0]]), [0.0, 0.0, 1.0])
-    found = place(problem_of(waist, cell, path, "mean", 0.0, force))
+    found = place(problem_of(waist, cell, path, "mean", ANY, force))
 
     def stiffness(e: Array) -> Array:
-        y = 0.2 + path.points[:, 1] - e[:, None]
+        y = 0.2 + path.points[:, 1] - e
         return np.asarray(2e6 * 1e4 / (1.2 * 80.0 + 60.0 * y) ** 2)
 
-    fine = np.linspace(-0.3, 0.3, 6001)[:, None]
+    fine = np.linspace(-0.3, 0.1, 4001)[:, None]
     expected = stiffness(fine).mean(axis=1)
     assert found.after.mean == pytest.approx(expected.max(), rel=1e-6)
     np.testing.assert_allclose(found.after.e[0], fine[expected.argmax()], atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("aim", ["ksf", "mean", "worst", "error"])
 def test_brute_force_finds_nothing_better(kr60: fem.ArmModel, aim: str) -> None:
-    problem = problem_of(kr60, cell_of(rail()), dome(20, 0.4), aim, GammaRange(-0.6, 0.9, 16), (80.0, 40.0, -60.0))
+    problem = problem_of(kr60, cell_of(rail()), dome(20, 0.4), aim, GammaRange(-2.9, -1.4, 8), (80.0, 40.0, -60.0))
     found = find_fixed(problem)
     looker = Looker(found.problem)
-    x = problem.space.grid(201)
+    x = problem.space.grid(101)
     looks = looker.at(x, np.arange(20))
     best = max(looks, key=lambda look: look.rank)
     assert best.rank[0]
-    # The search ends at 1 mm; the grid has 10 mm.
+    # The search ends at 1 mm; the grid has 20 mm.
     assert found.merit >= best.merit - 0.005 * abs(best.merit)
     assert found.evaluations < 120
 
@@ -100,7 +104,7 @@ def test_brute_force_finds_nothing_better(kr60: fem.ArmModel, aim: str) -> None:
 def test_what_is_said_is_what_the_posture_gives(kr60: fem.ArmModel) -> None:
     """By forward kinematics and compliance, away from everything that searched."""
     force = np.array([80.0, 40.0, -60.0])
-    problem = problem_of(kr60, cell_of(rail()), dome(20, 0.4), "ksf", GammaRange(count=24), tuple(force))
+    problem = problem_of(kr60, cell_of(rail()), dome(20, 0.4), "ksf", ANY, tuple(force))
     after = place(problem).after
     frames = forward_kinematics(kr60.robot, after.q)
     tip = frames.p_flange + frames.R_flange @ problem.cell.tool.T_flange_tool[:3, 3]
@@ -117,7 +121,7 @@ def test_many_positions_in_one_sweep_are_each_by_itself(kr60: fem.ArmModel) -> N
     """Also where one position's path ends where the next one's starts."""
     cell = cell_of(rail(), rail("lift", (0.0, 0.0, 1.0), limits=(-0.2, 0.2)))
     path = line(5, 0.2)
-    problem = problem_of(kr60, cell, path, "mean", GammaRange(-0.3, 0.6, 4), (30.0, 20.0, -50.0))
+    problem = problem_of(kr60, cell, path, "mean", GammaRange(-2.9, -1.4, 4), (30.0, 20.0, -50.0))
     # Positions 0.2 m apart: the last point of one is the first of the next.
     e = np.array([[0.0, 0.0], [0.2, 0.0], [0.4, 0.0], [0.1, 0.1], [-0.9, 0.0]])
     together = sweep_sites(problem, e, np.zeros(5), np.arange(5), problem.angles)
@@ -156,7 +160,7 @@ def test_a_compliant_rail_in_turned_axes(kr60: fem.ArmModel) -> None:
 
 def test_a_post_in_the_way_moves_the_base(kr60: fem.ArmModel) -> None:
     """The best free position collides with a post put there; the next choice keeps clear of it."""
-    path, gamma = line(8, 0.3), GammaRange(-0.5, 0.5, 11)
+    path, gamma = line(6, 0.3), ANY
     free = place(problem_of(kr60, cell_of(rail()), path, "mean", gamma))
     at = free.after.e[0, 0]
     middle = forward_kinematics(kr60.robot, free.after.q).p[4, 3]
@@ -237,7 +241,7 @@ def test_bad_input(kr60: fem.ArmModel) -> None:
 
 def test_a_held_axis_stays(kr60: fem.ArmModel) -> None:
     cell = cell_of(rail(), rail("lift", (0.0, 0.0, 1.0), limits=(-0.2, 0.2)))
-    problem = problem_of(kr60, cell, line(), ranges={"lift": (0.1, 0.1), "rail": (-0.3, 0.3)}, gamma=0.0)
+    problem = problem_of(kr60, cell, line(), ranges={"lift": (0.1, 0.1), "rail": (-0.3, 0.3)}, gamma=ANY)
     assert problem.space.names == ("rail",)
     found = place(problem)
     np.testing.assert_array_equal(found.after.e[:, 1], 0.1)

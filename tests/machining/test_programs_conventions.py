@@ -249,4 +249,9 @@ def test_signs_offsets_and_frames_by_their_definition() -> None:
 def test_the_bundled_tx200_does_not_claim_to_know_the_controllers_world() -> None:
     written = write_program(program_of("tx200", n=3), "val3")
     assert '<Value key="0" fatherId="world[0]" />' in written.texts()["part.dtx"]
+    # The robot must not run in the world frame: the application stops before the first motion.
+    start = written.texts()["start.pgx"]
+    assert start.index("wait(false)") < start.index("call p001()")
     assert any("set the part frame on the robot" in note for note in written.notes)
+    known = write_program(program_of(n=3), "val3", options=parse_options({"arm": PLAIN}, "options"))
+    assert "wait(false)" not in known.texts()["start.pgx"]

@@ -68,7 +68,7 @@ def test_krl_numbers_its_external_axes() -> None:
 
 def test_rapid_in_the_form_of_the_manual() -> None:
     program = program_of(n=3)
-    texts = write_program(program, "rapid", "cartesian", options("rapid", rapid_language={"tool_mass_kg": 20})).texts()
+    texts = write_program(program, "rapid", "cartesian", options("rapid", abb={"tool_mass_kg": 20})).texts()
     main = texts["part.mod"]
     assert main.startswith("MODULE part\n")
     tool = "[[200.00000,0.00000,80.00000],[0.707106781,0.000000000,0.707106781,0.000000000]]"
@@ -107,6 +107,7 @@ def test_val3_is_an_application_of_well_formed_xml() -> None:
     assert [list(p.attrib) for p in points] == [wanted] * 12
     assert {p.attrib["fatherId"] for p in points} == {"fPart[0]"}
     assert "movel(pPath[2],tCutter,mMove)" in texts["p001.pgx"]
+    assert ' blend="cartesian" leave="0.1" reach="0.1" />' in texts["part.dtx"]
     assert "  call p001()\n  call p002()\n  call p003()\n  waitEndMove()\nend" in texts["start.pgx"]
 
 
@@ -189,11 +190,8 @@ HOSTILE = (
 )
 
 
-@pytest.mark.parametrize("kind", ["cartesian", "joint"])
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize(("name", "kind"), [(name, kind) for name in CONTROLLERS for kind in FORMATS[name].kinds])
 def test_no_text_of_a_source_file_becomes_a_statement(name: str, kind: Any) -> None:
-    if kind not in FORMATS[name].kinds:
-        pytest.skip("not written")
     o = options(name, source_lines=True)
     plain_texts = write_program(busy(), name, kind, o).texts()
     texts = write_program(busy(hostile=HOSTILE), name, kind, o).texts()

@@ -141,8 +141,14 @@ def test_best_path_at_one_gamma_and_with_rapid_moves(session: Session, kr60: fem
     rapid = {"rapid": [True] * 6}
     assert "point" in refused(session, "best_path", gamma_deg=-60, jump_deg=jump, **block(path))
     assert ask(session, "best_path", gamma_deg=-60, jump_deg=jump, **rapid, **block(path))["q_deg"]
-    # Slow joints are refused at the path's feed.
-    refused(session, "best_path", gamma_deg=-60, joint_speed_deg_per_s=0.01, **block(path))
+    # Joints just fast enough for the path's feed, and just too slow.
+    moves = np.abs(np.diff(fixed["q_deg"], axis=0)) / path.times[:, None]
+    fast, slow = 1.001 * moves.max(), 0.999 * moves.max()
+    kept = ask(session, "best_path", gamma_deg=-60, joint_speed_deg_per_s=fast, **block(path))
+    assert kept["q_deg"] == fixed["q_deg"]
+    beyond = refused(session, "best_path", gamma_deg=-60, joint_speed_deg_per_s=slow, **block(path))
+    assert "cannot be driven" in beyond["what"]
+    assert 0 <= beyond["point"] < 6
 
 
 def test_best_path_of_one_point(session: Session) -> None:
@@ -172,6 +178,19 @@ def test_best_base_is_the_placement(kr60: fem.ArmModel, aim: Any) -> None:
         if better:
             assert course[key] == pytest.approx(answer[key], rel=1e-6)
         assert course[key] <= answer[key] * (1.0 + 1e-6)
+
+
+def test_best_base_keeps_clear(kr60: fem.ArmModel) -> None:
+    """Something in the place of the wrist at the best position: another is taken."""
+    keys: dict[str, Any] = {"point_mm": [0, 0, 0], "tool_axis": [0, 0, 1], "force_N": [0, 0, -100]}
+    free = ask(with_bodies(kr60), "best_base", collisions=False, **keys)
+    wrist = forward_kinematics(kr60.robot, np.radians(free["q_deg"])).p[0, 5] * 1e3
+    blocked = with_bodies(kr60, BLOCK.format(x=wrist[0], y=wrist[1] + free["travel_mm"][0], z=wrist[2]), 80.0)
+    assert ask(blocked, "clearance", q_deg=free["q_deg"], travel_mm=free["travel_mm"])["collides"] == [True]
+    answer = ask(blocked, "best_base", **keys)
+    there = ask(blocked, "clearance", q_deg=answer["q_deg"], travel_mm=answer["travel_mm"], within_mm=200)
+    assert there["clearance_mm"][0] >= 80.0 - 1e-6
+    assert answer["collisions_looked_at"]
 
 
 def test_best_base_of_a_point_without_rail(session: Session, kr60: fem.ArmModel) -> None:

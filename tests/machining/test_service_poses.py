@@ -61,7 +61,17 @@ def test_fk_beyond_limits_says_so(session: Session) -> None:
 @pytest.mark.parametrize("axis", [[0.1, 0.2, 1.0], [-0.5, 0.7, -0.3]])
 @pytest.mark.parametrize("gamma", [-170.0, -100.0, -33.0])
 def test_point_axis_and_gamma_are_those_of_a_task(session: Session, axis: list[float], gamma: float) -> None:
+    # Seen from another reference direction the same postures have another gamma.
+    other = np.array([0.3, 1.0, 0.2])
+    turned = Task(tool_path([[0.05, -0.02, 0.1]], axis), spindle(), turned_part(), other).tool_frames([0.7])[0, 0]
     task = Task(tool_path([[0.05, -0.02, 0.1]], axis), spindle(), turned_part(), np.array([1.0, 0.0, 0.0]))
+    away = np.linalg.inv(task.tool_frames([0.0])[0, 0]) @ turned
+    keys: dict[str, Any] = {"point_mm": [50, -20, 100], "tool_axis": axis, "which": "all"}
+    through = ask(session, "ik", gamma_deg=np.degrees(0.7), reference=other.tolist(), **keys)["solutions"]
+    # z of the tool is minus the tool axis.
+    same = np.degrees(-np.arctan2(away[1, 0], away[0, 0]))
+    for a, b in zip(through, ask(session, "ik", gamma_deg=same, **keys)["solutions"], strict=True):
+        assert_allclose(a["q_deg"], b["q_deg"], atol=1e-6)
     T = task.tool_frames([np.radians(gamma)])[0, 0]
     shown = ask(session, "ik", matrix_mm=as_matrix(T), relative_to="base", which="all")
     given = ask(session, "ik", point_mm=[50, -20, 100], tool_axis=axis, gamma_deg=gamma, which="all")
@@ -207,6 +217,8 @@ def test_clearance_of_poses(kr60: fem.ArmModel) -> None:
         assert answer["clearance_mm"] == pytest.approx(found.distance[0] * 1e3, abs=ROUNDED)
         assert answer["nearest"] == list(found.nearest(0) or ())
         assert not answer["collides"]
+    # Farther than what matters is what matters.
+    assert ask(session, "clearance", q_deg=q, within_mm=7)["clearance_mm"] == pytest.approx(7.0)
     inside = ask(session, "ik", point_mm=[0, 0, -200], tool_axis=[0, 0, 1], gamma_deg=-45)["q_deg"]
     hit = ask(session, "clearance", q_deg=inside)
     assert hit["collides"]

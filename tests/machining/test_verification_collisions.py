@@ -248,6 +248,8 @@ def test_clearance_below_safety_is_an_offence_of_its_own() -> None:
     (offence,) = found.errors
     # Nearer than 12 mm to the pillar's corner: 10 mm aside, so sqrt(16^2 - 14^2) mm from the corner along x.
     assert offence.line == line_at(0.053 - 0.01 - np.sqrt(0.016**2 - 0.014**2))
+    x = -0.15 + 0.005 * (offence.move - 1 + offence.at)
+    assert x == pytest.approx(0.053 - 0.01 - np.sqrt(0.016**2 - 0.014**2), abs=1e-3)
     assert offence.value == pytest.approx(0.010, abs=1e-4)
     assert offence.limit == 0.012
 
@@ -287,3 +289,20 @@ def test_a_tool_without_bodies_is_said() -> None:
     found = verify(program(ACROSS, where=where), ARM)
     assert any("tool" in text for text in found.not_looked_at)
     assert any("floor" in text for text in found.not_looked_at)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_random_pillars_are_found_where_dense_sampling_finds_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    hits = 0
+    for _ in range(12):
+        points = np.column_stack([rng.uniform(-0.3, 0.3, (12, 2)), rng.uniform(0.02, 0.3, 12)])
+        post = pillar(*rng.uniform(-0.3, 0.3, 2), rng.uniform(0.05, 0.4), rng.uniform(0.005, 0.05))
+        given = program(points, np.ones(12), where=replace(cell(post), part=None))
+        found = verify(given, ARM)
+        first = next((o.line for o in found.offences if o.kind is Kind.COLLISION), 0)
+        assert first == first_by_sampling(given, 400)
+        hits += first > 0
+    # Both answers are asked for.
+    assert 0 < hits < 12

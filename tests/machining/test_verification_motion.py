@@ -266,15 +266,16 @@ def test_straight_moves_follow_one_branch() -> None:
     np.testing.assert_allclose(values, closed.q[:, 0], atol=1e-8)
 
 
-def test_a_straight_line_out_of_reach_is_said() -> None:
-    """Past the base the straight line leaves what the arm can reach, between two points it can."""
+def test_a_straight_line_between_branches_cannot_be_followed() -> None:
+    """The ends stand in different branches, so somewhere on the line the joints must jump."""
+    points = line(6, (-0.1, 0.0, 0.1), (0.1, 0.0, 0.1))
     where = replace(cell(), part=None, fixtures=())
-    points = np.array([[-0.9, -0.75, 0.3], [-0.9, -0.75, 0.3], [-0.9, 0.55, 0.3]])
-    given = program(points, where=where)
-    found = verify(given, ARM, replace(LOOSE, interpolation="linear"))
-    kinds = {o.kind for o in found.errors}
-    assert kinds & {Kind.UNFOLLOWED, Kind.COLLISION, Kind.SINGULARITY}
-    assert all(o.line == 13 for o in found.errors if o.kind is Kind.UNFOLLOWED)
+    a, b = program(points, where=where), program(points, where=where, column=1)
+    given = replace(a, q=np.where(np.arange(6)[:, None] < 3, a.q, b.q))
+    found = verify(given, ARM, replace(LOOSE, interpolation="linear", smoothing=10.0))
+    assert [(o.line, o.moves) for o in found.errors if o.kind is Kind.UNFOLLOWED] == [(3 + 11, 1)]
+    assert found.swept.proven[3] < 0.0
+    assert (found.swept.proven[[0, 1, 2, 4, 5]] > 0.0).all()
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ COMMANDS = (
     "map",
     "index",
     "posture",
+    "verify",
     "import",
     "export",
     "run",

@@ -1,0 +1,40 @@
+"""Placement of the robot on its linear axes: where the base stands, or how it moves, for the stiffest cut."""
+
+from machining.placement.along import Along
+from machining.placement.axis_motion import axis_rates
+from machining.placement.file import Placement, placement_content, read_placement
+from machining.placement.following import follow
+from machining.placement.goals import AIMS, Goal
+from machining.placement.moving import find_moving
+from machining.placement.placing import MODES, How, Placed, place
+from machining.placement.problem import Problem, on_axes
+from machining.placement.search import Found, Look, Survey, find_fixed, survey
+from machining.placement.space import Space, space_of, start_of
+from machining.placement.steps import find_steps
+
+__all__ = [
+    "AIMS",
+    "MODES",
+    "Along",
+    "Found",
+    "Goal",
+    "How",
+    "Look",
+    "Placed",
+    "Placement",
+    "Problem",
+    "Space",
+    "Survey",
+    "axis_rates",
+    "find_fixed",
+    "find_moving",
+    "find_steps",
+    "follow",
+    "on_axes",
+    "place",
+    "placement_content",
+    "read_placement",
+    "space_of",
+    "start_of",
+    "survey",
+]

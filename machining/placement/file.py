@@ -1,0 +1,133 @@
+"""Placements in files: where base, turntable and arm stand at each point of a path, for whoever posts the program."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import InputError
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SCHEMA = "stiffarm-placement/1"
+REMEDY = "write it again with `stiffarm place`"
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A placement read from a file.
+
+    ``robot``, ``cell``: their names; ``axes`` (k,) names of the linear axes; ``travel`` (n, k) m at the path's points;
+    ``table`` rad; ``gamma`` (n,) rad; ``joints`` names and ``q`` (n, dof) rad; ``moves`` (n,): moves of the source that
+    end at the points, ``count``: moves that the source has.
+    """
+
+    robot: str
+    cell: str
+    axes: tuple[str, ...]
+    travel: Array
+    table: float
+    gamma: Array
+    joints: tuple[str, ...]
+    q: Array
+    moves: Integers
+    count: int
+
+    def at_moves(self) -> Array:
+        """Travels (count, k) m at each move of the source, as :class:`machining.programs.posting.PostSettings` takes.
+
+        Moves that are not in the path (rapid moves) share what the axes have to go between the cuts evenly.
+        """
+        number = np.arange(self.count)
+        return np.stack([np.interp(number, self.moves, column) for column in self.travel.T], axis=1)
+
+    def gamma_at_moves(self) -> Array:
+        """Angle gamma (count,) rad at each move of the source, likewise."""
+        return np.asarray(np.interp(np.arange(self.count), self.moves, np.unwrap(self.gamma)))
+
+
+def placement_content(placement: Placement) -> dict[str, Any]:
+    """What :func:`read_placement` reads, as a JSON object: keys with units."""
+    travel = {f"e{i + 1}_mm": _column(1e3 * column) for i, column in enumerate(placement.travel.T)}
+    joints = {name: _column(column) for name, column in zip(placement.joints, np.degrees(placement.q).T, strict=True)}
+    return {
+        "schema": SCHEMA,
+        "robot": placement.robot,
+        "cell": placement.cell,
+        "linear_axes": list(placement.axes),
+        "turntable_deg": float(np.degrees(placement.table)),
+        "source_moves": placement.count,
+        "points": {
+            "move": placement.moves.tolist(),
+            **travel,
+            "gamma_deg": _column(np.degrees(placement.gamma)),
+            **joints,
+        },
+    }
+
+
+def read_placement(path: str | Path) -> Placement:
+    """Read the ``placement.json`` of `stiffarm place`; keys that are not known are left alone.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is of another kind or version, lacks a key, or holds columns of unequal length or
+        numbers that are not finite.
+    """
+    file = Path(path)
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"placement {file} cannot be read ({error})", remedy=REMEDY) from error
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        found = content.get("schema") if isinstance(content, dict) else type(content).__name__
+        raise InputError(f"schema of placement {file.name}", value=found, allowed=SCHEMA, remedy=REMEDY)
+    try:
+        return _placement(content)
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"key {error} is missing" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"placement {file.name}: {what}", remedy=REMEDY) from error
+
+
+def _placement(content: Mapping[str, Any]) -> Placement:
+    points = content["points"]
+    axes = tuple(str(name) for name in content["linear_axes"])
+    moves = np.array(points["move"], dtype=np.int64)
+    n, count = len(moves), int(content["source_moves"])
+    joints = tuple(name for name in points if name.startswith("q") and name.endswith("_deg"))
+    travel = [_numbers(points, f"e{i + 1}_mm", n) * 1e-3 for i in range(len(axes))]
+    q = [np.radians(_numbers(points, name, n)) for name in joints]
+    if not n or moves.min() < 0 or moves.max() >= count or (np.diff(moves) <= 0).any():
+        raise ValueError(f"moves must rise within 0 to {count - 1}")
+    return Placement(
+        robot=str(content["robot"]),
+        cell=str(content["cell"]),
+        axes=axes,
+        travel=np.stack(travel, axis=1) if travel else np.zeros((n, 0)),
+        table=float(np.radians(content["turntable_deg"])),
+        gamma=np.radians(_numbers(points, "gamma_deg", n)),
+        joints=joints,
+        q=np.stack(q, axis=1),
+        moves=moves,
+        count=count,
+    )
+
+
+def _numbers(points: Mapping[str, Any], name: str, n: int) -> Array:
+    column = np.array(points[name], dtype=np.float64)
+    if column.shape != (n,) or not np.isfinite(column).all():
+        raise ValueError(f"column {name} must hold {n} finite numbers")
+    return column
+
+
+def _column(values: Array) -> list[float]:
+    # Ten digits: a nanometre on ten metres.
+    return [float(f"{v:.10g}") for v in values]

@@ -1,0 +1,182 @@
+"""A placement task: robot, cell, path and force; and the path's task at given base positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import fem
+from machining.cell import Cell, Scene
+from machining.cutting.force import CuttingForce, ForceAlong
+from machining.drive import Drive
+from machining.objective import Objective
+from machining.placement.goals import Goal
+from machining.placement.space import Space
+from machining.posture import GammaRange
+from machining.task import Task, ToolPath
+from robots import InputError
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+# Directions in which a path's outermost points are always looked at: axes and diagonals.
+OUTWARD = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
+# Turning the tool by a radian counts as much as moving by this many m when knots are spread.
+LEVER = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is placed.
+
+    Attributes
+    ----------
+    model : the arm, without the compliance of what carries it
+    space : where the base may stand
+    path : in the part frame
+    goal : what for
+    gamma : one angle about the tool axis for all points (rad), or a range of which each position takes its best
+    drive : limits and costs; its ``clearance_of`` is not used, see ``scene``
+    scene : arm and cell for collisions; None: not looked at. ``clearance`` m is kept then
+    free : (n - 1,) segments that are rapid moves: steps are not bounded there, and the base may be moved
+    reference : (3,) direction in the part frame that gamma counts from
+
+    Raises
+    ------
+    InputError
+        Free segments of another shape, a clearance that is negative.
+    """
+
+    model: fem.ArmModel
+    space: Space
+    path: ToolPath
+    goal: Goal
+    gamma: float | GammaRange
+    drive: Drive
+    scene: Scene | None = None
+    clearance: float = 0.0
+    free: Bools | None = None
+    reference: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.free is not None and self.free.shape != (self.path.n - 1,):
+            raise InputError("free segments", value=f"shape {self.free.shape}", allowed=f"({self.path.n - 1},)")
+        if not (np.isfinite(self.clearance) and self.clearance >= 0.0):
+            raise InputError("clearance", value=self.clearance, allowed="0 m or more")
+
+    @property
+    def cell(self) -> Cell:
+        """The cell."""
+        return self.space.cell
+
+    @cached_property
+    def arm(self) -> fem.ArmModel:
+        """The arm with the compliance of its linear axes under its base."""
+        return on_axes(self.model, self.cell)
+
+    @cached_property
+    def angles(self) -> Array:
+        """Angles gamma (g,) rad that are looked at."""
+        return self.gamma.angles if isinstance(self.gamma, GammaRange) else np.array([float(self.gamma)])
+
+    @cached_property
+    def share(self) -> Array:
+        """Part (n,) of sums and means that each point stands for."""
+        return self.goal.share(self.path)
+
+    @cached_property
+    def home(self) -> Task:
+        """The task with everything at 0; its reference direction holds for all."""
+        T = self.cell.T_base_part(np.zeros((1, len(self.cell.linear_axes))))[0]
+        return Task(self.path, self.cell.tool.T_flange_tool, T, self.reference)
+
+    def task_at(self, e: ArrayLike, table: float) -> Task:
+        """The task with the base at travels e (k,), or (n, k) point by point, and the turntable at an angle."""
+        e = np.asarray(e, dtype=np.float64)
+        T = self.cell.T_base_part(np.atleast_2d(e), [table])
+        shift = None if e.ndim == 1 else T[:, :3, 3] - T[0, :3, 3]
+        return Task(self.path, self.cell.tool.T_flange_tool, T[0], self.home.reference, shift)
+
+    def forces(self, table: float) -> Array:
+        """Cutting force (n, 3) N in base axes, which turn with nothing but the turntable."""
+        return self.force.along(self.task_at(np.zeros(len(self.cell.linear_axes)), table)).force
+
+    @property
+    def force(self) -> CuttingForce:
+        """The cutting force, run by run of cutting moves."""
+        if self.free is None or not self.free.any():
+            return self.goal.force
+        return ByRuns(self.goal.force, self.free)
+
+    def looked_at(self, task: Task, force: Array) -> tuple[Task, Objective]:
+        """The task and the objective that give the goal's value at each point: stiffness N/m, or error m.
+
+        Directional stiffness is that along the path's normals, so these become the force's direction.
+        """
+        if self.goal.minimised:
+            return task, Objective("normal displacement", force)
+        size = np.linalg.norm(force, axis=1)
+        if not (size > 0.0).all():
+            where = f"cutting force at path point {int(np.argmin(size))}"
+            raise InputError(where, value="0 N", allowed="a force that has a direction")
+        p, R = task.path, task.T_base_part[:3, :3]
+        path = ToolPath(p.points, (force / size[:, None]) @ R, p.axes, p.feed)
+        return replace(task, path=path), Objective("directional")
+
+    def even_rows(self, count: int) -> Integers:
+        """About ``count`` points, evenly along the path, its ends among them."""
+        n = self.path.n
+        if count >= n:
+            return np.arange(n)
+        turn = np.linalg.norm(np.diff(self.path.axes, axis=0), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(self.path.lengths + LEVER * turn)])
+        even = np.searchsorted(way, np.linspace(0.0, way[-1], max(2, count)))
+        return np.unique(np.clip(np.concatenate([[0, n - 1], even]), 0, n - 1)).astype(np.int64)
+
+    def sure_rows(self, count: int) -> Integers:
+        """As :meth:`even_rows`, and the path's outermost points."""
+        outermost = (self.path.points @ OUTWARD.T).argmax(axis=0)
+        return np.union1d(self.even_rows(count), outermost).astype(np.int64)
+
+    def share_of(self, rows: Integers) -> Array:
+        """Part that each of some points (ascending) stands for, its neighbours that were left out with it."""
+        if len(rows) == self.path.n:
+            return self.share
+        middle = np.ceil(0.5 * (rows[1:] + rows[:-1])).astype(np.int64)
+        return np.asarray(np.add.reduceat(self.share, np.concatenate([[0], middle])))
+
+
+@dataclass(frozen=True, eq=False)
+class ByRuns:
+    """A cutting force looked at run by run, so that the rapid moves between runs are no direction of feed.
+
+    ``free`` (n - 1,): segments that are rapid moves.
+    """
+
+    force: CuttingForce
+    free: Bools
+
+    def along(self, task: Task) -> ForceAlong:
+        """See :class:`machining.cutting.force.CuttingForce`."""
+        runs = np.split(np.arange(task.path.n), np.flatnonzero(self.free) + 1)
+        parts = [self.force.along(task.at(run)) for run in runs]
+        return replace(parts[0], basis=np.concatenate([part.basis for part in parts]))
+
+
+def on_axes(model: fem.ArmModel, cell: Cell) -> fem.ArmModel:
+    """The arm on its linear axes: their compliances in series with the base's own.
+
+    Each axis has a compliance at the carriage (world's axes). It is taken to act at the robot's base origin; from there
+    to the tool the lever is that of rigid bodies, as for any compliance of the base. It does not depend on the travel.
+    """
+    C = np.zeros((6, 6))
+    R = cell.T_world_base0[:3, :3].T
+    for axis in cell.linear_axes:
+        if axis.compliance is not None:
+            C[:3, :3] += R @ np.diag(axis.compliance[:3]) @ R.T
+            C[3:, 3:] += R @ np.diag(axis.compliance[3:]) @ R.T
+    return replace(model, base=model.base + C) if C.any() else model

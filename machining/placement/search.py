@@ -1,0 +1,325 @@
+"""The best base position: a coarse grid of positions, its best basins refined by pattern search.
+
+Angle gamma and branch need no search of their own: at every position all of them are looked at, and the best angle is
+refined there. So a position has one merit, which changes smoothly until a limit is met. Where no position of the
+grid reaches the whole path, what is lacking is made smaller first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.criterion import Criterion
+from machining.path_error import PathError
+from machining.path_problem import Course
+from machining.placement.following import follow, merit_of
+from machining.placement.problem import Problem
+from machining.placement.reach import Shortfall, lacks, shortfalls, unreachable
+from machining.placement.sweeping import Sites, merits, picks, sweep_sites, with_more_angles
+from machining.posture import GammaRange
+from robots import InputError
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Points of the path that positions are compared on: on the coarse grid, and while refining.
+COARSE_ROWS, FINE_ROWS = 24, 60
+# Positions of the coarse grid by the number of coordinates.
+COARSE = {1: 25, 2: 90, 3: 200, 4: 400}
+# Basins that are refined.
+BASINS = 4
+# Refinement ends at steps of this size: m, and rad of a turntable.
+TOLERANCE = 1e-3
+# All basins are refined to this share of the grid's step, half of them to steps so much larger than the last ones, the
+# best one to the end.
+EARLY, ROUGH = 0.2, 8.0
+# Rounds in which gamma is refined at a position, and the angles looked at in each; the last are (2 / AROUND)^ROUNDS of
+# a cell of the grid apart.
+FINER, AROUND = 2, 8
+# A turntable's radian counts as much as this many m when the grid is spread.
+TABLE_LEVER = 1.0
+# Rounds in which points that turned out to be out of reach join those that are looked at.
+ROUNDS = 5
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """One position looked at: coordinates x (d,), merit (-inf: none), its angle and branch, or why it has none."""
+
+    x: Array
+    merit: float
+    gamma: float
+    branch: int
+    why: str
+    lack: float
+    shortfall: Shortfall | None
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Larger is better; of positions that cannot be taken, that which lacks less."""
+        possible = np.isfinite(self.merit)
+        return bool(possible), self.merit if possible else -self.lack
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Best position: ``x`` (d,), ``gamma`` rad, the ``course`` over all points, its ``merit``.
+
+    ``problem``: with the weights of K_sf that were used; ``evaluations``: base positions looked at in all.
+    """
+
+    problem: Problem
+    x: Array
+    gamma: float
+    course: Course
+    merit: float
+    evaluations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Looks at a grid of positions, in the order of :meth:`machining.placement.space.Space.grid` with ``counts``.
+
+    ``problem``: with weights of K_sf.
+    """
+
+    problem: Problem
+    grid: tuple[Look, ...]
+    counts: tuple[int, ...]
+
+
+class Looker:
+    """Looks at positions, counts them, and says so."""
+
+    def __init__(
+        self, problem: Problem, progress: Progress | None = None, total: int = 1, *, lacking: bool = True
+    ) -> None:
+        """``lacking``: work out what positions out of reach lack; without it they are left at that."""
+        self.problem, self.progress, self.total, self.lacking = problem, progress, total, lacking
+        self.count = 0
+
+    def at(self, x: Array, rows: Integers) -> list[Look]:
+        """Look at positions x (p, d)."""
+        e, table = self.problem.space.sites(x)
+        return self.of(x, sweep_sites(self.problem, e, table, rows, self.problem.angles))
+
+    def of(self, x: Array, sites: Sites) -> list[Look]:
+        """What a sweep of positions x (p, d) comes to, gamma refined; each counts as looked at once."""
+        self.count += len(x)
+        if self.progress is not None:
+            self.progress(min(self.count, self.total), self.total)
+        sites = _with_finer_gamma(self.problem, sites, self.lacking)
+        found = picks(self.problem, sites, merits(self.problem, sites))
+        lost = np.array([i for i, pick in enumerate(found) if pick.why == "reach"], dtype=np.int64)
+        lack = np.zeros(len(x))
+        short: dict[int, Shortfall] = {}
+        if len(lost) and self.lacking:
+            lack[lost], said = shortfalls(self.problem, _some(sites, lost))
+            short = dict(zip(lost.tolist(), said, strict=True))
+        return [
+            Look(x[i], p.merit, p.gamma, p.branch, p.why, float(lack[i]), short.get(i)) for i, p in enumerate(found)
+        ]
+
+
+def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
+    """The sweep, and finer angles about each position's best, or about that which lacks least."""
+    if not isinstance(problem.gamma, GammaRange):
+        return sites
+    half, p = problem.gamma.cell, np.arange(len(sites.e))
+    if not lacking and not np.isfinite(merits(problem, sites)).any():
+        return sites
+    for _ in range(FINER):
+        merit = merits(problem, sites).max(axis=2)
+        lost = ~np.isfinite(merit).any(axis=1)
+        if lost.any() and lacking:
+            merit[lost] = -lacks(problem, _some(sites, np.flatnonzero(lost)))[0].max(axis=3).min(axis=2)
+        centre = sites.gamma[p, merit.argmax(axis=1)]
+        # Between the angles that are there already.
+        offsets = half * (np.arange(AROUND) + 0.5 - 0.5 * AROUND) * 2.0 / AROUND
+        gamma = problem.gamma.inside(centre[:, None] + offsets)
+        finer = sweep_sites(problem, sites.e, sites.table, sites.rows, gamma)
+        sites = with_more_angles(sites, finer)
+        half *= 2.0 / AROUND
+    return sites
+
+
+def survey(problem: Problem, counts: tuple[int, ...] | None = None) -> Survey:
+    """Look at a coarse grid of positions, or one of ``counts``. Errors as :func:`machining.sweep_gamma`."""
+    counts = counts or coarse_counts(problem)
+    x = problem.space.grid(counts)
+    rows = problem.sure_rows(COARSE_ROWS)
+    sites = sweep_sites(problem, *problem.space.sites(x), rows, problem.angles)
+    problem = with_weights(problem, sites)
+    return Survey(problem, tuple(Looker(problem).of(x, sites)), counts)
+
+
+def find_fixed(problem: Problem, surveyed: Survey | None = None, progress: Progress | None = None) -> Found:
+    """Best position of the base for the whole path; ``surveyed``: the coarse grid, if it is there already.
+
+    Raises
+    ------
+    InputError
+        No position reaches the path (it says by how much), or none can be driven without jumps and collisions.
+    """
+    surveyed = surveyed or survey(problem)
+    problem = surveyed.problem
+    looker = Looker(problem, progress, len(surveyed.grid) + BASINS * 20 * problem.space.d)
+    looker.count = len(surveyed.grid)
+    step = (problem.space.upper - problem.space.lower) / (np.array(surveyed.counts) - 1)
+    starts = _basins(list(surveyed.grid), surveyed.counts)
+    basins = [refined(looker, start, step, float(step.max()) * EARLY) for start in starts]
+    # The better half goes on: a narrow peak between grid points is seen only now.
+    basins = sorted(basins, key=lambda look: look.rank, reverse=True)
+    late = [
+        refined(looker, look, 2.0 * EARLY * step, TOLERANCE * ROUGH, known=True) for look in basins[: (BASINS + 1) // 2]
+    ]
+    basins = sorted(late, key=lambda look: look.rank, reverse=True) + basins[(BASINS + 1) // 2 :]
+    x_best, gamma, course, merit = _driven(looker, basins)
+    if progress is not None:
+        progress(looker.total, looker.total)
+    return Found(problem, x_best, gamma, course, merit, looker.count)
+
+
+def with_weights(problem: Problem, sites: Sites) -> Problem:
+    """The problem with weights of K_sf, if it needs some: comparable at the largest mean stiffness of a sweep."""
+    if problem.goal.aim != "ksf" or problem.goal.criterion is not None:
+        return problem
+    whole = sites.valid.all(axis=3)
+    share = problem.share_of(sites.rows)
+    if whole.any():
+        stiffness = float((sites.value[whole] @ share).max())
+    elif sites.valid.any():
+        stiffness = float(np.nanmedian(sites.value))
+    else:
+        stiffness = 1e6
+    # Two digits: weights that a person can write down.
+    rounded = float(f"{stiffness:.1e}")
+    return replace(problem, goal=problem.goal.with_criterion(Criterion.comparable(rounded, problem.path.n)))
+
+
+def coarse_counts(problem: Problem, most: int | None = None) -> tuple[int, ...]:
+    """Positions of the coarse grid along each coordinate: steps about as long in all of them."""
+    space = problem.space
+    most = most or COARSE[min(space.d, 4)]
+    size = space.upper - space.lower
+    if space.turns:
+        size = np.append(size[:-1], size[-1] * TABLE_LEVER)
+    step = float(size.max()) / (most - 1)
+    while True:
+        counts = np.maximum(3, np.floor(size / step + 1e-9).astype(int) + 1)
+        if counts.prod() <= max(most, 3**space.d):
+            return tuple(int(c) for c in counts)
+        step *= 1.05
+
+
+def _basins(grid: list[Look], counts: tuple[int, ...]) -> list[Look]:
+    """Best positions of the grid that no neighbour along an axis is better than."""
+    order = sorted(range(len(grid)), key=lambda i: grid[i].rank, reverse=True)
+    place = np.empty(len(grid), dtype=np.int64)
+    place[order] = np.arange(len(grid))
+    rank = np.pad(place.reshape(counts), 1, constant_values=len(grid))
+    inner = (slice(1, -1),) * len(counts)
+    peak = np.ones(counts, dtype=np.bool_)
+    for axis in range(len(counts)):
+        for way in (1, -1):
+            peak &= rank[inner] < np.roll(rank, way, axis=axis)[inner]
+    return [grid[i] for i in order if peak.ravel()[i]][:BASINS]
+
+
+def refined(
+    looker: Looker,
+    start: Look,
+    step: Array,
+    tolerance: float = TOLERANCE,
+    rows: Integers | None = None,
+    *,
+    known: bool = False,
+) -> Look:
+    """Pattern search about a position: neighbours along the axes, then along diagonals, then half the step.
+
+    It starts with half of ``step`` (d,). ``known``: the start was looked at with these rows already.
+    """
+    problem = looker.problem
+    rows = problem.sure_rows(FINE_ROWS) if rows is None else rows
+    best = start if known else looker.at(start.x[None], rows)[0]
+    h, seen = 0.5 * step, {_key(best.x)}
+    axes = np.vstack([np.eye(problem.space.d), -np.eye(problem.space.d)])
+    while (h > tolerance).any():
+        trials = [axes] if problem.space.d == 1 else [axes, _diagonals(problem.space.d)]
+        for directions in trials:
+            x = np.unique(problem.space.inside(best.x + directions * h), axis=0)
+            x = x[[_key(a) not in seen for a in x]]
+            seen |= {_key(a) for a in x}
+            looks = looker.at(x, rows) if len(x) else []
+            better = max(looks, key=lambda look: look.rank, default=best)
+            if better.rank > best.rank:
+                best = better
+                break
+        else:
+            # No neighbour is better; a step that helped is tried again at the same size.
+            h = 0.5 * h
+    return best
+
+
+def _key(x: Array) -> tuple[float, ...]:
+    return tuple(x.round(9).tolist())
+
+
+def _diagonals(d: int) -> Array:
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * d, indexing="ij")).reshape(d, -1).T
+    return signs
+
+
+def _driven(looker: Looker, basins: list[Look]) -> tuple[Array, float, Course, float]:
+    """The best basin that can be driven over all points of the path."""
+    problem = looker.problem
+    possible = [look for look in basins if look.rank[0]]
+    if not possible:
+        raise _no_position(problem, basins)
+    error: InputError | None = None
+    for look in possible:
+        rows, best, known = problem.sure_rows(FINE_ROWS), look, True
+        for _ in range(ROUNDS):
+            first = np.full(problem.space.d, 1.1 * ROUGH * TOLERANCE)
+            best = refined(looker, best, first, TOLERANCE, rows, known=known)
+            e, table = problem.space.sites(best.x[None])
+            try:
+                course = follow(problem, e[0], float(table[0]), best.gamma)
+            except PathError as fault:
+                error = error or fault
+                if fault.point in rows:
+                    break
+                # Between the points that were looked at there is one that this position does not reach.
+                rows, known = np.union1d(rows, [fault.point]), False
+                best = refined(looker, best, np.full(problem.space.d, 64.0 * TOLERANCE), TOLERANCE * ROUGH, rows)
+                if not best.rank[0]:
+                    break
+                continue
+            return best.x, best.gamma, course, merit_of(problem, course)
+    assert error is not None  # noqa: S101 - some basin could be taken, and each was followed
+    raise error
+
+
+def _no_position(problem: Problem, basins: list[Look]) -> InputError:
+    nearest = max(basins, key=lambda look: look.rank)
+    if nearest.shortfall is not None:
+        return unreachable(problem, nearest.x, nearest.shortfall)
+    return InputError(
+        "no base position can take the whole path",
+        value=f"nearest at {problem.space.words(nearest.x)}, where there is a {nearest.why} on the way",
+        allowed=f"{problem.clearance * 1e3:g} mm of clearance and no singularity",
+        remedy="widen the ranges of the axes or of gamma, or move what is in the way",
+    )
+
+
+def _some(sites: Sites, rows: Integers) -> Sites:
+    return replace(
+        sites, e=sites.e[rows], table=sites.table[rows], q=sites.q[rows], valid=sites.valid[rows],
+        value=sites.value[rows], reason=sites.reason[rows],
+    )  # fmt: skip

@@ -1,0 +1,167 @@
+"""The command best_angle: the angle gamma and the branch that make the arm stiffest at one point.
+
+The search of :func:`machining.best_postures`, without postures that may not be taken: singular ones, those farther
+from the last posture than a jump, and, of the best that remain, those that collide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.drive import Drive
+from machining.objective import Objective
+from machining.posture import GammaRange, sweep_gamma
+from machining.service.asked import Arm, best_first, factor_of, generator, key_of, middle, near_of
+from machining.service.blocks import block_of, collisions_of, distances, gammas_of, quantity_of
+from machining.service.fields import Fields
+from machining.service.state import State, state_of
+from machining.service.wire import number, numbers
+from machining.task import Task
+from robots import InputError
+from robots.turns import nearest_turn
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Peaks of the grid that are refined, and the angle (rad) at which that ends; as machining.best_postures.
+PEAKS = 3
+TOLERANCE = 1e-5
+OFFSETS = np.linspace(-1.0, 1.0, 9)
+# Postures that are asked for collisions at once, and in all.
+AT_ONCE, TRIES = 16, 400
+
+
+def best_angle(arm: Arm, fields: Fields) -> dict[str, Any]:
+    """Best gamma, branch and turns at a point."""
+    state = state_of(fields, arm.state)
+    block = block_of(arm, fields, state, "point_mm")
+    quantity, gammas = quantity_of(fields, block.force), gammas_of(fields)
+    near, jump = near_of(arm, fields), fields.number("jump_deg", 1e-6, 360.0)
+    collisions, refine = collisions_of(arm, fields), fields.flag("refine", True)
+    fields.done()
+    if jump is not None and near is None:
+        raise fields.fault("jump_deg", jump, "together with near_deg: the posture that it starts from")
+    objective = Objective(quantity, block.force)
+    search = _Search(arm, block.task, objective, gammas, near, np.inf if jump is None else float(np.radians(jump)))
+    found = search.best_first(refine)
+    at, room = _first_free(arm, state, found.q) if collisions else (0, np.nan)
+    answer: dict[str, Any] = {
+        "gamma_deg": number(np.degrees(found.gamma[at]), 9),
+        "q_deg": numbers(np.degrees(found.q[at])),
+        "branch": found.names[found.branch[at]],
+        key_of(quantity): number(found.value[at] * factor_of(quantity)),
+    }
+    return answer | {"clearance_mm": number(room * 1e3, 9)} if collisions else answer
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Postures that may be taken: ``at`` (k,) of the angles looked at; ``names`` that ``branch`` (k,) counts in."""
+
+    at: Integers
+    gamma: Array
+    q: Array
+    value: Array
+    branch: Integers
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """One point; ``near`` (dof,) rad or None, ``jump`` rad."""
+
+    arm: Arm
+    task: Task
+    objective: Objective
+    gammas: GammaRange
+    near: Array | None
+    jump: float
+
+    def best_first(self, refine: bool) -> _Found:
+        """Postures of the grid and of its refined peaks, the best first; InputError if there is none."""
+        grid, valid = self._look(self.gammas.angles)
+        if not len(grid.at):
+            raise self._none(valid)
+        parts = [grid]
+        if refine:
+            parts.append(self._look(self._peaks(grid))[0])
+        merit = self.objective.sign * np.concatenate([p.value for p in parts])
+        near = middle(self.arm) if self.near is None else self.near
+        order = best_first(merit, np.concatenate([p.q for p in parts]), near)
+        gamma, q, value, branch, at = (
+            np.concatenate([getattr(p, name) for p in parts])[order] for name in ("gamma", "q", "value", "branch", "at")
+        )
+        return _Found(at, gamma, q, value, branch, max((p.names for p in parts), key=len))
+
+    def _look(self, angles: Array) -> tuple[_Found, int]:
+        """Postures at angles (m,) rad that may be taken, and how many there are within joint limits."""
+        sweep = sweep_gamma(self.arm.model, self.task, self.objective, angles, generator=generator(self.arm))
+        at, branch = np.nonzero(sweep.valid[0])
+        q, value = sweep.q[0, at, branch], sweep.value[0, at, branch]
+        kept = Drive().near_singular(self.arm.robot, q)[1]
+        if self.near is not None:
+            q, _ = nearest_turn(self.arm.robot, q, np.broadcast_to(self.near, q.shape))
+            kept = kept & (np.abs(q - self.near).max(axis=1, initial=0.0) <= self.jump)
+        found = _Found(at[kept], sweep.gamma[0, at[kept]], q[kept], value[kept], branch[kept], sweep.names)
+        return found, len(at)
+
+    def _peaks(self, grid: _Found) -> Array:
+        """Angles (k,) of the grid's highest peaks, refined."""
+        merit = self._merit(grid, self.gammas.count)
+        mode = {"mode": "wrap"} if self.gammas.closed else {"constant_values": -np.inf}
+        around = np.pad(merit, 1, **mode)
+        peak = np.flatnonzero(np.isfinite(merit) & (merit >= around[:-2]) & (merit >= around[2:]))
+        centre = self.gammas.angles[peak[np.argsort(-merit[peak], kind="stable")[:PEAKS]]]
+        half = self.gammas.cell
+        while half > TOLERANCE:
+            trial = self.gammas.inside(centre[:, None] + half * OFFSETS)
+            fine = self._merit(self._look(trial.ravel())[0], trial.size).reshape(trial.shape)
+            centre = trial[np.arange(len(centre)), fine.argmax(axis=1)]
+            half /= 4.0
+        return np.asarray(centre)
+
+    def _merit(self, found: _Found, m: int) -> Array:
+        """Best merit (m,) of each angle, -inf where nothing may be taken."""
+        merit = np.full(m, -np.inf)
+        np.maximum.at(merit, found.at, self.objective.sign * found.value)
+        return merit
+
+    def _none(self, valid: int) -> InputError:
+        p = self.task.path.points[0] * 1e3
+        what = f"best_angle: point {p.round(3).tolist()} mm"
+        span = f"any of {self.gammas.count} angles gamma"
+        if not valid:
+            return InputError(
+                what,
+                value=f"out of reach or beyond joint limits at {span}",
+                allowed="one branch within reach and joint limits",
+                remedy="move the part or the base, or widen the range of gamma; ik with which = all says why",
+            )
+        return InputError(
+            what,
+            value=f"{valid} postures at {span}, all singular or farther than jump_deg from near_deg",
+            allowed="one that may be taken",
+            remedy="allow a larger jump_deg, or retract and start anew without near_deg",
+        )
+
+
+def _first_free(arm: Arm, state: State, q: Array) -> tuple[int, float]:
+    """Row of the first of poses q (k, dof) that keeps the cell's safety distance, and its clearance (m)."""
+    safety = state.cell.safety
+    within = max(2.0 * safety, 0.05)
+    for start in range(0, min(len(q), TRIES), AT_ONCE):
+        rows = q[start : start + AT_ONCE]
+        room = distances(arm, state, rows, within)
+        free = np.flatnonzero(room >= safety)
+        if len(free):
+            return start + int(free[0]), float(room[free[0]])
+    raise InputError(
+        "best_angle: collisions",
+        value=f"the best {min(len(q), TRIES)} postures come nearer than {safety * 1e3:g} mm to something",
+        allowed="one that keeps the cell's safety distance",
+        remedy="widen the range of gamma, move what is in the way, or ask with collisions = false to see the posture",
+    )

@@ -1,0 +1,182 @@
+"""Points of a request as a machining task: one of them or a block, with tool axes, normals, feed, ranges of gamma."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.cell import clearance
+from machining.drive import Drive
+from machining.objective import Objective
+from machining.path_problem import Course
+from machining.posture import GammaRange
+from machining.service.asked import QUANTITIES, Arm, factor_of, fitting, force_of, key_of, need_force
+from machining.service.fields import Fields
+from machining.service.state import State, vectors_of
+from machining.service.wire import number, numbers
+from machining.task import Task, ToolPath
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Angles gamma of a range: beyond, a sweep takes seconds a point.
+MOST_ANGLES = 3600
+# Defaults, deg.
+GAMMA_STEP = 5.0
+JUMP = 20.0
+LIMIT_MARGIN = 0.5
+# Clearance is weighed from this many times the safety distance on, and from this far at least, m.
+ZONE = 3.0
+LEAST_ZONE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Points as a task; ``force`` (3,) or (n, 3) N in base axes; ``free`` (n - 1,): segments that are rapid moves."""
+
+    task: Task
+    force: Array | None
+    free: Bools | None
+
+
+def block_of(arm: Arm, fields: Fields, state: State, key: str) -> Block:
+    """Points of ``key`` (mm) with ``tool_axis``, ``direction`` (default: the tool axis), ``force_N``.
+
+    Raises
+    ------
+    InputError
+        What is missing or does not fit; see :class:`machining.ToolPath` and :class:`machining.Task`.
+    """
+    one = key == "point_mm"
+    points, axes = fields.rows(key, 3), fields.rows("tool_axis", 3)
+    if points is None:
+        raise fields.needed(key, "[x, y, z]" if one else "a list of [x, y, z]")
+    if axes is None:
+        raise fields.needed("tool_axis", "the direction from the tool's tip into the holder, one or one a point")
+    if one and points.ndim != 1:
+        raise fields.fault(key, f"{len(points)} rows", "three numbers", "use best_path for several points")
+    points = np.atleast_2d(points) * 1e-3
+    n = len(points)
+    fitting(fields, "tool_axis", axes, n)
+    normals = fitting(fields, "direction", vectors_of(fields, "direction", state.direction), n)
+    force = force_of(fields, state, n)
+    feed, free = (np.full(n, np.nan), None) if one else (_feed(fields, n), _free(fields, n))
+    path = ToolPath(points, axes if normals is None else normals, axes, feed)
+    return Block(Task(path, state.T_tool, state.T_base_given, state.reference), force, free)
+
+
+def _feed(fields: Fields, n: int) -> Array:
+    value = fields.take("feed_mm_per_min")
+    if value is None:
+        return np.full(n, np.nan)
+    values = value if isinstance(value, list) else [value] * n
+    good = len(values) == n and all(type(v) in (int, float) and 0.0 < v <= 1e9 for v in values)
+    if not good:
+        raise fields.fault("feed_mm_per_min", value, f"a number above 0, or {n} of them")
+    return np.array(values, dtype=np.float64) * 1e-3 / 60.0
+
+
+def _free(fields: Fields, n: int) -> Bools | None:
+    value = fields.take("rapid")
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != n or not all(isinstance(v, bool) for v in value):
+        raise fields.fault("rapid", value, f"{n} times true or false: whether the move to the point is a rapid one")
+    return np.array(value[1:], dtype=np.bool_)
+
+
+def gammas_of(fields: Fields) -> GammaRange:
+    """``gamma_from_deg``, ``gamma_to_deg``, ``gamma_step_deg``; default: a full turn every 5 deg."""
+    low = fields.number("gamma_from_deg", -720.0, 720.0)
+    high = fields.number("gamma_to_deg", -720.0, 720.0)
+    step = fields.number("gamma_step_deg", 360.0 / MOST_ANGLES, 360.0)
+    low, high, step = -180.0 if low is None else low, 180.0 if high is None else high, step or GAMMA_STEP
+    width = high - low
+    if not step <= width <= 360.0 + 1e-9:
+        allowed = "from below to, a step at least and 360 deg at most apart"
+        raise fields.fault("gamma_from_deg, gamma_to_deg", [low, high], allowed)
+    cells = max(1, round(width / step))
+    closed = width > 360.0 - 1e-9
+    return GammaRange(np.radians(low), np.radians(high), max(2, cells if closed else cells + 1))
+
+
+def quantity_of(fields: Fields, force: Array | None) -> str:
+    """``quantity``, default k_fs; InputError where its force is missing."""
+    quantity = fields.choice("quantity", QUANTITIES, "k_fs")
+    need_force(fields, quantity, force)
+    return quantity
+
+
+def objective_of(fields: Fields, force: Array | None) -> Objective:
+    """``quantity`` and ``aim`` (mean, worst)."""
+    quantity = quantity_of(fields, force)
+    aim = fields.choice("aim", ("mean", "worst"), "mean")
+    return Objective(quantity, force, "worst" if aim == "worst" else "mean")
+
+
+def collisions_of(arm: Arm, fields: Fields) -> bool:
+    """``collisions``; default: where the cell has surfaces. InputError if they are wanted and it has none."""
+    wanted = fields.flag("collisions", arm.scene is not None)
+    if wanted and arm.scene is None:
+        raise fields.fault(
+            "collisions", True, "false: no surfaces are known", "start the service with --cell CELL.toml"
+        )
+    return wanted
+
+
+def drive_of(arm: Arm, fields: Fields, state: State, collisions: bool) -> Drive:
+    """``jump_deg``, ``motion``, ``limit_margin_deg``, ``joint_speed_deg_per_s`` (default: the cell's); clearance."""
+    speed = fields.take("joint_speed_deg_per_s")
+    jump = fields.number("jump_deg", 1e-6, 360.0) or JUMP
+    motion, margin = fields.number("motion", 0.0), fields.number("limit_margin_deg", 0.0, 180.0)
+    plain = Drive(
+        speed=state.cell.joint_speed if speed is None else np.radians(_speeds(fields, speed, arm.robot.dof)),
+        jump=float(np.radians(jump)),
+        motion=Drive.motion if motion is None else motion,
+        limit_least=float(np.radians(LIMIT_MARGIN if margin is None else margin)),
+    )
+    if not collisions:
+        return plain
+    zone = max(ZONE * state.cell.safety, LEAST_ZONE)
+    return Drive(
+        speed=plain.speed,
+        jump=plain.jump,
+        motion=plain.motion,
+        limit_least=plain.limit_least,
+        clearance_of=lambda q: distances(arm, state, q, zone),
+        clearance_zone=zone,
+        clearance_least=state.cell.safety,
+    )
+
+
+def distances(arm: Arm, state: State, q: Array, within: float) -> Array:
+    """Clearance (k,) m of poses q (k, dof) rad where base and part stand; a session with surfaces."""
+    assert arm.scene is not None  # noqa: S101 - collisions_of has seen to it
+    return clearance(arm.scene, q, state.travel[None], [state.table], within=within).distance
+
+
+def _speeds(fields: Fields, value: Any, dof: int) -> Array:
+    values = value if isinstance(value, list) else [value] * dof
+    good = len(values) == dof and all(type(v) in (int, float) and 0.0 < v <= 1e9 for v in values)
+    if not good:
+        raise fields.fault("joint_speed_deg_per_s", value, f"a number above 0, or {dof} of them")
+    return np.array(values, dtype=np.float64)
+
+
+def course_payload(course: Course, objective: Objective) -> dict[str, Any]:
+    """A course for an answer."""
+    moves, factor, key = course.smoothness, factor_of(objective.quantity), key_of(objective.quantity)
+    return {
+        "q_deg": numbers(np.degrees(course.q)),
+        "gamma_deg": numbers(np.degrees(course.gamma)),
+        "branch": [course.names[b] for b in course.branch.tolist()],
+        key: numbers(course.value * factor, None),
+        f"mean_{key}": number(course.mean * factor),
+        f"worst_{key}": number(course.worst * factor),
+        "largest_step_deg": numbers(np.degrees(moves.largest_step)),
+        "limit_distance_deg": number(np.degrees(moves.limit_distance), 9),
+        "singular_distance": number(moves.singular_distance),
+    }

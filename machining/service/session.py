@@ -1,0 +1,177 @@
+"""A session: a robot, its state, and the table of commands that answer requests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+import fem
+from machining.cell import ArmBodies, Cell, scene_of
+from machining.indices import INDICES
+from machining.objective import DISPLACEMENTS
+from machining.placement import on_axes
+from machining.service import angles, bases, paths, poses
+from machining.service.asked import key_of
+from machining.service.fields import MOST_ROWS, Fields
+from machining.service.state import State, state_of, vectors_of
+from machining.service.wire import LONGEST_LINE, error_of, id_of, numbers, read_line, write_line
+from robots.inverse import why_no_closed_form
+
+# Raised when an old client would misread an answer; new keys and commands do not raise it.
+PROTOCOL = 1
+MOST_REQUESTS = 100_000
+
+
+class Session:
+    """A robot in its cell that answers requests.
+
+    ``arm``: the arm's bodies, None: collisions are not looked at. ``facts``: what ``hello`` says besides, as versions
+    and file names. ``stopped``: a request asked for the end.
+    """
+
+    def __init__(
+        self, model: fem.ArmModel, cell: Cell, arm: ArmBodies | None = None, facts: Mapping[str, Any] | None = None
+    ) -> None:
+        self.robot, self.bare = model.robot, model
+        self.model = on_axes(model, cell)
+        self.scene = None if arm is None else scene_of(cell, arm)
+        self.searched = why_no_closed_form(model.robot) is not None
+        limits = np.array([axis.limits for axis in cell.linear_axes]).reshape(-1, 2)
+        # 0, or the nearest that the axis allows.
+        self.start = State(cell, np.clip(np.zeros(len(limits)), limits[:, 0], limits[:, 1]))
+        self.state = self.start
+        self.facts = dict(facts or {})
+        self.stopped = False
+
+    def answer(self, line: bytes) -> bytes:
+        """The answer line to a request line; never raises but for Ctrl-C and the like."""
+        try:
+            request = read_line(line)
+        except Exception as error:
+            return _refused(None, error)
+        answer = self.reply(request)
+        try:
+            return write_line(answer)
+        except ValueError as error:  # a number that JSON has none for
+            return _refused(answer["id"], error)
+
+    def reply(self, request: Mapping[str, Any], within: str | None = None) -> dict[str, Any]:
+        """The answer to a request; ``within``: the command that it is part of."""
+        name: Any = None
+        try:
+            name = id_of(request)
+            found = self._run(request, within)
+        except Exception as error:
+            return {"id": name, "ok": False, "error": error_of(error)}
+        return {"id": name, "ok": True, **found}
+
+    def _run(self, request: Mapping[str, Any], within: str | None) -> dict[str, Any]:
+        do = request.get("do")
+        allowed = [name for name in COMMANDS if within is None or name not in ("batch", "quit")]
+        if not isinstance(do, str) or do not in allowed:
+            where = "do" if within is None else f"do within {within}"
+            raise Fields({}, "request").fault(where, do, ", ".join(allowed), 'as in {"do": "ping"}')
+        return COMMANDS[do](self, Fields(request, do))
+
+
+def hello(session: Session, fields: Fields) -> dict[str, Any]:
+    """What is there: protocol, robot, cell, commands, quantities, limits."""
+    fields.done()
+    robot, cell = session.robot, session.start.cell
+    joints = [
+        {"name": name, "coordinate": coordinate, "lower_deg": low, "upper_deg": high}
+        for name, coordinate, (low, high) in zip(
+            robot.joint_names, robot.coordinates, numbers(np.degrees(robot.limits)), strict=True
+        )
+    ]
+    axes = [
+        {"name": a.name, "lower_mm": low, "upper_mm": high}
+        for a in cell.linear_axes
+        for low, high in [numbers(a.limits * 1e3)]
+    ]
+    table = None
+    if cell.turntable is not None:
+        limits = cell.turntable.limits
+        low, high = (None, None) if limits is None else numbers(np.degrees(limits))
+        table = {"lower_deg": low, "upper_deg": high}
+    return {
+        "protocol": PROTOCOL,
+        **session.facts,
+        "robot": robot.name,
+        "joints": joints,
+        "closed_form": not session.searched,
+        "linear_axes": axes,
+        "turntable": table,
+        "collisions": session.scene is not None,
+        "commands": list(COMMANDS),
+        "quantities": {name: key_of(name) for name in (*INDICES, *DISPLACEMENTS)},
+        "limits": {"line_bytes": LONGEST_LINE, "requests_of_a_batch": MOST_REQUESTS, "points_of_a_block": MOST_ROWS},
+    }
+
+
+def ping(session: Session, fields: Fields) -> dict[str, Any]:
+    """Nothing."""
+    fields.done()
+    return {}
+
+
+def set_state(session: Session, fields: Fields) -> dict[str, Any]:
+    """Keep tool, part, travel, force and the like for the requests to come; without keys: say what is set."""
+    reset = fields.flag("reset", False)
+    state = state_of(fields, session.start if reset else session.state)
+    force, direction = (
+        _one(fields, key, kept) for key, kept in (("force_N", state.force), ("direction", state.direction))
+    )
+    fields.done()
+    session.state = State(state.cell, state.travel, state.table, state.reference, state.relative_to, force, direction)
+    return session.state.payload
+
+
+def batch(session: Session, fields: Fields) -> dict[str, Any]:
+    """Several requests in one line, answered in their order; errors stay with their request."""
+    requests = fields.take("requests")
+    fields.done()
+    form = f"a list of at most {MOST_REQUESTS} requests, objects without batch and quit among them"
+    if not isinstance(requests, list) or len(requests) > MOST_REQUESTS:
+        raise fields.fault("requests", requests, form)
+    for i, request in enumerate(requests):
+        if not isinstance(request, dict):
+            raise fields.fault(f"requests, number {i}", request, form)
+    return {"answers": [session.reply(request, "batch") for request in requests]}
+
+
+def quit_session(session: Session, fields: Fields) -> dict[str, Any]:
+    """End the process after this answer."""
+    fields.done()
+    session.stopped = True
+    return {}
+
+
+def _one(fields: Fields, key: str, kept: Any) -> Any:
+    given = vectors_of(fields, key, kept)
+    if given is not None and given.ndim != 1:
+        raise fields.fault(key, f"{len(given)} rows", "three numbers")
+    return given
+
+
+def _refused(name: Any, error: Exception) -> bytes:
+    return write_line({"id": name, "ok": False, "error": error_of(error)})
+
+
+COMMANDS: dict[str, Callable[[Session, Fields], dict[str, Any]]] = {
+    "hello": hello,
+    "ping": ping,
+    "set": set_state,
+    "fk": poses.fk,
+    "ik": poses.ik,
+    "stiffness": poses.stiffness,
+    "deflection": poses.deflection,
+    "clearance": poses.clearance_of_poses,
+    "best_angle": angles.best_angle,
+    "best_path": paths.best_path,
+    "best_base": bases.best_base,
+    "batch": batch,
+    "quit": quit_session,
+}

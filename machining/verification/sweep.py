@@ -1,0 +1,237 @@
+"""Continuous collision check of moves: intervals are divided until nothing can have happened inside them.
+
+Conservative advancement (B. Mirtich, PhD thesis, Berkeley 1996; for articulated bodies: X. Zhang, S. Redon, M. Lee,
+Y. Kim, ACM Trans. Graph. 26 (2007) 15, doi:10.1145/1276377.1276396), from both ends of an interval: where distances at
+its ends are c0 and c1 and no two bodies move against each other by more than L in between, nothing comes nearer than
+(c0 + c1 - L) / 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.cell import Scene, clearance
+from machining.cell.scene import Pair
+from machining.verification.courses import Courses
+from machining.verification.motion_bound import MotionBound, motion_bound
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+Progress = Callable[[int, int], None]
+
+# Moves whose intervals are held at once.
+CHUNK = 512
+# Straight moves are divided into this many intervals at once: their joints may go to and fro.
+FIRST_PIECES = 4
+# A part of a move so small that joints still far apart at its ends have jumped.
+LEAST_SHARE = 1e-6
+# A proof must leave this distance (m), so that rounding does not make one.
+PROOF = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """What a sweep found, for n moves; those that were not asked for have no figures (NaN, -1).
+
+    Attributes
+    ----------
+    distance : (n,) m, least distance seen, at points and where intervals were divided; at most ``within``, -1 mm for
+        overlap
+    proven : (n,) m, distance that is kept all along the move; below 0 where nothing was proven
+    names : pairs of bodies that were checked
+    pair : (n,) place in ``names`` of the nearest pair, -1: none within
+    hit, hit_pair : (n,) share of the move at which bodies overlap first, NaN: nowhere; and the pair
+    low, low_pair : (n,) share at which the first distance below the safety was seen, and the pair
+    unproven, lost : (n,) first share at which a touch could not be excluded, or the straight line was lost
+    samples : poses whose distances were worked out
+    within : m, distances beyond are not worked out
+    """
+
+    distance: Array
+    proven: Array
+    names: tuple[Pair, ...]
+    pair: Integers
+    hit: Array
+    hit_pair: Integers
+    low: Array
+    low_pair: Integers
+    unproven: Array
+    lost: Array
+    samples: int
+    within: float
+
+
+@dataclass
+class _Found:
+    """The arrays of :class:`Swept` while they are filled."""
+
+    safety: float
+    distance: Array
+    proven: Array
+    pair: Integers
+    hit: Array
+    hit_pair: Integers
+    low: Array
+    low_pair: Integers
+    unproven: Array
+    lost: Array
+    samples: int = 0
+
+    def see(self, move: Integers, share: Array, distance: Array, pair: Integers) -> None:
+        """Enter distances seen at shares of moves; several of one move may come at once."""
+        # The earliest is written last.
+        for i in np.argsort(-share, kind="stable"):
+            m, d = move[i], distance[i]
+            if not d >= self.distance[m]:
+                self.distance[m], self.pair[m] = d, pair[i]
+            if d < 0.0 and not share[i] >= self.hit[m]:
+                self.hit[m], self.hit_pair[m] = share[i], pair[i]
+            elif 0.0 <= d < self.safety and not share[i] >= self.low[m]:
+                self.low[m], self.low_pair[m] = share[i], pair[i]
+
+
+@dataclass(frozen=True, eq=False)
+class _Intervals:
+    """Intervals of moves: shares s, coordinates v and distances c at both ends."""
+
+    move: Integers
+    s0: Array
+    s1: Array
+    v0: Array
+    v1: Array
+    c0: Array
+    c1: Array
+
+    def take(self, rows: Integers | Bools) -> _Intervals:
+        return _Intervals(*(getattr(self, name)[rows] for name in ("move", "s0", "s1", "v0", "v1", "c0", "c1")))
+
+    def joined(self, other: _Intervals) -> _Intervals:
+        return _Intervals(
+            *(
+                np.concatenate([getattr(self, name), getattr(other, name)])
+                for name in ("move", "s0", "s1", "v0", "v1", "c0", "c1")
+            )
+        )
+
+
+def sweep(
+    courses: Courses,
+    scene: Scene,
+    *,
+    moves: Bools | None = None,
+    safety: float = 0.0,
+    resolution: float = 1e-3,
+    horizon: float = 0.1,
+    progress: Progress | None = None,
+) -> Swept:
+    """Look for overlaps and distances below ``safety`` on whole moves, not only at their points.
+
+    Moves with all axes even are decided for certain. On straight moves the way of each joint inside an interval is
+    taken from its middle with twice the second difference: sure for smooth motion, an estimate next to singularities.
+    Intervals whose motion is down to ``resolution`` are left: what could still touch there is ``unproven``; distances
+    are then known to be at most half the resolution below those seen.
+
+    Parameters
+    ----------
+    moves : (n,) which to look at; None: all. Move 0 is the first point alone
+    safety, resolution, horizon : m, as in :class:`machining.verification.Demands`
+    progress : called with (moves done, moves)
+    """
+    n = courses.program.n
+    wanted = np.flatnonzero(np.ones(n, dtype=np.bool_) if moves is None else moves)
+    nan, none = np.full(n, np.nan), np.full(n, -1, dtype=np.int64)
+    figures = (nan, nan, none, nan, none, nan, none, nan, nan)
+    found = _Found(safety, *(figure.copy() for figure in figures))  # type: ignore[arg-type]
+    bound = motion_bound(scene, courses.axes)
+    for start in range(0, len(wanted), CHUNK):
+        _sweep_some(courses, bound, wanted[start : start + CHUNK], resolution, safety + horizon, found)
+        if progress is not None:
+            progress(min(start + CHUNK, len(wanted)), len(wanted))
+    return Swept(
+        found.distance, np.minimum(found.proven, found.distance), scene.names, found.pair, found.hit, found.hit_pair,
+        found.low, found.low_pair, found.unproven, found.lost, found.samples, safety + horizon,
+    )  # fmt: skip
+
+
+def _sweep_some(
+    courses: Courses, bound: MotionBound, moves: Integers, resolution: float, within: float, found: _Found
+) -> None:
+    needed = np.unique(np.concatenate([moves, np.maximum(moves - 1, 0)]))
+    values = courses.points[needed]
+    distance, pair = _distances(courses, bound.scene, values, within, found)
+    end = np.searchsorted(needed, moves)
+    found.see(moves, np.ones(len(moves)), distance[end], pair[end])
+    found.proven[moves] = distance[end]
+    moving = moves > 0
+    moves, end = moves[moving], end[moving]
+    begin = np.searchsorted(needed, moves - 1)
+    found.see(moves, np.zeros(len(moves)), distance[begin], pair[begin])
+    zero = np.zeros(len(moves))
+    open_ = _Intervals(moves, zero, zero + 1.0, values[begin], values[end], distance[begin], distance[end])
+    for number in range(1, FIRST_PIECES):
+        straight = courses.straight[open_.move] & (open_.s1 == 1.0)
+        if straight.any():
+            cut = (number / FIRST_PIECES) * np.ones(int(straight.sum()))
+            open_ = open_.take(~straight).joined(_divided(courses, bound, open_.take(straight), cut, within, found))
+    while len(open_.move):
+        open_ = _undecided(courses, bound, open_, resolution, found)
+        middle = 0.5 * (open_.s0 + open_.s1)
+        open_ = _divided(courses, bound, open_, middle, within, found)
+
+
+def _undecided(courses: Courses, bound: MotionBound, at: _Intervals, resolution: float, found: _Found) -> _Intervals:
+    """Intervals that must be divided further; what is decided goes into ``found``."""
+    # What follows a touch in the same move makes it no worse.
+    at = at.take(~(at.s0 >= found.hit[at.move]))
+    L = bound(at.v0, _way(courses, at))
+    kept = np.minimum(0.5 * (at.c0 + at.c1 - L), np.minimum(at.c0, at.c1))
+    target = np.where(np.isnan(found.low[at.move]), max(found.safety, PROOF), PROOF)
+    proven, fine = kept >= target, resolution >= L
+    # Where a distance first falls below the safety, the place is found to the resolution, as that of a touch is.
+    falls = (at.c0 >= found.safety) & (at.c1 < found.safety) & (at.s1 <= found.low[at.move])
+    closed = (proven & ~falls) | fine
+    np.minimum.at(found.proven, at.move[closed], kept[closed])
+    doubt = fine & (kept < PROOF) & (at.c1 >= 0.0)
+    np.fmin.at(found.unproven, at.move[doubt], at.s0[doubt])
+    lost = ~closed & (at.s1 - at.s0 < LEAST_SHARE)
+    np.fmin.at(found.lost, at.move[lost], at.s0[lost])
+    found.proven[at.move[lost]] = -np.inf
+    return at.take(~closed & ~lost)
+
+
+def _way(courses: Courses, at: _Intervals) -> Array:
+    """How far each axis goes in an interval (m, a)."""
+    way = np.abs(at.v1 - at.v0)
+    rows = np.flatnonzero(courses.straight[at.move])
+    if len(rows):
+        part = at.take(rows)
+        middle, _ = courses.at(part.move, 0.5 * (part.s0 + part.s1))
+        bend = np.abs(part.v0 - 2.0 * middle + part.v1)
+        way[rows] = np.abs(middle - part.v0) + np.abs(part.v1 - middle) + 2.0 * bend
+    return way
+
+
+def _divided(
+    courses: Courses, bound: MotionBound, at: _Intervals, cut: Array, within: float, found: _Found
+) -> _Intervals:
+    """Intervals parted at shares ``cut``."""
+    if not len(at.move):
+        return at
+    v, followed = courses.at(at.move, cut)
+    c, pair = _distances(courses, bound.scene, v, within, found)
+    found.see(at.move, cut, c, pair)
+    np.fmin.at(found.lost, at.move[~followed], cut[~followed])
+    first = _Intervals(at.move, at.s0, cut, at.v0, v, at.c0, c)
+    return first.joined(_Intervals(at.move, cut, at.s1, v, at.v1, c, at.c1))
+
+
+def _distances(courses: Courses, scene: Scene, values: Array, within: float, found: _Found) -> tuple[Array, Integers]:
+    q, travel, table = courses.axes.parts(values)
+    seen = clearance(scene, q, travel, table, within=within)
+    found.samples += len(values)
+    return seen.distance, seen.pair

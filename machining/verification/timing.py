@@ -1,0 +1,138 @@
+"""How long moves take, and the speeds and accelerations that the feed asks of each axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.verification.courses import PIECES, Courses
+from machining.verification.moving_axes import MovingAxes
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Shorter ways of the tip (m) count as none: the feed says nothing about turning on the spot.
+NO_WAY = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """Times and rates of n moves and a axes.
+
+    Attributes
+    ----------
+    time : (n,) s, what the move takes; NaN where neither feed nor axis speeds say. Move 0 takes none
+    asked : (n,) s, what the feed asks for; NaN for rapid moves and without a feed
+    speed : (n, a) greatest rate at the asked time, rad/s or m/s; NaN where there is none
+    acceleration : (n, a) greatest within the move's time, at feeds; NaN where times are not known
+    corners : (m,) moves that begin at a corner asking for too much, ``corner_axis`` (m,) and ``corner_rate`` (m,)
+    """
+
+    time: Array
+    asked: Array
+    speed: Array
+    acceleration: Array
+    corners: Integers
+    corner_axis: Integers
+    corner_rate: Array
+
+    @property
+    def total(self) -> float:
+        """Time of the whole program, s, without dwells; NaN if any move's is not known."""
+        return float(self.time.sum())
+
+
+def timing_of(courses: Courses, smoothing: float) -> Timing:
+    """Times from the feed for cutting moves, from the axes' limits for rapid ones.
+
+    A cutting move takes as long as the feed asks, or as long as the slowest axis needs at its greatest speed. A rapid
+    move starts and ends at rest; every axis runs up, along and down at its greatest rates, and the slowest one sets
+    the time. Where accelerations are not known the ramps are left out.
+
+    Accelerations at feeds: the course of each axis is taken to be averaged over ``smoothing`` seconds, as controllers
+    blend corners. Position is piecewise linear in time, so the acceleration is
+    ``(v(t + smoothing / 2) - v(t - smoothing / 2)) / smoothing`` with v the unsmoothed speed. Rapid moves, dwells, the
+    start and the end count as rest. Real controllers blend otherwise; this is a measure of corners, not their planner.
+    """
+    program, axes = courses.program, courses.axes
+    motions, n = program.motions, program.n
+    pieces = PIECES if courses.straight.any() else 1
+    steps = np.zeros((n, pieces, axes.count))
+    moves = np.arange(1, n)
+    if n > 1:
+        steps[1:] = np.diff(courses.sampled(moves, pieces)[0], axis=1)
+    way = np.zeros(n)
+    way[1:] = np.linalg.norm(np.diff(program.T_part_tool[:, :3, 3], axis=0), axis=1)
+    asked = np.where(motions.cutting & (way > NO_WAY), way / motions.feed, np.nan)
+    # The fastest piece sets the pace of a move at an even feed.
+    permitted = _longest(pieces * np.abs(steps).max(axis=1), axes.speed)
+    time = np.where(motions.rapid, _rapid(np.abs(steps).sum(axis=1), axes), permitted)
+    time = np.where(np.isnan(asked), time, np.fmax(asked, permitted))
+    time[:1] = 0.0
+    with np.errstate(invalid="ignore"):
+        speed = pieces * np.abs(steps).max(axis=1) / asked[:, None]
+    acceleration, corner = _accelerations(courses, steps, time, smoothing)
+    return Timing(time, asked, speed, acceleration, *corner)
+
+
+def _longest(way: Array, rate: Array) -> Array:
+    """Time (n,) of the slowest axis over ways (n, a); NaN where an axis without a known speed moves."""
+    with np.errstate(invalid="ignore"):
+        time = np.where(way > 0.0, np.where(np.isinf(rate), np.nan, way / rate), 0.0)
+    return np.asarray(time.max(axis=1, initial=0.0))
+
+
+def _rapid(way: Array, axes: MovingAxes) -> Array:
+    """Time (n,) from rest to rest over ways (n, a): ramp, even speed, ramp, or two ramps."""
+    v, a = axes.speed, axes.acceleration
+    with np.errstate(invalid="ignore"):
+        ramp = np.where(np.isinf(a), 0.0, v / a)
+        time = np.where(way >= v * ramp, way / v + ramp, 2.0 * np.sqrt(way / a))
+    return np.asarray(np.where(way > 0.0, np.where(np.isinf(v), np.nan, time), 0.0).max(axis=1, initial=0.0))
+
+
+def _accelerations(
+    courses: Courses, steps: Array, time: Array, smoothing: float
+) -> tuple[Array, tuple[Integers, Integers, Array]]:
+    """Greatest acceleration (n, a) of each move, and the corners that ask for too much."""
+    n, pieces, count = steps.shape
+    peak = np.full((n, count), np.nan)
+    none = np.zeros(0, dtype=np.int64)
+    known = np.isfinite(time)
+    if n < 2 or not known[courses.program.motions.cutting].any():
+        return peak, (none, none, np.zeros(0))
+    motions = courses.program.motions
+    # A move of unknown time is a rest so long that its neighbours do not meet.
+    span = np.where(known, np.maximum(time, 1e-12), 2.0 * smoothing)
+    v = steps / (span / pieces)[:, None, None]
+    v[motions.rapid | ~known] = 0.0
+    # Every move: its pieces, then its dwell if it has one.
+    length = np.concatenate([np.repeat(span[:, None] / pieces, pieces, axis=1), motions.dwell[:, None]], axis=1).ravel()
+    v = np.concatenate([v, np.zeros((n, 1, count))], axis=1).reshape(-1, count)
+    owner = np.repeat(np.arange(n), pieces + 1)
+    length, v, owner = length[length > 0.0], v[length > 0.0], owner[length > 0.0]
+    edge = np.concatenate([[0.0], np.cumsum(length)])
+    # Speed on the piece before the first edge, between edges, and after the last.
+    v = np.concatenate([np.zeros((1, count)), v, np.zeros((1, count))])
+    change = np.unique(np.concatenate([edge - 0.5 * smoothing, edge + 0.5 * smoothing]))
+    middle = 0.5 * (change[1:] + change[:-1])
+    ahead = np.searchsorted(edge, middle + 0.5 * smoothing, side="right")
+    behind = np.searchsorted(edge, middle - 0.5 * smoothing, side="right")
+    rate = np.abs(v[ahead] - v[behind]) / smoothing
+    owner = np.append(owner, n - 1)
+    move = owner[np.clip(np.searchsorted(edge, middle, side="right") - 1, 0, None)]
+    top = np.zeros((n, count))
+    np.maximum.at(top, move, rate)
+    peak[known] = top[known]
+    beyond = np.argwhere(rate > courses.axes.acceleration * (1.0 + 1e-6))
+    corners: dict[tuple[int, int], float] = {}
+    for row, axis in beyond:
+        # Of the corners that the smoothing spans, the sharpest is to blame; it is where the next move begins.
+        at = np.arange(behind[row], ahead[row])
+        sharpest = int(at[np.argmax(np.abs(v[at + 1, axis] - v[at, axis]))])
+        key = int(owner[sharpest]), int(axis)
+        corners[key] = max(corners.get(key, 0.0), float(rate[row, axis]))
+    keys = np.array(list(corners), dtype=np.int64).reshape(-1, 2)
+    return peak, (keys[:, 0], keys[:, 1], np.array(list(corners.values())))

@@ -1,0 +1,174 @@
+"""Everything that is looked at before a cell moves, put together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.cell import ArmBodies, Scene, scene_of
+from machining.cell.scene import CUTTER, PART
+from machining.programs.program import JointProgram
+from machining.verification.courses import Courses, courses_of
+from machining.verification.demands import Demands
+from machining.verification.moving_axes import MovingAxes
+from machining.verification.offences import Kind, Offence, Severity, merged
+from machining.verification.path_checks import PathChecks, path_checks
+from machining.verification.reasons import Reported, axis_offences, body_offences, path_offences
+from machining.verification.sweep import Progress, Swept, sweep
+from machining.verification.timing import Timing, timing_of
+from robots import InputError
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Result of :func:`verify`; arrays are over the program's n moves.
+
+    ``offences`` in the order of the program, equal ones of neighbouring moves merged. ``swept``: distances of all
+    checked pairs; ``rapid``: of cutter and part in rapid moves, None where there is neither. ``not_looked_at``: what
+    could not be checked, and why. ``notes``: what was assumed about bodies.
+    """
+
+    program: JointProgram
+    demands: Demands
+    scene: Scene
+    courses: Courses
+    offences: tuple[Offence, ...]
+    swept: Swept
+    rapid: Swept | None
+    timing: Timing
+    path: PathChecks
+    not_looked_at: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def axes(self) -> MovingAxes:
+        """All axes."""
+        return self.courses.axes
+
+    @property
+    def errors(self) -> tuple[Offence, ...]:
+        """Offences that forbid running the program."""
+        return tuple(o for o in self.offences if o.severity is Severity.ERROR)
+
+    @property
+    def clean(self) -> bool:
+        """Whether there is no error; warnings may be left."""
+        return not self.errors
+
+    @property
+    def counts(self) -> dict[tuple[Kind, Severity], int]:
+        """How many offences there are of each kind and severity, in the order of their first ones."""
+        return dict(Counter((o.kind, o.severity) for o in self.offences))
+
+    @property
+    def safety(self) -> float:
+        """Distance (m) that bodies were to keep."""
+        return self.program.cell.safety if self.demands.safety is None else self.demands.safety
+
+
+def verify(
+    program: JointProgram,
+    arm: ArmBodies,
+    demands: Demands | None = None,
+    *,
+    nc_lines: Sequence[int] | None = None,
+    progress: Progress | None = None,
+) -> Verification:
+    """Replay a program in its cell and find everything that is wrong with it.
+
+    Bodies are checked on whole moves (:mod:`machining.verification.sweep`), axes and path at the points and at eight
+    pieces a move. Cutter and part may touch in cutting moves; in rapid moves an overlap of them is an offence, the
+    safety distance is not asked of them. The part does not change: what the cutter removes stays.
+
+    Parameters
+    ----------
+    arm : bodies of the program's robot
+    nc_lines : (n,) line of each move in the program written
+    progress : called with (moves done, moves)
+
+    Raises
+    ------
+    InputError
+        An empty program, another robot than the arm's, or another number of ``nc_lines`` than moves.
+    """
+    demands = demands or Demands()
+    if program.n == 0:
+        raise InputError(f"program {program.motions.source} has no motion")
+    if arm.robot.coordinates != program.robot.coordinates:
+        raise InputError(
+            "program of another robot",
+            value=", ".join(program.robot.coordinates),
+            allowed=", ".join(arm.robot.coordinates),
+            remedy="give the model that the program was made for",
+        )
+    if nc_lines is not None and len(nc_lines) != program.n:
+        raise InputError("lines of the program written", value=len(nc_lines), allowed=f"{program.n}, one a move")
+    scene = scene_of(program.cell, arm)
+    courses = courses_of(program, demands.interpolation)
+    safety = program.cell.safety if demands.safety is None else demands.safety
+    swept = sweep(
+        courses, scene, safety=safety, resolution=demands.resolution, horizon=demands.horizon, progress=progress
+    )
+    rapid = _rapid_contacts(courses, scene, demands)
+    timing = timing_of(courses, demands.smoothing)
+    path = path_checks(courses, demands)
+    reported = Reported(courses, nc_lines)
+    found = [
+        *body_offences(reported, swept, rapid, safety),
+        *axis_offences(reported, timing),
+        *path_offences(reported, path, demands),
+    ]
+    notes = (*scene.notes, *dict.fromkeys(str(note) for note in program.motions.notes))
+    unknown = _not_looked_at(courses, scene, timing)
+    return Verification(program, demands, scene, courses, merged(found), swept, rapid, timing, path, unknown, notes)
+
+
+def _rapid_contacts(courses: Courses, scene: Scene, demands: Demands) -> Swept | None:
+    """Sweep of cutter and part alone, in rapid moves."""
+    moves = courses.program.motions.rapid
+    cutters = [i for i, m in enumerate(scene.members) if m.kind == CUTTER]
+    parts = [i for i, m in enumerate(scene.members) if m.kind == PART]
+    if not (moves.any() and cutters and parts):
+        return None
+    pairs = tuple((i, j) for i in cutters for j in parts)
+    rows = [
+        (k, a, b)
+        for k, (i, j) in enumerate(pairs)
+        for a in np.flatnonzero(scene.owner == i)
+        for b in np.flatnonzero(scene.owner == j)
+    ]
+    alone = replace(scene, pairs=pairs, floor_members=(), solid_pairs=np.array(rows, dtype=np.int64).reshape(-1, 3))
+    return sweep(courses, alone, moves=moves, resolution=demands.resolution, horizon=demands.horizon)
+
+
+def _not_looked_at(courses: Courses, scene: Scene, timing: Timing) -> tuple[str, ...]:
+    """What could not be checked, in words."""
+    axes, cell, motions = courses.axes, courses.program.cell, courses.program.motions
+    out = []
+    for what, rate in (("Speeds", axes.speed), ("Accelerations", axes.acceleration)):
+        unknown = [name for name, value in zip(axes.names, rate, strict=True) if np.isinf(value)]
+        if unknown:
+            out.append(f"{what} of {', '.join(unknown)}: the cell gives no limits.")
+    no_feed = motions.cutting & np.isnan(motions.feed)
+    if no_feed.any():
+        out.append(f"Speeds and accelerations at {int(no_feed.sum())} cutting moves: they have no feed.")
+    if np.isnan(timing.time).any():
+        out.append(f"Time of {int(np.isnan(timing.time).sum())} moves, so that of the program.")
+    if cell.part is None:
+        out.append("Collisions with the part: the cell gives no surface of it.")
+    if not (cell.tool.holder or cell.tool.cutter):
+        out.append("Collisions of the tool: the cell gives no bodies of it.")
+    if cell.floor is None:
+        out.append("Collisions with the floor: the cell has none.")
+    if not courses.axes.dof or not any(m.frame for m in scene.members):
+        out.append("Collisions of the arm: the model gives no shapes.")
+    out += [f"Collisions of {a} with {b}: they overlap at home." for a, b in scene.switched_off]
+    out += [f"Collisions of {a} with {b}: the cell allows them." for a, b in cell.allowed_contacts]
+    return tuple(out)
