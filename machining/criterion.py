@@ -102,7 +102,7 @@ class Criterion:
         if w.shape != (m,) or not (w >= 0.0).all() or abs(w.sum() - 1.0) > ROUNDING:
             raise InputError("shares of the points", value=f"shape {w.shape}", allowed=f"({m},), adding up to 1")
         count = m if n is None else n
-        return Terms(np.asarray(self.alpha * count * (k**2 @ w)), np.asarray(self.beta * (k @ w) ** 3))
+        return Terms(np.asarray(self.alpha * count * (k**2 @ w)), np.asarray(self.beta * (k @ w) ** 4))
 
     def value(self, stiffness: ArrayLike, share: Array | None = None, n: int | None = None) -> Array:
         """K_sf (...); arguments and errors as :meth:`terms`."""

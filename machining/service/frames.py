@@ -118,7 +118,7 @@ def shown(T: Array, reference: Array) -> dict[str, Any]:
     return {
         "frame_mm_deg": point + numbers(np.degrees([a, b, c])),
         "point_mm": point,
-        "tool_axis": numbers(-T[:3, 2]),
+        "tool_axis": numbers(-T[:3, 2], 12),
         "gamma_deg": number(math.degrees(gamma_of(T, reference)), 9),
     }
 

@@ -194,4 +194,4 @@ def _all(arm: Arm, found: InverseSolutions) -> dict[str, Any]:
 def _matrix(T: Array) -> Any:
     scaled = T.copy()
     scaled[:3, 3] *= 1e3
-    return numbers(scaled)
+    return numbers(scaled, 12)

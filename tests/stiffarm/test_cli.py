@@ -30,6 +30,7 @@ COMMANDS = (
     "map",
     "index",
     "posture",
+    "serve",
     "verify",
     "import",
     "export",
