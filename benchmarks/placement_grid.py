@@ -239,7 +239,7 @@ def page(results: list[Result]) -> str:
             figures = f"{x.k_sf:.3g} | {x.mean:.0f} | {x.worst:.0f} | {x.rms_um:.1f}"
             tables.append(f"| {x.placement} | {figures} | {x.where} |")
         if not any(x.placement.startswith("before") for x in r.rows):
-            tables.append("\nBefore: out of reach with the axes at 0 and gamma 0.")
+            tables.append("\nBefore: with the axes at 0 and gamma 0 the path cannot be driven.")
         tables.append("")
     text = TEXT.read_text(encoding="utf-8")
     return text.replace("{{search}}", head + "\n".join(lines)).replace("{{tables}}", "\n".join(tables).rstrip())

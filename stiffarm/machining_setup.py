@@ -61,11 +61,13 @@ class Setup:
     cell: Cell
     arm: ArmBodies | None
 
-    def drive(self, drive: Drive, robot: Robot, travel: Array | None = None, table: float = 0.0) -> Drive:
-        """The drive with the cell's joint speeds and the clearance of the arm in it."""
+    def drive(
+        self, drive: Drive, robot: Robot, travel: Array | None = None, table: float = 0.0, *, clear: bool = True
+    ) -> Drive:
+        """The drive with the cell's joint speeds and, if ``clear``, the clearance of the arm standing at ``travel``."""
         if drive.speed is None and self.cell.joint_speed is not None:
             drive = replace(drive, speed=self.cell.joint_speed)
-        if self.arm is None:
+        if self.arm is None or not clear:
             return drive
         zone = max(ZONE * self.cell.safety, LEAST_ZONE)
         return replace(

@@ -246,7 +246,9 @@ def _solved(
             best = by(0.0)
         fresh = {state for pieces in best if pieces is not None for state in pieces.state} - checked
         checked |= fresh
-        if not any(_take_out(problem, sites, state, q, valid) for state in fresh):
+        # All of them, not only up to the first: each is looked at once.
+        taken = [_take_out(problem, sites, state, q, valid) for state in sorted(fresh)]
+        if not any(taken):
             return best
     return [None] * most
 

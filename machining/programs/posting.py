@@ -43,7 +43,7 @@ class PostSettings:
 
     Attributes
     ----------
-    gamma : one angle about the tool axis for all points (rad), or the range in which the best is chosen
+    gamma : angle about the tool axis (rad), one for all moves or (n,), or the range in which the best is chosen
     objective, drive : as in :func:`machining.optimise_path`
     travel : (k,) m, where the linear axes stand, or (n, k) at each move; None: at 0
     table : rad, where the turntable stands
@@ -52,7 +52,7 @@ class PostSettings:
     reference : (3,) direction in the part frame that gamma counts from, see :class:`machining.Task`
     """
 
-    gamma: float | GammaRange = 0.0
+    gamma: float | Array | GammaRange = 0.0
     objective: Objective = field(default_factory=Objective)
     drive: Drive = field(default_factory=Drive)
     travel: ArrayLike | None = None
@@ -111,7 +111,7 @@ def post(
     split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
-    state = PostState(motions, travel, np.zeros(motions.n, dtype=np.bool_), None)
+    state = PostState(motions, travel, np.zeros(motions.n, dtype=np.bool_), _given_gamma(settings, motions.n))
     state = refined(state, pieces)
     course: Course | None = None
     for round_ in range(ROUNDS):
@@ -153,6 +153,16 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
         raise error.at(error.point, f"line {source_line(state, error.point)}") from None
     bend = _bend(model, cell, state, course, settings)
     return Posted(_program(model, cell, state, course, settings), settings, course, bend)
+
+
+def _given_gamma(settings: PostSettings, n: int) -> Array | None:
+    """Gamma (n,) where each move has its own."""
+    if isinstance(settings.gamma, GammaRange) or np.ndim(settings.gamma) == 0:
+        return None
+    gamma = np.asarray(settings.gamma, dtype=np.float64)
+    if gamma.shape != (n,) or not np.isfinite(gamma).all():
+        raise InputError("gamma at each move", value=f"shape {gamma.shape}", allowed=f"finite ({n},) rad")
+    return gamma
 
 
 def _with_reference(motions: Motions, settings: PostSettings) -> PostSettings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,10 +10,13 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from machining import Drive, Objective
+from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
+from machining.placement import Placement, read_placement
 from machining.programs.posting import PostSettings
+from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions, read_options
+from machining.toolpaths import Motions
 from robots import InputError
 from stiffarm import inputs, post_report
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
@@ -37,6 +41,9 @@ from stiffarm.post_run import PostRequest, PostRun, parse_targets, run_post
 
 Array = NDArray[np.float64]
 
+# Joint angles (rad) that a placement and the program made with it may differ by.
+SAME_POSTURE = 1e-4
+
 
 def post(
     model: ModelArg,
@@ -50,8 +57,17 @@ def post(
     ] = "json",
     coordinates: Annotated[str, typer.Option("--coordinates", help="cartesian, joint or both")] = "both",
     gamma: Annotated[
-        str, typer.Option("--gamma", metavar="DEG|FROM:TO:STEP", help="one angle, or a range to choose the best from")
-    ] = "0",
+        str | None,
+        typer.Option(
+            "--gamma", metavar="DEG|FROM:TO:STEP", help="one angle, or a range to choose the best from; default: 0"
+        ),
+    ] = None,
+    placement: Annotated[
+        Path | None,
+        typer.Option(
+            "--placement", help="placement.json of `stiffarm place`: axes, turntable and gamma as it found them"
+        ),
+    ] = None,
     travel: Annotated[
         str | None, typer.Option("--travel", metavar="MM,...", help="where the linear axes stand; default: 0")
     ] = None,
@@ -91,18 +107,16 @@ def post(
         if compensate and cut is None:
             raise InputError("--compensate needs a cutting force", remedy="give --force or --milling")
         motions = read_moves(path, PathOptions(kind, units, rotary, tcp))
-        place = _travel(setup.cell, travel)
+        place = _place(setup.cell, placement, motions, travel, table, gamma)
         written = WriteOptions() if options is None else read_options(options)
         if rapid not in ("linear", "joint"):
             raise InputError("--rapid", value=rapid, allowed="linear, joint", remedy="choose one of them")
         settings = PostSettings(
-            gamma=parse_gammas(gamma),
+            gamma=place.gamma,
             objective=Objective(),
-            drive=setup.drive(
-                Drive(speed=parse_speed(given.robot, speed)), given.robot, place, float(np.radians(table))
-            ),
-            travel=place,
-            table=float(np.radians(table)),
+            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), given.robot, place.standing, place.table),
+            travel=place.travel,
+            table=place.table,
             tolerance=tolerance * 1e-6,
             rapid="joint" if rapid == "joint" else "linear",
         )
@@ -117,11 +131,13 @@ def post(
             cap * 1e-6,
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
-        named = (("cell", cell), ("milling", milling), ("options", options))
+        named = (("cell", cell), ("milling", milling), ("options", options), ("placement", placement))
         files |= {name: file for name, file in named if file is not None}
         with output_folder(out, files) as folder:
             with progress("posture along the path") as bar:
                 run = run_post(given.model, request, folder, bar)
+            if place.found is not None:
+                place.check(run.posted.program)
             content = post_report.payload(run)
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder)
@@ -130,6 +146,60 @@ def post(
             return
         _show(run)
         say(f"written: {', '.join(str(out / target.folder) for target in run.written)}, {out / 'report.html'}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where external axes stand, and gamma; ``found``: the placement file that says so."""
+
+    travel: Array | None
+    table: float
+    gamma: float | Array | GammaRange
+    found: Placement | None = None
+
+    @property
+    def stands(self) -> bool:
+        """Whether the linear axes stand still; where they move, clearance is left to the verification."""
+        return self.travel is None or self.travel.ndim == 1 or bool((self.travel == self.travel[0]).all())
+
+    @property
+    def standing(self) -> Array | None:
+        """Travels (k,) at the first move, None: all 0."""
+        return self.travel if self.travel is None or self.travel.ndim == 1 else self.travel[0]
+
+    def check(self, program: JointProgram) -> None:
+        """Raise InputError unless the program takes the postures of the placement: then gamma means the same."""
+        if self.found is None:
+            return
+        given = np.flatnonzero(~program.inserted)[self.found.moves]
+        away = np.abs(np.exp(1j * program.q[given]) - np.exp(1j * self.found.q)).max()
+        if away > SAME_POSTURE:
+            raise InputError(
+                "--placement: its postures are not those of this path in this cell",
+                value=f"{np.degrees(away):.3g} deg apart",
+                allowed=f"{np.degrees(SAME_POSTURE):.2g} deg",
+                remedy="run `stiffarm place` again with this path, cell and tool",
+            )
+
+
+def _place(
+    cell: Cell, file: Path | None, motions: Motions, travel: str | None, table: float, gamma: str | None
+) -> _Place:
+    if file is None:
+        return _Place(_travel(cell, travel), float(np.radians(table)), parse_gammas("0" if gamma is None else gamma))
+    for option, value in (("--travel", travel), ("--gamma", gamma)):
+        if value is not None:
+            raise InputError(f"{option} with --placement", value=value, remedy="the placement says it; leave one out")
+    found = read_placement(file)
+    names = tuple(axis.name for axis in cell.linear_axes)
+    if found.axes != names or found.count != motions.n:
+        raise InputError(
+            f"placement {file}",
+            value=f"axes {', '.join(found.axes)}, {found.count} moves",
+            allowed=f"axes {', '.join(names)}, {motions.n} moves: those of this cell and path",
+            remedy="run `stiffarm place` again with this path and cell",
+        )
+    return _Place(found.at_moves(), found.table, found.gamma_at_moves(), found)
 
 
 def _travel(cell: Cell, text: str | None) -> Array | None:

@@ -14,7 +14,7 @@ from placement_cases import cell_of, line, problem_of, rail
 from posture_cases import dome, part
 
 import fem
-from machining.cell import arm_of, clearance, scene_of
+from machining.cell import Body, Fixture, arm_of, box, clearance, scene_of
 from machining.criterion import Criterion
 from machining.drive import Drive, limit_distance
 from machining.placement import (
@@ -147,6 +147,25 @@ def test_the_base_moves_at_rapid_moves_only(kr60: fem.ArmModel) -> None:
     placed = place(marked, How("steps", steps=3, cost=0.0))
     assert set(placed.first) <= {0, 13, 32}
     assert len(placed.first) > 1
+
+
+@pytest.mark.slow
+def test_steps_keep_clear_of_a_post(kr60: fem.ArmModel) -> None:
+    """Every piece at its place; and never worse than the best position at rest, which is on the grid."""
+    T = np.eye(4)
+    T[:3, 3] = 0.55, -0.35, 0.0
+    post_ = Fixture(Body("post", (box([0.1, 0.1, 2.0]).moved(T),)))
+    cell = cell_of(rail(limits=(-1.0, 2.0)), rail("cross", (0.0, 1.0, 0.0), limits=(-0.8, 0.8)), fixtures=(post_,))
+    scene = scene_of(cell, arm_of("kr60-3"))
+    problem = problem_of(kr60, cell, dome(30, 0.7), "mean", ANY, (80.0, 40.0, -60.0), scene=scene)
+    placed = place(problem, How("steps", steps=3, anywhere=True, cost=0.0))
+    assert len(placed.first) > 1
+    assert placed.fixed is not None
+    assert placed.after.mean > placed.fixed.mean
+    assert clearance(scene, placed.after.q, placed.after.e).distance.min() >= 0.0
+    # Each piece by itself is no worse than the position at rest on it, but for what refinement trades: nothing.
+    for a, b in zip(placed.first, [*placed.first[1:], 30], strict=True):
+        assert placed.after.stiffness[a:b].mean() >= 0.99 * placed.fixed.stiffness[a:b].mean()
 
 
 @pytest.mark.slow
