@@ -1,63 +1,62 @@
-"""The command line: a table of commands, each a thin step of the workflow."""
+"""The command line: a table of commands, each a thin step of the workflow, loaded when it is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated
+import importlib
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from stiffarm import __version__
-from stiffarm.commands import (
-    calibration,
-    chain,
-    diagnosis,
-    exporting,
-    identification,
-    importing,
-    indexing,
-    mapping,
-    models,
-    placement,
-    planning,
-    posting,
-    posture,
-    sensitivity,
-    serving,
-    surrogates,
-    verification,
-)
+
+# Name of a command -> its module in stiffarm.commands and its function there.
+COMMANDS: dict[str, tuple[str, str]] = {
+    "run": ("chain", "run"),
+    "robots": ("models", "robots"),
+    "simulate": ("models", "simulate"),
+    "sensitivity": ("sensitivity", "sensitivity"),
+    "calibrate": ("calibration", "calibrate"),
+    "diagnose": ("diagnosis", "diagnose"),
+    "identify": ("identification", "identify"),
+    "plan": ("planning", "plan"),
+    "fit": ("surrogates", "fit"),
+    "query": ("surrogates", "query"),
+    "map": ("mapping", "map_command"),
+    "index": ("indexing", "index"),
+    "posture": ("posture", "posture"),
+    "place": ("placement", "place"),
+    "post": ("posting", "post"),
+    "verify": ("verification", "verify_command"),
+    "serve": ("serving", "serve_command"),
+    "import": ("importing", "import_command"),
+    "export": ("exporting", "export"),
+}
+
+
+class _Commands(TyperGroup):
+    """Commands by name. All of them together take seconds to import, one takes a fraction of that."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in COMMANDS:
+            return None
+        module, function = COMMANDS[cmd_name]
+        one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        one.command(cmd_name)(getattr(importlib.import_module(f"stiffarm.commands.{module}"), function))
+        return typer.main.get_command(one)
+
 
 app = typer.Typer(
     name="stiffarm",
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     help="How stiff is my robot arm, here, in this pose, and why does the model say something else than my gauge?",
 )
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "run": chain.run,
-    "robots": models.robots,
-    "simulate": models.simulate,
-    "sensitivity": sensitivity.sensitivity,
-    "calibrate": calibration.calibrate,
-    "diagnose": diagnosis.diagnose,
-    "identify": identification.identify,
-    "plan": planning.plan,
-    "fit": surrogates.fit,
-    "query": surrogates.query,
-    "map": mapping.map_command,
-    "index": indexing.index,
-    "posture": posture.posture,
-    "place": placement.place,
-    "serve": serving.serve_command,
-    "post": posting.post,
-    "verify": verification.verify_command,
-    "import": importing.import_command,
-    "export": exporting.export,
-}
-for _name, _command in _COMMANDS.items():
-    app.command(_name)(_command)
 
 
 def _version(wanted: bool) -> None:
