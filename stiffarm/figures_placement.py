@@ -54,7 +54,10 @@ def curve_figure(
             room = 0.08 * (high - low) or 1.0
             ax.set_ylim((0.0 if 0.0 <= low < 0.5 * high else low - room), high + room)
         for k, (name, at) in enumerate(marks.items()):
-            ax.axvline(at, color=SERIES[1] if k == 0 else INK, linestyle="-" if k == 0 else ":", label=name)
+            # A white edge, so that it shows on a hatched zone as well.
+            ax.axvline(at, color="white", linewidth=5.0, zorder=4)
+            colour, style = (SERIES[1], "-") if k == 0 else (INK, ":")
+            ax.axvline(at, color=colour, linestyle=style, linewidth=2.0, zorder=5, label=name)
         ax.set_xlabel(axis)
         ax.set_ylabel(label)
         title(figure, f"{label.split(',')[0]} over the base's position")

@@ -170,7 +170,8 @@ def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:
     ]
     caption = (
         f"{words.split(',')[0]} of the whole path, the base at rest, each position with its best angle gamma. "
-        "Where nothing is drawn, the base cannot stand for the whole path."
+        "Where nothing is drawn, no angle of the grid lets the base stand there for the whole path; an angle between "
+        "them may, as where the recommended position stands in such a zone."
     )
     spots = {name: space.coordinates(one.e.mean(axis=0), one.table) * space.shown for name, one in _marked(step)}
     if space.d == 1:
