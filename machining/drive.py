@@ -42,6 +42,8 @@ class Drive:
     clearance, clearance_zone, clearance_least : the same for the distance (m) that ``clearance_of`` gives
     clearance_of : (k, dof) rad -> (k,) m, free space around the arm; None: not looked at. Angles a full turn apart
         count as the same
+    clearance_at : the same, told the path points as well: (k, dof) rad, (k,) -> (k,) m, where the base moves along the
+        path
 
     Raises
     ------
@@ -63,6 +65,7 @@ class Drive:
     clearance_zone: float = 0.05
     clearance_least: float = 0.0
     clearance_of: Callable[[Array], Array] | None = None
+    clearance_at: Callable[[Array, NDArray[np.int64]], Array] | None = None
 
     def __post_init__(self) -> None:
         for name in ("motion", "limit", "singular", "clearance"):
@@ -111,17 +114,20 @@ class Drive:
             (distance >= self.limit_least) | (self.limit_least == 0.0)
         )
 
-    def near_things(self, q: Array) -> tuple[Array, Bools]:
-        """Cost (k,) of small clearance, and whether the pose is allowed.
+    def near_things(self, q: Array, point: NDArray[np.int64] | None = None) -> tuple[Array, Bools]:
+        """Cost (k,) of small clearance, and whether the pose is allowed; ``point`` (k,): the path points of the poses.
 
         Raises
         ------
         InputError
             The callback gives another shape, or NaN.
         """
-        if self.clearance_of is None or len(q) == 0:
+        if len(q) and self.clearance_at is not None and point is not None:
+            distance = np.asarray(self.clearance_at(q, point), dtype=np.float64)
+        elif len(q) and self.clearance_of is not None:
+            distance = np.asarray(self.clearance_of(q), dtype=np.float64)
+        else:
             return np.zeros(len(q)), np.ones(len(q), dtype=np.bool_)
-        distance = np.asarray(self.clearance_of(q), dtype=np.float64)
         if distance.shape != (len(q),) or np.isnan(distance).any():
             raise InputError(
                 "clearance callback", value=f"shape {distance.shape}", allowed=f"({len(q)},) m for {len(q)} poses"

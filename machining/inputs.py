@@ -82,3 +82,13 @@ def as_rotations(what: str, R: ArrayLike, n: int) -> Array:
     if not off < ROTATION_TOLERANCE or not (np.linalg.det(rotations) > 0.0).all():
         raise InputError(what, allowed="rotations: orthonormal columns, right-handed", remedy="normalise the axes")
     return np.broadcast_to(rotations, (n, 3, 3))
+
+
+def as_frame(what: str, T: ArrayLike) -> Array:
+    """A rigid transform (4, 4); raises InputError for anything else."""
+    frame = np.asarray(T, dtype=np.float64)
+    if frame.shape != (4, 4) or not np.isfinite(frame).all() or not np.array_equal(frame[3], [0.0, 0.0, 0.0, 1.0]):
+        allowed = "finite (4, 4): rotation, position in m, and 0 0 0 1 below"
+        raise InputError(what, value=f"shape {frame.shape}", allowed=allowed)
+    as_rotations(what, frame[:3, :3], 1)
+    return frame

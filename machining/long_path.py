@@ -77,6 +77,9 @@ def optimise_long_path(
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
     search = _Search(model, task, objective, gammas, drive, _links(model, task, drive, free), passes)
     chosen = _spread(task.path, min(knots, task.path.n))
+    if free is not None:
+        # Both ends of a rapid move: gamma may change there as it likes.
+        chosen = np.union1d(chosen, _ends(free))
     rate = _first_rate(chosen, drive.gamma_step, gammas.cell)
     for trial in range(TRIALS):
         if progress is not None:
@@ -162,7 +165,10 @@ class _Search:
         """
         task, objective = _at_knots(self.task, self.objective, knots)
         sweep = sweep_gamma(self.model, task, objective, self.gammas.angles)
-        problem = problem_of(self.model, task, objective, self.gammas, self.drive, sweep, None)
+        drive, clearance_at = self.drive, self.drive.clearance_at
+        if clearance_at is not None:
+            drive = replace(drive, clearance_at=lambda q, point: clearance_at(q, knots[point]))
+        problem = problem_of(self.model, task, objective, self.gammas, drive, sweep, None)
         n = self.task.path.n
         share = np.gradient(knots.astype(np.float64)) / (n - 1) if len(knots) > 1 else np.ones(1)
         problem = replace(problem, links=_summed(self.links, rate, knots, n), share=share)
@@ -202,6 +208,12 @@ def _between(knots: Integers, gamma: Array, n: int) -> Array:
     if len(knots) == 1:
         return np.full(n, gamma[0])
     return np.asarray(PchipInterpolator(knots, np.unwrap(gamma))(np.arange(n, dtype=np.float64)))
+
+
+def _ends(free: Bools) -> Integers:
+    """Points (k,) at the ends of free segments."""
+    segments = np.flatnonzero(free)
+    return np.union1d(segments, segments + 1).astype(np.int64)
 
 
 def _first_rate(knots: Integers, most: float, cell: float) -> Array:

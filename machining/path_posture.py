@@ -226,7 +226,8 @@ def _each_point(problem: Problem, each: Postures) -> Course:
     q, value = sweep.q[found], sweep.value[found]
     turned = every_turn(robot, q)
     row = turned.target
-    soft = drive.near_singular(robot, q)[0] + drive.near_things(q)[0] - problem.objective.sign * value / problem.scale
+    soft = drive.near_singular(robot, q)[0] + drive.near_things(q, point)[0]
+    soft -= problem.objective.sign * value / problem.scale
     cost = (soft[row] + drive.near_limits(robot, turned.q)[0]) / n
     start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
     layers = Layers(start, turned.q, each.gamma[point[row]], np.zeros(len(row)), value[row])

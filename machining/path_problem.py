@@ -102,7 +102,7 @@ def states_of(problem: Problem, sweep: Sweep) -> States:
     q, value = sweep.q[sweep.valid], sweep.value[sweep.valid]
     singular, off_singular = drive.near_singular(robot, q)
     _check_left(n, point[off_singular], "a singularity", "singular_least")
-    clear, off_things = drive.near_things(q)
+    clear, off_things = drive.near_things(q, point)
     _check_left(n, point[off_singular & off_things], "an obstacle", "clearance_least")
     keep = np.flatnonzero(off_singular & off_things)
     turned = every_turn(robot, q[keep])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from machining.inputs import as_rotations, as_units
+from machining.inputs import as_frame, as_units
 from robots import InputError, InputErrors
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ class Task:
 
     def __post_init__(self) -> None:
         for name in ("T_flange_tool", "T_base_part"):
-            object.__setattr__(self, name, _frame(name, getattr(self, name)))
+            object.__setattr__(self, name, as_frame(name, getattr(self, name)))
         chosen = _farthest_axis(self.path.axes) if self.reference is None else self.reference
         reference = as_units("reference direction of gamma", chosen, 1)[0]
         sine = np.linalg.norm(np.cross(self.path.axes, reference), axis=1)
@@ -206,12 +206,3 @@ def as_gammas(gamma: ArrayLike, n: int) -> Array:
 def _farthest_axis(axes: Array) -> Array:
     # Rounded, so that axes equally far fall to the first by name, not by the last digit.
     return np.asarray(np.eye(3)[int(np.argmin(np.abs(axes).max(axis=0).round(9)))])
-
-
-def _frame(name: str, T: ArrayLike) -> Array:
-    frame = np.asarray(T, dtype=np.float64)
-    if frame.shape != (4, 4) or not np.isfinite(frame).all() or not np.array_equal(frame[3], [0.0, 0.0, 0.0, 1.0]):
-        allowed = "finite (4, 4): rotation, position in m, and 0 0 0 1 below"
-        raise InputError(name, value=f"shape {frame.shape}", allowed=allowed)
-    as_rotations(name, frame[:3, :3], 1)
-    return frame

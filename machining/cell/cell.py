@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from machining.cell.solids import Body
-from machining.inputs import as_rotations, as_units
+from machining.inputs import as_frame, as_units
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -249,16 +249,6 @@ def inverse(T: Array) -> Array:
     out[..., :3, 3] = -(out[..., :3, :3] @ T[..., :3, 3, None])[..., 0]
     out[..., 3, 3] = 1.0
     return out
-
-
-def as_frame(what: str, T: ArrayLike) -> Array:
-    """A rigid transform (4, 4); raises InputError for anything else."""
-    frame = np.asarray(T, dtype=np.float64)
-    if frame.shape != (4, 4) or not np.isfinite(frame).all() or not np.array_equal(frame[3], [0.0, 0.0, 0.0, 1.0]):
-        allowed = "finite (4, 4): rotation, position in m, and 0 0 0 1 below"
-        raise InputError(what, value=f"shape {frame.shape}", allowed=allowed)
-    as_rotations(what, frame[:3, :3], 1)
-    return frame
 
 
 def _within(value: Array, limits: Array) -> Bools:

@@ -76,13 +76,21 @@ def follow_moving(problem: Problem, x: Array, gamma: Array | None) -> Course:
     e, _ = problem.space.sites(x)
     table = problem.space.table
     task, objective = problem.looked_at(problem.task_at(e, table), problem.forces(table))
+    drive = problem.drive
+    if problem.scene is not None:
+        # Where the base stands at each point decides what is near: branch and gamma are chosen with that in view.
+        drive = replace(
+            drive,
+            clearance_at=lambda q, point: distances(problem, q, e[point], table),
+            clearance_least=problem.clearance,
+        )
     if gamma is not None:
-        course = follow_gamma(problem.arm, task, gamma, objective, problem.drive, free=problem.free)
+        course = follow_gamma(problem.arm, task, gamma, objective, drive, free=problem.free)
     else:
         assert isinstance(problem.gamma, GammaRange)  # noqa: S101 - else there is nothing to choose
         wanted = replace(objective, aim="worst" if problem.goal.aim == "worst" else "mean")
         course = optimise_long_path(
-            problem.arm, task, wanted, problem.gamma, problem.drive, free=problem.free, knots=COURSE_KNOTS, passes=2
+            problem.arm, task, wanted, problem.gamma, drive, free=problem.free, knots=COURSE_KNOTS, passes=2
         ).course
     gap = distances(problem, course.q, e, table)
     if (gap < problem.clearance).any():

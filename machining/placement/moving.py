@@ -102,6 +102,10 @@ def find_moving(
     best: tuple[Array, Array, Course, float] | None = None
     for trial, (many, most) in enumerate(TRIALS):
         rows = problem.even_rows(many)
+        if problem.free is not None:
+            # Both ends of a rapid move, or gamma between them would be mixed from before and after.
+            ends = np.flatnonzero(problem.free)
+            rows = np.unique(np.concatenate([rows, ends, ends + 1])).astype(np.int64)
         sites = sweep_sites(problem, *problem.space.sites(x), rows, angles)
         problem = with_weights(problem, sites)
         _check_reached(problem, sites, x)

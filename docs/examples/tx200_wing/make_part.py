@@ -26,7 +26,10 @@ for row in range(ROWS):
     order = slice(None) if row % 2 == 0 else slice(None, None, -1)
     points = list(zip(x[order], z[order], axis[order], strict=True))
     first = points[0]
-    lines += ["RAPID", f"GOTO/{first[0]:.4f},{y:.4f},{first[1] + 60:.4f},{first[2][0]:.7f},{first[2][1]:.7f},{first[2][2]:.7f}"]
+    lines += [
+        "RAPID",
+        f"GOTO/{first[0]:.4f},{y:.4f},{first[1] + 60:.4f},{first[2][0]:.7f},{first[2][1]:.7f},{first[2][2]:.7f}",
+    ]
     lines += ["FEDRAT/MMPM,4000"]
     lines += [f"GOTO/{px:.4f},{y:.4f},{pz:.4f},{a[0]:.7f},{a[1]:.7f},{a[2]:.7f}" for px, pz, a in points]
     last = points[-1]
