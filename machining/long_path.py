@@ -111,14 +111,16 @@ def follow_gamma(
     drive: Drive | None = None,
     *,
     free: Bools | None = None,
+    near: Array | None = None,
 ) -> Course:
     """Best branch and turns for a given gamma, one for all points or (n,) rad, on a path of any length.
 
-    Arguments and errors as :func:`optimise_long_path`.
+    ``near`` (n, dof) rad: take the branch and turns nearest to these instead of the best. Else arguments and errors as
+    :func:`optimise_long_path`.
     """
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    found = _follow(model, task, angle, objective, drive, _links(model, task, drive, free))
+    found = _follow(model, task, angle, objective, drive, _links(model, task, drive, free), near)
     if isinstance(found, PathError):
         raise found
     return found
@@ -269,9 +271,15 @@ def _summed(links: Links, rate: Array, knots: Integers, n: int) -> Links:
 
 
 def _follow(
-    model: fem.ArmModel, task: Task, gamma: Array, objective: Objective, drive: Drive, links: Links
+    model: fem.ArmModel,
+    task: Task,
+    gamma: Array,
+    objective: Objective,
+    drive: Drive,
+    links: Links,
+    near: Array | None = None,
 ) -> Course | PathError:
-    """Best branches and turns at a given gamma, or what is in the way."""
+    """Best branches and turns at a given gamma, or those nearest to ``near``; or what is in the way."""
     try:
         sweep = sweep_gamma(model, task, objective, gamma[:, None])
         problem: Problem = problem_of(model, task, objective, GammaRange(), drive, sweep, None)
@@ -279,5 +287,9 @@ def _follow(
         states = states_of(problem, sweep)
     except PathError as error:
         return error
+    if near is not None:
+        layers = states.layers
+        wanted = np.repeat(near, np.diff(layers.start), axis=0)
+        states = replace(states, layers=replace(layers, cost=((layers.q - wanted) ** 2).sum(axis=1)))
     found = solve(problem, states, problem.links)
     return gap_error(problem, states, found) if isinstance(found, Gap) else found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,7 +12,7 @@ import typer
 from numpy.typing import NDArray
 
 from machining import Drive, Task, ToolPath, read_path
-from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance_of, read_cell, scene_of
+from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance, clearance_of, read_cell, scene_of
 from machining.cutting import ConstantForce, CuttingForce, ToolBending, read_milling
 from machining.toolpaths import Motions, ReadOptions, read_toolpath, to_tool_path
 from robots import InputError, Robot
@@ -67,15 +68,24 @@ class Setup:
         """The drive with the cell's joint speeds and, if ``clear``, the clearance of the arm standing at ``travel``."""
         if drive.speed is None and self.cell.joint_speed is not None:
             drive = replace(drive, speed=self.cell.joint_speed)
-        if self.arm is None or not clear:
+        if self.arm is None:
             return drive
-        zone = max(ZONE * self.cell.safety, LEAST_ZONE)
-        return replace(
-            drive,
-            clearance_of=clearance_of(self.cell, self.arm, e=travel, table=table, within=zone),
-            clearance_zone=zone,
-            clearance_least=self.cell.safety,
-        )
+        drive = replace(drive, clearance_zone=self.zone, clearance_least=self.cell.safety)
+        if not clear:
+            return drive
+        return replace(drive, clearance_of=clearance_of(self.cell, self.arm, e=travel, table=table, within=self.zone))
+
+    @property
+    def zone(self) -> float:
+        """Distance (m) from which on clearance is weighed."""
+        return max(ZONE * self.cell.safety, LEAST_ZONE)
+
+    def clearance(self, table: float = 0.0) -> Callable[[Array, Array], Array] | None:
+        """Clearance (k,) m of poses (k, dof) rad with the linear axes at (k, axes) m; None without surfaces."""
+        if self.arm is None:
+            return None
+        scene, zone = scene_of(self.cell, self.arm), self.zone
+        return lambda q, e: clearance(scene, q, e, np.array([table]), within=zone).distance
 
 
 def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, part: str | None) -> Setup:

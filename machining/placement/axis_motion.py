@@ -123,13 +123,18 @@ def smoothed(values: Array, weight: float) -> Array:
 
 
 def axis_rates(problem: Problem, x: Array) -> tuple[Array, Array]:
-    """Speeds (n - 1, d) m/s and accelerations (n - 2, d) m/s^2 of the axes at the path's feed; NaN without one."""
+    """Speeds (n - 1, d) m/s and accelerations (n - 2, d) m/s^2 of the axes at the path's feed; NaN without one.
+
+    Rapid moves set their own pace: an axis starts from rest after one and comes to rest before one.
+    """
     times = problem.path.times.copy()
-    if problem.free is not None:
-        times[problem.free] = np.nan
+    free = np.zeros(len(times), dtype=np.bool_) if problem.free is None else problem.free
+    times[free] = np.nan
     speed = np.diff(x, axis=0) / times[:, None]
-    half = 0.5 * (times[1:] + times[:-1])
-    return speed, np.diff(speed, axis=0) / half[:, None]
+    known = np.where(free[:, None], 0.0, speed)
+    pairs = np.where(np.stack([free[1:], free[:-1]]), 0.0, np.stack([times[1:], times[:-1]]))
+    half = 0.5 * pairs.sum(axis=0)
+    return speed, np.diff(known, axis=0) / np.where(half > 0.0, half, np.nan)[:, None]
 
 
 def axis_fault(problem: Problem, x: Array) -> InputError | None:

@@ -52,6 +52,11 @@ class Placement:
         """Angle gamma (count,) rad at each move of the source, likewise."""
         return np.asarray(np.interp(np.arange(self.count), self.moves, np.unwrap(self.gamma)))
 
+    def joints_at_moves(self) -> Array:
+        """Joint angles (count, dof) rad at each move of the source, likewise: which branch and turns are meant."""
+        number = np.arange(self.count)
+        return np.stack([np.interp(number, self.moves, column) for column in self.q.T], axis=1)
+
 
 def placement_content(placement: Placement) -> dict[str, Any]:
     """What :func:`read_placement` reads, as a JSON object: keys with units."""

@@ -50,6 +50,9 @@ class PostSettings:
     tolerance : m that the tool may leave the straight line between two points of the joint program
     rapid : "linear": rapid moves are straight, and points are put into them too; "joint": every axis moves as it likes
     reference : (3,) direction in the part frame that gamma counts from, see :class:`machining.Task`
+    near : (n, dof) rad at each move: branch and turns nearest to these are taken, for a given gamma only
+    clearance : (k, dof) rad, (k, axes) m -> (k,) m, free space around the arm with the linear axes there; it is asked
+        instead of the drive's own, which knows of one place only
     """
 
     gamma: float | Array | GammaRange = 0.0
@@ -60,6 +63,8 @@ class PostSettings:
     tolerance: float = 1e-5
     rapid: Literal["linear", "joint"] = "linear"
     reference: Array | None = None
+    near: Array | None = None
+    clearance: Callable[[Array, Array], Array] | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
@@ -111,7 +116,8 @@ def post(
     split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
-    state = PostState(motions, travel, np.zeros(motions.n, dtype=np.bool_), _given_gamma(settings, motions.n))
+    gamma, near = _given_gamma(settings, motions.n), _given_postures(settings, motions.n, model.robot.dof)
+    state = PostState(motions, travel, np.zeros(motions.n, dtype=np.bool_), gamma, near)
     state = refined(state, pieces)
     course: Course | None = None
     for round_ in range(ROUNDS):
@@ -146,7 +152,7 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     """
     program, cell, settings = posted.program, posted.program.cell, posted.settings
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
-    state = PostState(motions, program.travel, program.inserted, program.gamma)
+    state = PostState(motions, program.travel, program.inserted, program.gamma, program.q)
     try:
         course = _course(model, cell, state, settings, None)
     except PathError as error:
@@ -163,6 +169,13 @@ def _given_gamma(settings: PostSettings, n: int) -> Array | None:
     if gamma.shape != (n,) or not np.isfinite(gamma).all():
         raise InputError("gamma at each move", value=f"shape {gamma.shape}", allowed=f"finite ({n},) rad")
     return gamma
+
+
+def _given_postures(settings: PostSettings, n: int, dof: int) -> Array | None:
+    near = settings.near
+    if near is not None and (near.shape != (n, dof) or not np.isfinite(near).all()):
+        raise InputError("postures at each move", value=f"shape {near.shape}", allowed=f"finite ({n}, {dof}) rad")
+    return near
 
 
 def _with_reference(motions: Motions, settings: PostSettings) -> PostSettings:
@@ -219,13 +232,16 @@ def _course(
     task, place = task_of(cell, state, settings.table, settings.reference)
     first = places(state.motions)[0]
     free = np.asarray(state.motions.rapid[first][1:]) if settings.rapid == "joint" else None
+    drive, clear = settings.drive, settings.clearance
+    if clear is not None:
+        travel = state.travel[first]
+        drive = replace(drive, clearance_at=lambda q, point: clear(q, travel[point]))
+    near = None if state.near is None else state.near[first]
     chosen = settings.gamma if state.gamma is None else state.gamma[first]
     if isinstance(chosen, GammaRange):
-        found = optimise_long_path(
-            model, task, settings.objective, chosen, settings.drive, free=free, progress=progress
-        ).course
+        found = optimise_long_path(model, task, settings.objective, chosen, drive, free=free, progress=progress).course
     else:
-        found = follow_gamma(model, task, chosen, settings.objective, settings.drive, free=free)
+        found = follow_gamma(model, task, chosen, settings.objective, drive, free=free, near=near)
     return replace(
         found, gamma=found.gamma[place], q=found.q[place], value=found.value[place], branch=found.branch[place]
     )

@@ -19,12 +19,13 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class PostState:
-    """Moves with points put in, their travels (n, k), and gamma (n,) once it is chosen."""
+    """Moves with points put in, their travels (n, k), gamma (n,) once it is chosen, and postures (n, dof) wanted."""
 
     motions: Motions
     travel: Array
     inserted: Bools
     gamma: Array | None
+    near: Array | None = None
 
 
 def refined(state: PostState, pieces: Integers) -> PostState:
@@ -39,7 +40,8 @@ def refined(state: PostState, pieces: Integers) -> PostState:
         return np.asarray(values[before] + share_ * (values[move] - values[before]))
 
     gamma = None if state.gamma is None else between(np.unwrap(state.gamma))
-    return PostState(motions, between(state.travel), inserted | state.inserted[move], gamma)
+    near = None if state.near is None else between(state.near)
+    return PostState(motions, between(state.travel), inserted | state.inserted[move], gamma, near)
 
 
 def places(motions: Motions) -> tuple[Integers, Integers]:

@@ -53,8 +53,9 @@ def timing_of(courses: Courses, smoothing: float) -> Timing:
 
     Accelerations at feeds: the course of each axis is taken to be averaged over ``smoothing`` seconds, as controllers
     blend corners. Position is piecewise linear in time, so the acceleration is
-    ``(v(t + smoothing / 2) - v(t - smoothing / 2)) / smoothing`` with v the unsmoothed speed. Rapid moves, dwells, the
-    start and the end count as rest. Real controllers blend otherwise; this is a measure of corners, not their planner.
+    ``(v(t + smoothing / 2) - v(t - smoothing / 2)) / smoothing`` with v the unsmoothed speed. At rests (rapid moves,
+    dwells, the start and the end) nothing is asked for: the controller ramps the whole path there, and all axes with
+    it. Real controllers blend otherwise; this is a measure of corners, not their planner.
     """
     program, axes = courses.program, courses.axes
     motions, n = program.motions, program.n
@@ -111,8 +112,11 @@ def _accelerations(
     # Every move: its pieces, then its dwell if it has one.
     length = np.concatenate([np.repeat(span[:, None] / pieces, pieces, axis=1), motions.dwell[:, None]], axis=1).ravel()
     v = np.concatenate([v, np.zeros((n, 1, count))], axis=1).reshape(-1, count)
+    rest = np.ones((n, pieces + 1), dtype=np.bool_)
+    rest[:, :pieces] = (motions.rapid | ~known)[:, None]
     owner = np.repeat(np.arange(n), pieces + 1)
-    length, v, owner = length[length > 0.0], v[length > 0.0], owner[length > 0.0]
+    real = length > 0.0
+    length, v, owner, rest = length[real], v[real], owner[real], np.concatenate([[True], rest.ravel()[real], [True]])
     edge = np.concatenate([[0.0], np.cumsum(length)])
     # Speed on the piece before the first edge, between edges, and after the last.
     v = np.concatenate([np.zeros((1, count)), v, np.zeros((1, count))])
@@ -121,6 +125,7 @@ def _accelerations(
     ahead = np.searchsorted(edge, middle + 0.5 * smoothing, side="right")
     behind = np.searchsorted(edge, middle - 0.5 * smoothing, side="right")
     rate = np.abs(v[ahead] - v[behind]) / smoothing
+    rate[rest[ahead] | rest[behind]] = 0.0
     owner = np.append(owner, n - 1)
     move = owner[np.clip(np.searchsorted(edge, middle, side="right") - 1, 0, None)]
     top = np.zeros((n, count))

@@ -14,7 +14,7 @@ from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
 from machining.placement import Placement, read_placement
 from machining.programs.posting import PostSettings
-from machining.programs.program import JointProgram
+from machining.programs.program import JointProgram, frame_distance, tool_in_part
 from machining.programs.write_options import WriteOptions, read_options
 from machining.toolpaths import Motions
 from robots import InputError
@@ -41,8 +41,8 @@ from stiffarm.post_run import PostRequest, PostRun, parse_targets, run_post
 
 Array = NDArray[np.float64]
 
-# Joint angles (rad) that a placement and the program made with it may differ by.
-SAME_POSTURE = 1e-4
+# Tool frames (m, rad) that a placement and the program made with it may differ by, and joint angles (rad).
+SAME_FRAME, SAME_POSTURE = 1e-5, 1e-4
 
 
 def post(
@@ -114,11 +114,13 @@ def post(
         settings = PostSettings(
             gamma=place.gamma,
             objective=Objective(),
-            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), given.robot, place.standing, place.table),
+            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), given.robot, clear=False),
             travel=place.travel,
             table=place.table,
             tolerance=tolerance * 1e-6,
             rapid="joint" if rapid == "joint" else "linear",
+            near=place.near,
+            clearance=setup.clearance(place.table),
         )
         request = PostRequest(
             motions,
@@ -158,27 +160,29 @@ class _Place:
     found: Placement | None = None
 
     @property
-    def stands(self) -> bool:
-        """Whether the linear axes stand still; where they move, clearance is left to the verification."""
-        return self.travel is None or self.travel.ndim == 1 or bool((self.travel == self.travel[0]).all())
-
-    @property
-    def standing(self) -> Array | None:
-        """Travels (k,) at the first move, None: all 0."""
-        return self.travel if self.travel is None or self.travel.ndim == 1 else self.travel[0]
+    def near(self) -> Array | None:
+        """Postures at each move whose branch and turns are meant."""
+        return None if self.found is None else self.found.joints_at_moves()
 
     def check(self, program: JointProgram) -> None:
-        """Raise InputError unless the program takes the postures of the placement: then gamma means the same."""
+        """Raise InputError unless the placement's tool frames are the program's; say where its branches are not."""
         if self.found is None:
             return
         given = np.flatnonzero(~program.inserted)[self.found.moves]
-        away = np.abs(np.exp(1j * program.q[given]) - np.exp(1j * self.found.q)).max()
-        if away > SAME_POSTURE:
+        wanted = tool_in_part(program.robot, program.cell, self.found.q, self.found.travel, program.table[given])
+        away, turned = frame_distance(wanted, program.T_part_tool[given])
+        if max(away.max(), turned.max()) > SAME_FRAME:
             raise InputError(
                 "--placement: its postures are not those of this path in this cell",
-                value=f"{np.degrees(away):.3g} deg apart",
-                allowed=f"{np.degrees(SAME_POSTURE):.2g} deg",
+                value=f"tool {away.max() * 1e3:.3g} mm and {np.degrees(turned.max()):.3g} deg away",
+                allowed=f"{SAME_FRAME * 1e3:g} mm, {np.degrees(SAME_FRAME):.2g} deg",
                 remedy="run `stiffarm place` again with this path, cell and tool",
+            )
+        other = int((np.abs(program.q[given] - self.found.q).max(axis=1) > SAME_POSTURE).sum())
+        if other:
+            say(
+                f"note: {other} of {len(given)} points take another branch or turn than the placement, which jumps on "
+                "a rapid move; with --rapid joint its own are taken"
             )
 
 
