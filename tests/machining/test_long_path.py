@@ -111,3 +111,33 @@ def test_a_force_at_each_point_goes_with_its_point(kr60: fem.ArmModel) -> None:
     back = replace(task, path=ToolPath(path.points[::-1], path.normals[::-1], path.axes[::-1], path.feed))
     reversed_ = optimise_long_path(kr60, back, Objective("displacement", force[::-1]), gammas, knots=60)
     assert reversed_.course.mean == pytest.approx(there.course.mean, rel=1e-4)
+
+
+def test_branch_and_turns_near_given_postures_are_taken(kr60: fem.ArmModel) -> None:
+    """The wrist flipped all along: as stiff to rounding, but asked for."""
+    task = dome_task(30, 0.2)
+    plain = follow_gamma(kr60, task, 0.3)
+    flipped = plain.q.copy()
+    flipped[:, 3] += np.where(flipped[:, 3] > 0.0, -np.pi, np.pi)
+    flipped[:, 4] *= -1.0
+    flipped[:, 5] += np.where(flipped[:, 5] > 0.0, -np.pi, np.pi)
+    found = follow_gamma(kr60, task, 0.3, near=flipped + 0.01)
+    np.testing.assert_allclose(found.q, flipped, atol=1e-9)
+    assert (found.branch != plain.branch).all()
+
+
+def test_clearance_may_depend_on_the_path_point(kr60: fem.ArmModel) -> None:
+    """Something stands in the way of the usual posture in the middle of the path only."""
+    task, gammas = dome_task(60, 0.3), GammaRange(count=36)
+    free = optimise_long_path(kr60, task, gammas=gammas, knots=20).course
+    blocked = np.zeros(60, dtype=np.bool_)
+    blocked[25:35] = True
+
+    def clearance(q: Array, point: NDArray[np.int64]) -> Array:
+        near = np.abs(np.sin(0.5 * (q - free.q[point]))).max(axis=1)
+        return np.where(blocked[point], near, 1.0)
+
+    drive = Drive(clearance_at=clearance, clearance_least=0.05, clearance_zone=0.1)
+    found = optimise_long_path(kr60, task, gammas=gammas, drive=drive, knots=20).course
+    assert clearance(found.q, np.arange(60)).min() >= 0.05
+    assert clearance(free.q, np.arange(60)).min() < 1e-9

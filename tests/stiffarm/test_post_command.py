@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from cli_runs import Command
 
 from machining.cell import read_cell
+from machining.placement import Placement, placement_content
 from machining.programs.neutral_reading import program_from_json
 from robots import load_description
 from robots.robot import robot_from
@@ -173,3 +175,36 @@ def test_a_point_out_of_reach_names_its_line(cli: Command, files: tuple[Path, Pa
 def test_targets() -> None:
     assert [t.folder for t in parse_targets("krl,json", "both")] == ["krl_cartesian", "krl_joint", "json"]
     assert [t.folder for t in parse_targets("val3", "cartesian")] == ["val3_cartesian"]
+
+
+def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
+    """Axes, gamma and branch of a placement file stand in the program; one of another path is refused."""
+    cell, cls = files
+    common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--tolerance-um", "1000")
+    assert cli(*common, "--gamma", "-120", "--travel", "120", "--out", tmp_path / "first").code == 0
+    robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
+    text = (tmp_path / "first" / "json" / "part.json").read_text(encoding="utf-8")
+    first = program_from_json(text, robot, where)
+    given = np.flatnonzero(~first.inserted)
+    # The other side of the wrist, which nobody would choose by himself.
+    q = first.q[given].copy()
+    q[:, 3] += np.where(q[:, 3] > 0.0, -np.pi, np.pi)
+    q[:, 4] *= -1.0
+    q[:, 5] += np.where(q[:, 5] > 0.0, -np.pi, np.pi)
+    placement = Placement(
+        "kr60-3", where.name, ("rail",), first.travel[given], 0.0, first.gamma[given], robot.coordinates, q,
+        np.arange(len(given)), len(given),
+    )  # fmt: skip
+    file = tmp_path / "placement.json"
+    file.write_text(json.dumps(placement_content(placement)))
+    outcome = cli(*common, "--placement", file, "--out", tmp_path / "second")
+    assert outcome.code == 0, outcome.err
+    text = (tmp_path / "second" / "json" / "part.json").read_text(encoding="utf-8")
+    second = program_from_json(text, robot, where)
+    np.testing.assert_allclose(second.q[~second.inserted], q, atol=1e-6)
+    np.testing.assert_allclose(second.travel, 0.12, atol=1e-12)
+    file.write_text(json.dumps(placement_content(replace(placement, gamma=placement.gamma + 0.1))))
+    wrong = cli(*common, "--placement", file, "--out", tmp_path / "third")
+    assert wrong.code == 2
+    assert "not those of this path" in wrong.err.replace("\n", " ")
+    assert "--gamma with --placement" in cli(*common, "--placement", file, "--gamma", "5", "--out", tmp_path / "x").err
