@@ -58,6 +58,7 @@ def optimise_long_path(
     free: Bools | None = None,
     knots: int = KNOTS,
     passes: int = 3,
+    generator: np.random.Generator | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LongCourse:
     """Choose gamma, branch and turns along a path of any length.
@@ -66,16 +67,16 @@ def optimise_long_path(
     ----------
     free : (n - 1,) segments whose steps are not bounded: rapid moves, on which the controller moves as it likes
     knots : points at which gamma is chosen at first; with as many as points it is :func:`machining.optimise_path`
-    passes : as in :func:`machining.optimise_path`
+    passes, generator : as in :func:`machining.optimise_path`
     progress : called with (done, total) steps
 
     Raises
     ------
     InputError
-        As :func:`machining.optimise_path`; the arm has no closed-form inverse kinematics.
+        As :func:`machining.optimise_path`.
     """
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
-    search = _Search(model, task, objective, gammas, drive, _links(model, task, drive, free), passes)
+    search = _Search(model, task, objective, gammas, drive, _links(model, task, drive, free), passes, generator)
     chosen = _spread(task.path, min(knots, task.path.n))
     if free is not None:
         # Both ends of a rapid move: gamma may change there as it likes.
@@ -112,6 +113,7 @@ def follow_gamma(
     *,
     free: Bools | None = None,
     near: Array | None = None,
+    generator: np.random.Generator | None = None,
 ) -> Course:
     """Best branch and turns for a given gamma, one for all points or (n,) rad, on a path of any length.
 
@@ -120,7 +122,7 @@ def follow_gamma(
     """
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    found = _follow(model, task, angle, objective, drive, _links(model, task, drive, free), near)
+    found = _follow(model, task, angle, objective, drive, _links(model, task, drive, free), near, generator)
     if isinstance(found, PathError):
         raise found
     return found
@@ -156,6 +158,7 @@ class _Search:
     drive: Drive
     links: Links
     passes: int
+    generator: np.random.Generator | None
 
     def course(self, knots: Integers, rate: Array) -> tuple[Course, Course | PathError]:
         """Best course on the knots, and the course of all points, or what is in its way.
@@ -166,11 +169,11 @@ class _Search:
             No course on the knots alone.
         """
         task, objective = _at_knots(self.task, self.objective, knots)
-        sweep = sweep_gamma(self.model, task, objective, self.gammas.angles)
+        sweep = sweep_gamma(self.model, task, objective, self.gammas.angles, generator=self.generator)
         drive, clearance_at = self.drive, self.drive.clearance_at
         if clearance_at is not None:
             drive = replace(drive, clearance_at=lambda q, point: clearance_at(q, knots[point]))
-        problem = problem_of(self.model, task, objective, self.gammas, drive, sweep, None)
+        problem = problem_of(self.model, task, objective, self.gammas, drive, sweep, self.generator)
         n = self.task.path.n
         share = np.gradient(knots.astype(np.float64)) / (n - 1) if len(knots) > 1 else np.ones(1)
         problem = replace(problem, links=_summed(self.links, rate, knots, n), share=share)
@@ -194,13 +197,14 @@ class _Search:
 
     def _lost(self, gamma: Array) -> PathError | None:
         try:
-            sweep_gamma(self.model, self.task, self.objective, gamma[:, None]).check_reached()
+            sweep = sweep_gamma(self.model, self.task, self.objective, gamma[:, None], generator=self.generator)
+            sweep.check_reached()
         except PathError as error:
             return error
         return None
 
     def _follow(self, gamma: Array) -> Course | PathError:
-        return _follow(self.model, self.task, gamma, self.objective, self.drive, self.links)
+        return _follow(self.model, self.task, gamma, self.objective, self.drive, self.links, None, self.generator)
 
 
 def _between(knots: Integers, gamma: Array, n: int) -> Array:
@@ -278,11 +282,12 @@ def _follow(
     drive: Drive,
     links: Links,
     near: Array | None = None,
+    generator: np.random.Generator | None = None,
 ) -> Course | PathError:
     """Best branches and turns at a given gamma, or those nearest to ``near``; or what is in the way."""
     try:
-        sweep = sweep_gamma(model, task, objective, gamma[:, None])
-        problem: Problem = problem_of(model, task, objective, GammaRange(), drive, sweep, None)
+        sweep = sweep_gamma(model, task, objective, gamma[:, None], generator=generator)
+        problem: Problem = problem_of(model, task, objective, GammaRange(), drive, sweep, generator)
         problem = replace(problem, links=replace(links, weight=links.weight / task.path.n))
         states = states_of(problem, sweep)
     except PathError as error:

@@ -15,7 +15,10 @@ POINT = ("x_mm", "y_mm", "z_mm")
 NORMAL = ("nx", "ny", "nz")
 AXIS = ("tx", "ty", "tz")
 FEED = "feed_mm_per_min"
-REMEDY = f"name the columns {','.join(POINT + NORMAL)}[,{','.join(AXIS)}][,{FEED}], comma between, point in numbers"
+REMEDY = (
+    f"name the columns {','.join(POINT + NORMAL)}[,{','.join(AXIS)}][,{FEED}], comma or semicolon between them, "
+    "a point in numbers"
+)
 
 
 def read_path(path: str | Path) -> ToolPath:
@@ -68,7 +71,8 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         text = path.read_bytes().decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"tool path {path} cannot be read ({error})", remedy="save it as 'CSV UTF-8'") from error
-    reader = csv.reader(io.StringIO(text, newline=""))
+    head = text.split("\n", 1)[0]
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=";" if ";" in head and "," not in head else ",")
     try:
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except csv.Error as error:

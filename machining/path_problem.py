@@ -18,11 +18,16 @@ from machining.objective import Objective
 from machining.path_error import PathError
 from machining.posture import GammaRange, Sweep, sweep_gamma
 from machining.task import Task
+from robots import Robot
 from robots.turns import every_turn
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Integers = NDArray[np.int64]
+
+# Cost of a joint at the end of its range, only to decide between courses that are alike: far below what matters, far
+# above rounding.
+TIE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +142,21 @@ def solve(problem: Problem, states: States, links: Links) -> Course | Gap:
             return floor
         states = _kept(states, np.asarray(layers.merit >= floor))
         layers = states.layers
-    course = cheapest_course(layers, links)
+    course = cheapest_course(_near_middle(problem.model.robot, layers), links)
     return course if isinstance(course, Gap) else course_of(problem, states, course)
+
+
+def _near_middle(robot: Robot, layers: Layers) -> Layers:
+    """Of turns that are equally good all along, those nearest to the middle of the joints' ranges at the first point.
+
+    Else rounding would choose, and the next program or the way home might run into a limit.
+    """
+    half = np.where(np.isfinite(robot.limits).all(axis=1), 0.5 * np.diff(robot.limits, axis=1)[:, 0], np.inf)
+    middle = np.where(np.isinf(half), 0.0, robot.limits.mean(axis=1))
+    rows = layers.rows(0)
+    cost = layers.cost.copy()
+    cost[rows] += TIE * (((layers.q[rows] - middle) / np.maximum(half, 1e-9)) ** 2).mean(axis=1)
+    return replace(layers, cost=cost)
 
 
 def _kept(states: States, keep: Bools) -> States:

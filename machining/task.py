@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 REPEATED = 1e-9
 # Sine of the angle between reference direction and tool axis below which gamma = 0 is not defined well.
 ALONG = 1e-3
+# Cosine of the angle between tool axis and reference direction above which another direction is taken by default.
+NEAR = 0.966
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +104,8 @@ class Task:
     """A path, where its part stands, and the tool.
 
     ``T_flange_tool`` (4, 4): tool frame on the flange, origin at the tip, m. ``T_base_part`` (4, 4) m.
-    ``reference`` (3,): direction in the part frame that gamma counts from; None: the part axis that stays farthest
-    from the tool axis along the path, x before y before z. ``shift`` (n, 3) m, base axes: how far the part is moved
+    ``reference`` (3,): direction in the part frame that gamma counts from; None: x, unless the tool axis comes within
+    some 15 deg of it anywhere on the path, then y, then z. ``shift`` (n, 3) m, base axes: how far the part is moved
     from ``T_base_part`` at each point, for a robot on linear axes; None: it stands still.
 
     Raises
@@ -122,7 +124,7 @@ class Task:
     def __post_init__(self) -> None:
         for name in ("T_flange_tool", "T_base_part"):
             object.__setattr__(self, name, as_frame(name, getattr(self, name)))
-        chosen = _farthest_axis(self.path.axes) if self.reference is None else self.reference
+        chosen = _usual_axis(self.path.axes) if self.reference is None else self.reference
         reference = as_units("reference direction of gamma", chosen, 1)[0]
         sine = np.linalg.norm(np.cross(self.path.axes, reference), axis=1)
         if (sine < ALONG).any():
@@ -203,6 +205,9 @@ def as_gammas(gamma: ArrayLike, n: int) -> Array:
     return np.broadcast_to(angle, (n, angle.shape[-1]))
 
 
-def _farthest_axis(axes: Array) -> Array:
-    # Rounded, so that axes equally far fall to the first by name, not by the last digit.
-    return np.asarray(np.eye(3)[int(np.argmin(np.abs(axes).max(axis=0).round(9)))])
+def _usual_axis(axes: Array) -> Array:
+    """X of the part, unless the tool comes near it anywhere; then y, then z: points more or less seldom change that."""
+    near = np.abs(axes).max(axis=0)
+    free = np.flatnonzero(near < NEAR)
+    # Rounded, so that axes equally near fall to the first by name, not by the last digit.
+    return np.asarray(np.eye(3)[int(free[0]) if len(free) else int(np.argmin(near.round(9)))])

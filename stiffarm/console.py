@@ -22,7 +22,8 @@ from stiffarm.interruption import stoppable
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
 
-stderr = Console(stderr=True, highlight=False)
+# Colons stand in ranges and paths: none of them is a picture.
+stderr = Console(stderr=True, highlight=False, emoji=False)
 
 
 def say(message: str) -> None:

@@ -16,6 +16,8 @@ from robots import InputError, Robot
 
 Array = NDArray[np.float64]
 
+# Angles gamma of a range at most.
+MOST_ANGLES = 1440
 FRAME_FORM = "x,y,z in mm, or x,y,z,a,b,c with a, b, c in deg about the fixed axes x, then y, then z"
 
 ToolOpt = Annotated[
@@ -38,6 +40,15 @@ GammaOpt = Annotated[
     str,
     typer.Option(
         "--gamma", metavar="FROM:TO:STEP", help="angles about the tool axis, deg; a full turn counts its two ends once"
+    ),
+]
+
+ReferenceOpt = Annotated[
+    str | None,
+    typer.Option(
+        "--reference",
+        metavar="X,Y,Z",
+        help="direction in the part frame that gamma counts from; default: x, or y where the tool comes near x",
     ),
 ]
 
@@ -114,6 +125,11 @@ def parse_gammas(text: str) -> GammaRange | float:
         raise InputError(
             "--gamma: step", value=step, allowed=f"more than 0, at most {high - low:g} deg", remedy="as in 0:90:5"
         )
+    if (high - low) / step > MOST_ANGLES:
+        raise InputError(
+            "--gamma: step", value=step, allowed=f"{(high - low) / MOST_ANGLES:.3g} deg or more: {MOST_ANGLES} angles",
+            remedy="finer angles are found about the best ones by themselves",
+        )  # fmt: skip
     cells = max(1, round((high - low) / step))
     closed = high - low > 360.0 - 1e-9
     return GammaRange(math.radians(low), math.radians(high), max(2, cells if closed else cells + 1))

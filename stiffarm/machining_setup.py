@@ -11,12 +11,14 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from fem import compliance
 from machining import Drive, Task, ToolPath, read_path
-from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance, clearance_of, read_cell, scene_of
+from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance, clearance_of, middle_pose, read_cell, scene_of
 from machining.cutting import ConstantForce, CuttingForce, ToolBending, read_milling
 from machining.toolpaths import Motions, ReadOptions, read_toolpath, to_tool_path
 from robots import InputError, Robot
 from stiffarm.console import say
+from stiffarm.inputs import ModelInput
 from stiffarm.machining_options import parse_frame, parse_joint_figures, parse_vector
 
 Array = NDArray[np.float64]
@@ -141,11 +143,36 @@ def read_tool_path(file: Path, options: PathOptions | None = None) -> ToolPath:
     return to_tool_path(read_moves(file, options)).path
 
 
-def task_in(setup: Setup, path: ToolPath, travel: Array | None = None, table: float = 0.0) -> Task:
-    """The path on the part where the cell has it, linear axes and turntable at rest."""
-    e = np.zeros((1, len(setup.cell.linear_axes))) if travel is None else travel[None]
-    T = setup.cell.T_base_part(e, np.array([table]))[0]
-    return Task(path, setup.cell.tool.T_flange_tool, T)
+def task_in(setup: Setup, path: ToolPath, reference: Array | None = None) -> Task:
+    """The path on the part where the cell has it, linear axes and turntable at 0; gamma counts from ``reference``."""
+    T = setup.cell.T_base_part()[0]
+    return Task(path, setup.cell.tool.T_flange_tool, T, reference)
+
+
+def parse_reference(text: str | None) -> Array | None:
+    """Direction of ``--reference`` in the part frame, None for the usual one."""
+    return None if text is None else parse_vector(text, "--reference", "a direction in the part frame")
+
+
+def effects_left_out(given: ModelInput) -> list[str]:
+    """Codes of the model's effects that only readings know of: no posture, program or placement has them in it."""
+    return [placed.effect.code for placed in given.effects]
+
+
+def require_springs(given: ModelInput, what: str) -> None:
+    """Refuse a model in which nothing gives way, before any work is done.
+
+    Raises
+    ------
+    InputError
+        No link, joint, base or tool has a compliance.
+    """
+    if not compliance(given.model, middle_pose(given.robot)[None]).any():
+        raise InputError(
+            f"{what} of {given.robot.name}: nothing in this model gives way",
+            allowed="a model with joint springs or flexible links",
+            remedy="give the joints a stiffness, or take --links beam",
+        )
 
 
 def parse_speed(robot: Robot, text: str | None) -> Array | None:

@@ -35,7 +35,7 @@ class PostureRequest:
     """What is asked.
 
     ``before`` rad: gamma of the program as it stands, that the result is compared with; ``cut``: the cutting force,
-    None where no error is to be predicted.
+    None where no error is to be predicted; ``left_out``: effects of the model that the postures know nothing of.
     """
 
     task: Task
@@ -45,6 +45,7 @@ class PostureRequest:
     before: float = 0.0
     seed: int = 0
     cut: Cut | None = None
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,10 +43,11 @@ def payload(run: PostRun) -> dict[str, Any]:
         "inserted": int(program.inserted.sum()),
         "tolerance_um": number(request.settings.tolerance * 1e6),
         "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
+        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.settings.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
-        f"mean_{objective.column}": number(float(value.mean())),
-        f"worst_{objective.column}": number(float(_worst(run, value))),
+        f"mean_{objective.column}": number(float(value.mean())) if run.flexible else None,
+        f"worst_{objective.column}": number(float(_worst(run, value))) if run.flexible else None,
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
         "reading_notes": [str(note) for note in program.motions.notes],
         "programs": {
@@ -104,11 +105,14 @@ def _key(run: PostRun) -> list[KeyFigure]:
     it = shown(run.request.settings.objective.quantity)
     course = run.posted.course
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
+    stiffness = [
+        KeyFigure(f"{course.mean * it.factor:.4g}", f"mean {it.label}"),
+        KeyFigure(f"{course.worst * it.factor:.4g}", f"{it.label}, worst point"),
+    ]
     return [
         KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),
         KeyFigure(f"{run.posted.bend.max(initial=0.0) * 1e6:.3g} um", "joint motion off the straight line, at most"),
-        KeyFigure(f"{course.mean * it.factor:.4g}", f"mean {it.label}"),
-        KeyFigure(f"{course.worst * it.factor:.4g}", f"{it.label}, worst point"),
+        *(stiffness if run.flexible else []),
     ]
 
 
@@ -139,9 +143,11 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
     program, robot = run.posted.program, run.model.robot
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1))]) * 1e3
     figure = joints_figure(way, {"program": np.degrees(program.q)}, robot.coordinates, np.degrees(robot.limits))
+    reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.settings.reference))
     blocks: list[Text | Picture] = [
         Text(
-            f"Gamma from {np.degrees(program.gamma.min()):.4g} to {np.degrees(program.gamma.max()):.4g} deg; branches: "
+            f"Gamma (counted from the part's direction {reference}) from {np.degrees(program.gamma.min()):.4g} to "
+            f"{np.degrees(program.gamma.max()):.4g} deg; branches: "
             f"{'; '.join(sorted({program.names[b] for b in program.branch}))}. Distance to the nearest singularity at "
             f"least {singular_distance(robot, program.q).min():.2g}."
         ),
@@ -170,9 +176,9 @@ def compensation_words(found: Compensated) -> str:
     content = _compensation(found)
     return (
         "The predicted deflection under the cutting force is taken off the path: "
-        f"up to {content['largest_um']:.3g} um, in the mean {content['mean_um']:.3g} um. The standard deviation of the "
-        f"error that it takes away is up to {content['error_sd_um']:.3g} um. "
-        f"Predicted to be left: {content['left_um']:.3g} um."
+        f"up to {content['largest_um']:.3g} um, in the mean {content['mean_um']:.3g} um. What is left is what is not "
+        f"known of it, a standard deviation of up to {content['error_sd_um']:.3g} um, and what the model leaves out "
+        f"(the search itself came to rest within {max(content['left_um'], 0.01):.3g} um)."
     )
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 import fem
+from machining import GammaRange
+from machining.cell import middle_pose
 from machining.programs.compensation import CAP, Compensated, compensate
 from machining.programs.convention import convention_for
 from machining.programs.formats import FORMATS, RoundTrip, round_trip, write_program
@@ -53,7 +55,7 @@ class PostRequest:
 
 @dataclass(frozen=True, eq=False)
 class PostRun:
-    """What came of it; ``written`` and ``trips`` by target."""
+    """What came of it; ``written`` and ``trips`` by target; ``flexible``: whether the model has any stiffness."""
 
     request: PostRequest
     model: fem.ArmModel
@@ -61,6 +63,7 @@ class PostRun:
     compensated: Compensated | None
     written: dict[Target, Written] = field(default_factory=dict)
     trips: dict[Target, RoundTrip] = field(default_factory=dict)
+    flexible: bool = True
 
 
 def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
@@ -112,12 +115,13 @@ def run_post(
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
         if not FORMATS[target.name].neutral:
             convention_for(model.robot, externals, target.name, request.options.arm)
+    flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
     found = None
     if request.cut is not None:
         found = compensate(model, posted, request.cut.force, tool=request.cut.tool, cap=request.cap)
     program = (posted if found is None else found.posted).program
-    run = PostRun(request, model, posted, found)
+    run = PostRun(request, model, posted, found, flexible=flexible)
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
         texts = _save(written, target, folder)
@@ -138,3 +142,22 @@ def _save(written: Written, target: Target, folder: OutputFolder) -> dict[str, s
     places = {file.name: folder.path(f"{target.folder}/{file.name}") for file in written.files}
     written.save(places.__getitem__)
     return {name: place.read_text(encoding="utf-8") for name, place in places.items()}
+
+
+def _with_some_springs(model: fem.ArmModel, settings: PostSettings) -> tuple[bool, fem.ArmModel]:
+    """Whether anything gives way, and the model; one that is rigid gets equal springs, to choose a branch by.
+
+    Raises
+    ------
+    InputError
+        A rigid model, and a range of gamma to choose the stiffest from.
+    """
+    if fem.compliance(model, middle_pose(model.robot)[None]).any():
+        return True, model
+    if isinstance(settings.gamma, GammaRange):
+        raise InputError(
+            f"--gamma: a range, and nothing in the model of {model.robot.name} gives way",
+            allowed="one angle, or a model with joint springs or flexible links",
+            remedy="give one angle, or the joints a stiffness",
+        )
+    return False, model.with_springs(dict.fromkeys(model.robot.joint_names, 1e6))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.cutting import Estimated
 from stiffarm.index_units import shown
+from stiffarm.machining_options import frame_words
 from stiffarm.payloads import number
 from stiffarm.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 
@@ -41,6 +42,9 @@ def payload(posed: Posed) -> dict[str, Any]:
             "to": number(float(np.degrees(request.gammas.upper))),
             "count": request.gammas.count,
         },
+        "gamma_counts_from": [number(float(v)) for v in np.asarray(request.task.reference)],
+        "tool_on_flange": frame_words(request.task.T_flange_tool),
+        "part_in_base": frame_words(request.task.T_base_part),
         "as_programmed_gamma_deg": number(float(np.degrees(request.before))),
         "all_solutions_found": posed.found.sure,
         "courses": {name: _course(posed, course, key, factor) for name, course in courses.items()},

@@ -110,6 +110,8 @@ def remarks(posed: Posed) -> list[str]:
         )
     if posed.found.why_no_fixed is not None:
         out.append(f"No single gamma can be driven along the whole path: {posed.found.why_no_fixed}.")
+    if request.left_out:
+        out.append(f"Effects of the model that are not in this: {', '.join(request.left_out)}.")
     if request.drive.speed is None:
         out.append("Joint speeds were not looked at: give --speed, or a cell file with joint speeds.")
     elif np.isnan(request.task.path.times).any():

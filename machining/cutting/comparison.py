@@ -30,6 +30,10 @@ WORDS = {
 }
 
 
+# Share of an error below which a change is none, whatever its interval.
+UNCHANGED = 1e-3
+
+
 @dataclass(frozen=True)
 class Change:
     """One statistic before and after, m, with 95 % intervals; of the mean its size.
@@ -58,6 +62,8 @@ class Change:
                 f"Whether the {what} gets smaller cannot be told: {before} um before, {after} um after, {said}, "
                 "and the interval of the difference holds zero."
             )
+        if abs(self.difference.value) < UNCHANGED * abs(self.before.value):
+            return f"The {what} stays at {before} um."
         verb = "falls" if self.verdict == "smaller" else "grows"
         low, high = sorted((abs(self.difference.low), abs(self.difference.high)))
         return f"The {what} {verb} from {before} to {after} um, by {_um(low)} to {_um(high)} um (95 %); {said}."

@@ -46,7 +46,8 @@ class Placement:
         Moves that are not in the path (rapid moves) share what the axes have to go between the cuts evenly.
         """
         number = np.arange(self.count)
-        return np.stack([np.interp(number, self.moves, column) for column in self.travel.T], axis=1)
+        columns = [np.interp(number, self.moves, column) for column in self.travel.T]
+        return np.stack(columns, axis=1) if columns else np.zeros((self.count, 0))
 
     def gamma_at_moves(self) -> Array:
         """Angle gamma (count,) rad at each move of the source, likewise."""

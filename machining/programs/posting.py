@@ -51,6 +51,7 @@ class PostSettings:
     rapid : "linear": rapid moves are straight, and points are put into them too; "joint": every axis moves as it likes
     reference : (3,) direction in the part frame that gamma counts from, see :class:`machining.Task`
     near : (n, dof) rad at each move: branch and turns nearest to these are taken, for a given gamma only
+    seed : of the search for joint angles, for arms without a closed form
     clearance : (k, dof) rad, (k, axes) m -> (k,) m, free space around the arm with the linear axes there; it is asked
         instead of the drive's own, which knows of one place only
     """
@@ -64,6 +65,7 @@ class PostSettings:
     rapid: Literal["linear", "joint"] = "linear"
     reference: Array | None = None
     near: Array | None = None
+    seed: int = 0
     clearance: Callable[[Array, Array], Array] | None = None
 
     def __post_init__(self) -> None:
@@ -237,11 +239,14 @@ def _course(
         travel = state.travel[first]
         drive = replace(drive, clearance_at=lambda q, point: clear(q, travel[point]))
     near = None if state.near is None else state.near[first]
+    generator = np.random.default_rng(settings.seed)
     chosen = settings.gamma if state.gamma is None else state.gamma[first]
     if isinstance(chosen, GammaRange):
-        found = optimise_long_path(model, task, settings.objective, chosen, drive, free=free, progress=progress).course
+        found = optimise_long_path(
+            model, task, settings.objective, chosen, drive, free=free, generator=generator, progress=progress
+        ).course
     else:
-        found = follow_gamma(model, task, chosen, settings.objective, drive, free=free, near=near)
+        found = follow_gamma(model, task, chosen, settings.objective, drive, free=free, near=near, generator=generator)
     return replace(
         found, gamma=found.gamma[place], q=found.q[place], value=found.value[place], branch=found.branch[place]
     )

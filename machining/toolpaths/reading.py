@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from machining.path_file import read_path
+from machining.task import ToolPath
 from machining.toolpaths.apt import read_apt
 from machining.toolpaths.gcode import read_gcode
 from machining.toolpaths.motions import Motions, Note
@@ -101,6 +102,14 @@ def _path(path: Path) -> Motions:
         spindle=np.full(n, np.nan),
         dwell=np.zeros(n),
         operation=np.zeros(n, dtype=np.int64),
-        notes=(Note(0, "surface normals of the file are not in motions; machining.read_path gives them"),),
+        notes=_tilted(found),
         source=path.name,
     )
+
+
+def _tilted(path: ToolPath) -> tuple[Note, ...]:
+    """A note where the tool does not stand along the surface normals, which motions do not keep."""
+    cosine = np.einsum("ni,ni->n", path.normals, path.axes)
+    if (cosine > 1.0 - 1e-9).all():
+        return ()
+    return (Note(0, "surface normals are left out: a program needs the tool axis only, and k_fs is taken along that"),)

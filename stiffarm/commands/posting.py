@@ -20,7 +20,7 @@ from machining.toolpaths import Motions
 from robots import InputError
 from stiffarm import inputs, post_report
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
-from stiffarm.machining_options import PartOpt, ToolOpt, parse_gammas, parse_numbers
+from stiffarm.machining_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas, parse_numbers
 from stiffarm.machining_setup import (
     CellOpt,
     ForceAxesOpt,
@@ -31,12 +31,14 @@ from stiffarm.machining_setup import (
     RotaryOpt,
     TcpOpt,
     UnitsOpt,
+    effects_left_out,
+    parse_reference,
     parse_speed,
     read_cut,
     read_moves,
     read_setup,
 )
-from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, model_hash, output_folder
+from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
 from stiffarm.post_run import PostRequest, PostRun, parse_targets, run_post
 
 Array = NDArray[np.float64]
@@ -72,6 +74,7 @@ def post(
         str | None, typer.Option("--travel", metavar="MM,...", help="where the linear axes stand; default: 0")
     ] = None,
     table: Annotated[float, typer.Option("--table", metavar="DEG", help="where the turntable stands")] = 0.0,
+    reference: ReferenceOpt = None,
     tolerance: Annotated[
         float, typer.Option("--tolerance-um", help="that joint motion may leave the straight line by", min=0.1)
     ] = 10.0,
@@ -90,6 +93,7 @@ def post(
     units: UnitsOpt = None,
     rotary: RotaryOpt = "none",
     tcp: TcpOpt = False,
+    seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
     as_json: Json = False,
@@ -106,6 +110,11 @@ def post(
         cut = read_cut(force, force_axes, milling)
         if compensate and cut is None:
             raise InputError("--compensate needs a cutting force", remedy="give --force or --milling")
+        if cut is not None and not compensate:
+            raise InputError(
+                "--force or --milling without --compensate",
+                remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
+            )
         motions = read_moves(path, PathOptions(kind, units, rotary, tcp))
         place = _place(setup.cell, placement, motions, travel, table, gamma)
         written = WriteOptions() if options is None else read_options(options)
@@ -120,6 +129,8 @@ def post(
             tolerance=tolerance * 1e-6,
             rapid="joint" if rapid == "joint" else "linear",
             near=place.near,
+            reference=parse_reference(reference),
+            seed=seed,
             clearance=setup.clearance(place.table),
         )
         request = PostRequest(
@@ -140,7 +151,7 @@ def post(
                 run = run_post(given.model, request, folder, bar)
             if place.found is not None:
                 place.check(run.posted.program)
-            content = post_report.payload(run)
+            content = post_report.payload(run) | {"effects_left_out": effects_left_out(given)}
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder)
         if as_json:

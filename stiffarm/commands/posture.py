@@ -18,6 +18,7 @@ from stiffarm.inputs import ModelInput
 from stiffarm.machining_options import (
     GammaOpt,
     PartOpt,
+    ReferenceOpt,
     ToolOpt,
     parse_gammas,
 )
@@ -25,11 +26,19 @@ from stiffarm.machining_setup import (
     CellOpt,
     ForceAxesOpt,
     ForceOpt,
+    KindOpt,
     MillingOpt,
+    PathOptions,
+    RotaryOpt,
+    TcpOpt,
+    UnitsOpt,
+    effects_left_out,
+    parse_reference,
     parse_speed,
     read_cut,
     read_setup,
     read_tool_path,
+    require_springs,
     task_in,
 )
 from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
@@ -44,7 +53,9 @@ FIXED_HALF_WIDTH = 1e-6
 
 def posture(
     model: ModelArg,
-    path: Annotated[Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz")],
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, APT/CLS or G-code")
+    ],
     tool: ToolOpt = None,
     part: PartOpt = None,
     gamma: GammaOpt = "-180:180:5",
@@ -55,6 +66,7 @@ def posture(
         str, typer.Option("--quantity", help=f"what is optimised: {', '.join((*INDICES, *DISPLACEMENTS))}")
     ] = "k_fs",
     aim: Annotated[str, typer.Option("--aim", help="mean, or worst: of the path's points")] = "mean",
+    reference: ReferenceOpt = None,
     cell: CellOpt = None,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
@@ -77,6 +89,10 @@ def posture(
         float,
         typer.Option("--motion", help="weight of joint motion against stiffness; 0: none, more: calmer", min=0.0),
     ] = Drive.motion,
+    kind: KindOpt = None,
+    units: UnitsOpt = None,
+    rotary: RotaryOpt = "none",
+    tcp: TcpOpt = False,
     seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -92,7 +108,9 @@ def posture(
         given = inputs.read_model(model, links, load_path, without="the postures")
         setup = read_setup(model, given.robot, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
-        task = task_in(setup, read_tool_path(path))
+        require_springs(given, "posture")
+        tool_path = read_tool_path(path, PathOptions(kind, units, rotary, tcp))
+        task = task_in(setup, tool_path, parse_reference(reference))
         drive = Drive(
             speed=parse_speed(given.robot, speed),
             jump=float(np.radians(jump)),
@@ -108,13 +126,19 @@ def posture(
             float(np.radians(before)),
             seed,
             cut,
+            tuple(effects_left_out(given)),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
         with folder_if(out, files, seed) as folder:
             with progress("posture along the path") as bar:
                 posed = pose_along(given.model, request, bar)
-            content = posture_payload.payload(posed)
+            content = posture_payload.payload(posed) | {
+                "model_hash": model_hash(given),
+                "links": given.model.link_kind,
+                "load_path": given.model.load_path,
+                "effects_left_out": effects_left_out(given),
+            }
             if folder is not None:
                 _write(folder, given, posed, content)
         if as_json:

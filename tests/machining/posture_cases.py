@@ -9,6 +9,9 @@ from machining.task import Task, ToolPath, tool_path
 
 Array = NDArray[np.float64]
 
+# Where gamma counts from on the curved paths: angles about 0 are within reach.
+ALONG_Y = np.array([0.0, 1.0, 0.0])
+
 
 def spindle() -> Array:
     """Tool frame: axis across the flange's, tip 200 mm to the side and 80 mm ahead."""
@@ -34,4 +37,4 @@ def dome(n: int, length: float = 0.7, feed: float | None = None) -> ToolPath:
 
 
 def dome_task(n: int, length: float = 0.7, feed: float | None = None) -> Task:
-    return Task(dome(n, length, feed), spindle(), part())
+    return Task(dome(n, length, feed), spindle(), part(), ALONG_Y)

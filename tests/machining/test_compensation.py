@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from posture_cases import dome
-from test_posting import cell_of, motions_of
+from test_posting import asked, cell_of, motions_of
 
 import fem
 from machining.cutting import ConstantForce, ToolBending
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def posted(kr60: fem.ArmModel) -> Posted:
-    return post(kr60, cell_of(), motions_of(dome(15, 0.3)), PostSettings(gamma=0.3, tolerance=1e-4))
+    return post(kr60, cell_of(), motions_of(dome(15, 0.3)), asked(gamma=0.3, tolerance=1e-4))
 
 
 def reached(model: fem.ArmModel, posted: Posted, force: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from posture_cases import dome, dome_task, part, spindle
+from posture_cases import ALONG_Y, dome, dome_task, part, spindle
 
 import fem
 from machining.drive import Drive
@@ -52,7 +52,8 @@ def test_knots_crowd_where_the_tool_turns(kr60: fem.ArmModel) -> None:
     tilt = 0.5 * np.clip(10.0 * (u - 0.5), 0.0, 1.0)
     axes = np.stack([np.sin(tilt), 0.0 * u, np.cos(tilt)], axis=1)
     path = tool_path(np.stack([0.2 * u, 0.0 * u, 0.0 * u], axis=1), axes)
-    found = optimise_long_path(kr60, Task(path, spindle(), part()), gammas=GammaRange(-0.5, 0.5, 11), knots=30)
+    task = Task(path, spindle(), part(), ALONG_Y)
+    found = optimise_long_path(kr60, task, gammas=GammaRange(-0.5, 0.5, 11), knots=30)
     turning = ((found.knots >= 100) & (found.knots < 120)).sum()
     # A tenth of the way, but more than half of what counts.
     assert turning > 0.4 * len(found.knots)
@@ -77,7 +78,7 @@ def test_rapid_moves_may_be_long(kr60: fem.ArmModel) -> None:
         np.vstack([near.axes, near.axes]),
         np.full(40, np.nan),
     )
-    task, gammas = Task(path, spindle(), part(1.2, -0.4, 0.6)), GammaRange(count=24)
+    task, gammas = Task(path, spindle(), part(1.2, -0.4, 0.6), ALONG_Y), GammaRange(count=24)
     with pytest.raises(InputError, match="between points 19 and 20"):
         optimise_long_path(kr60, task, gammas=gammas)
     free = np.zeros(39, dtype=np.bool_)
@@ -118,9 +119,10 @@ def test_branch_and_turns_near_given_postures_are_taken(kr60: fem.ArmModel) -> N
     task = dome_task(30, 0.2)
     plain = follow_gamma(kr60, task, 0.3)
     flipped = plain.q.copy()
-    flipped[:, 3] += np.where(flipped[:, 3] > 0.0, -np.pi, np.pi)
+    flipped[:, 3] += -np.pi if flipped[0, 3] > 0.0 else np.pi
     flipped[:, 4] *= -1.0
-    flipped[:, 5] += np.where(flipped[:, 5] > 0.0, -np.pi, np.pi)
+    # One turn for all points: the angle passes zero.
+    flipped[:, 5] += -np.pi if flipped[0, 5] > 0.0 else np.pi
     found = follow_gamma(kr60, task, 0.3, near=flipped + 0.01)
     np.testing.assert_allclose(found.q, flipped, atol=1e-9)
     assert (found.branch != plain.branch).all()

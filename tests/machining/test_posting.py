@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from posture_cases import dome, part, spindle
+from posture_cases import ALONG_Y, dome, part, spindle
 
 import fem
 from machining.cell import Cell, LinearAxis, Tool, Turntable
@@ -43,6 +43,10 @@ def motions_of(path: ToolPath, **more: Any) -> Motions:
     return Motions(**(plain | more))
 
 
+def asked(**more: Any) -> PostSettings:
+    return PostSettings(**({"reference": ALONG_Y} | more))
+
+
 def cell_of(**more: Any) -> Cell:
     return Cell(T_world_part0=part(), tool=Tool(spindle()), **more)
 
@@ -59,7 +63,7 @@ def between(program: JointProgram, share: float) -> Array:
 @pytest.mark.parametrize("gamma", [0.3, GammaRange(count=24)])
 def test_every_point_is_kept_and_joint_motion_is_straight(kr60: fem.ArmModel, gamma: float | GammaRange) -> None:
     motions = motions_of(dome(30))
-    posted = post(kr60, cell_of(), motions, PostSettings(gamma=gamma, tolerance=2e-5))
+    posted = post(kr60, cell_of(), motions, asked(gamma=gamma, tolerance=2e-5))
     program = posted.program
     given_points = ~program.inserted
     np.testing.assert_array_equal(program.motions.points[given_points], motions.points)
@@ -78,18 +82,16 @@ def test_every_point_is_kept_and_joint_motion_is_straight(kr60: fem.ArmModel, ga
 
 def test_a_finer_tolerance_needs_points_by_its_square_root(kr60: fem.ArmModel) -> None:
     motions = motions_of(dome(10))
-    coarse, fine = (
-        post(kr60, cell_of(), motions, PostSettings(tolerance=tolerance)).program.n for tolerance in (1e-4, 1e-6)
-    )
+    coarse, fine = (post(kr60, cell_of(), motions, asked(tolerance=tolerance)).program.n for tolerance in (1e-4, 1e-6))
     # Half-way error goes with the square of the length: ten times the points; counts are rounded up.
     assert 7.0 < (fine - 10) / (coarse - 10) < 13.0
 
 
 def test_tool_frames_are_those_of_the_task(kr60: fem.ArmModel) -> None:
     path = dome(12)
-    program = post(kr60, cell_of(), motions_of(path), PostSettings(gamma=0.4, tolerance=1e-2)).program
+    program = post(kr60, cell_of(), motions_of(path), asked(gamma=0.4, tolerance=1e-2)).program
     assert program.n == 12
-    task = Task(path, spindle(), np.eye(4))
+    task = Task(path, spindle(), np.eye(4), ALONG_Y)
     np.testing.assert_allclose(program.T_part_tool, task.tool_frames([0.4])[:, 0], atol=1e-14)
     np.testing.assert_array_equal(program.gamma, 0.4)
 
@@ -100,7 +102,7 @@ def test_a_rail_carries_the_robot_and_the_part_sees_the_same_path(kr60: fem.ArmM
     motions = motions_of(dome(20))
     moving = np.linspace(-0.2, 0.15, 20)[:, None]
     still, moved = (
-        post(kr60, cell, motions, PostSettings(gamma=0.2, travel=travel, tolerance=1e-4)).program
+        post(kr60, cell, motions, asked(gamma=0.2, travel=travel, tolerance=1e-4)).program
         for travel in (np.array([0.1]), moving)
     )
     np.testing.assert_array_equal(still.travel, 0.1)
@@ -113,9 +115,9 @@ def test_a_rail_carries_the_robot_and_the_part_sees_the_same_path(kr60: fem.ArmM
     assert np.abs(still.q[~still.inserted] - moved.q[~moved.inserted]).max() > 0.05
     # The carriage moves with the tip here: the arm itself then moves less.
     with pytest.raises(InputError, match="external axes at move 0"):
-        post(kr60, cell, motions, PostSettings(travel=np.array([3.0])))
+        post(kr60, cell, motions, asked(travel=np.array([3.0])))
     with pytest.raises(InputError, match="travels of the linear axes"):
-        post(kr60, cell, motions, PostSettings(travel=np.zeros((5, 1))))
+        post(kr60, cell, motions, asked(travel=np.zeros((5, 1))))
 
 
 def test_joint_speeds_count_the_time_on_the_part(kr60: fem.ArmModel) -> None:
@@ -125,7 +127,7 @@ def test_joint_speeds_count_the_time_on_the_part(kr60: fem.ArmModel) -> None:
     line = np.stack([np.linspace(-0.2, 0.2, 41), np.zeros(41), np.zeros(41)], axis=1)
     path = ToolPath(line, np.tile([0.0, 0.0, 1.0], (41, 1)), np.tile([0.0, 0.0, 1.0], (41, 1)), np.full(41, 2.0))
     slow = Drive(speed=np.radians(20.0))
-    going_with = PostSettings(gamma=-2.0, travel=line[:, :1], drive=slow, tolerance=1e-3)
+    going_with = asked(gamma=-2.0, reference=np.eye(3)[0], travel=line[:, :1], drive=slow, tolerance=1e-3)
     program = post(kr60, cell, motions_of(path, feed=path.feed), going_with).program
     assert np.ptp(program.q, axis=0).max() < 1e-9
     with pytest.raises(InputError, match="cannot be driven"):
@@ -134,7 +136,7 @@ def test_joint_speeds_count_the_time_on_the_part(kr60: fem.ArmModel) -> None:
 
 def test_a_turned_table_turns_the_part(kr60: fem.ArmModel) -> None:
     table = Turntable(part()[:3, 3], np.array([0.0, 0.0, 1.0]))
-    program = post(kr60, cell_of(turntable=table), motions_of(dome(8, 0.2)), PostSettings(table=0.5)).program
+    program = post(kr60, cell_of(turntable=table), motions_of(dome(8, 0.2)), asked(table=0.5)).program
     away, turned = program.deviation()
     assert away.max() < 1e-12
     assert turned.max() < 1e-12
@@ -150,7 +152,7 @@ def test_a_tool_that_rests_keeps_its_posture(kr60: fem.ArmModel) -> None:
             "points", "axes", "rapid", "feed", "line", "tool", "spindle", "operation")},
         dwell=np.array([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0]),
     )  # fmt: skip
-    program = post(kr60, cell_of(), motions).program
+    program = post(kr60, cell_of(), motions, asked()).program
     at = int(np.flatnonzero(program.motions.dwell)[0])
     assert program.motions.dwell.sum() == 1.5
     np.testing.assert_array_equal(program.q[at], program.q[at - 1])
@@ -170,8 +172,8 @@ def test_rapid_moves_as_joints_like_are_left_whole(kr60: fem.ArmModel) -> None:
         rapid=rapid,
         feed=np.where(rapid, np.nan, 0.05),
     )
-    whole = post(kr60, cell_of(), motions, PostSettings(rapid="joint")).program
-    straight = post(kr60, cell_of(), motions, PostSettings(rapid="linear")).program
+    whole = post(kr60, cell_of(), motions, asked(rapid="joint")).program
+    straight = post(kr60, cell_of(), motions, asked(rapid="linear")).program
     # Four times the tolerance of rapid moves was not asked for: only milling moves are split.
     assert not whole.inserted[whole.motions.rapid].any()
     assert straight.inserted[straight.motions.rapid].sum() > 10
@@ -182,7 +184,7 @@ def test_events_stay_before_their_move(kr60: fem.ArmModel) -> None:
     motions = motions_of(
         dome(6), events=(Event(1, 0, "COOLNT", "ON"), Event(14, 4, "STOP", ""), Event(99, 6, "END", ""))
     )
-    program = post(kr60, cell_of(), motions).program
+    program = post(kr60, cell_of(), motions, asked()).program
     first, middle, last = program.motions.events
     assert first.move == 0
     assert last.move == program.n
@@ -193,7 +195,7 @@ def test_events_stay_before_their_move(kr60: fem.ArmModel) -> None:
 def test_several_tools_and_empty_paths_are_refused(kr60: fem.ArmModel) -> None:
     motions = motions_of(dome(6), tools=(Cutter(1, "T1"), Cutter(2, "T2")), tool=np.array([0, 0, 0, 1, 1, 1]))
     with pytest.raises(InputError, match="uses 2 tools: got 'T1, T2'"):
-        post(kr60, cell_of(), motions)
+        post(kr60, cell_of(), motions, asked())
     with pytest.raises(InputError, match="tolerance"):
         PostSettings(tolerance=0.0)
 
@@ -205,7 +207,7 @@ def test_a_point_out_of_reach_is_named_by_its_source_line(kr60: fem.ArmModel) ->
     far = motions_of(ToolPath(points, path.normals, path.axes, path.feed))
     for gamma in (0.0, GammaRange(count=12)):
         with pytest.raises(InputError, match=r"line 1[67]: .*cannot be reached"):
-            post(kr60, cell_of(), far, PostSettings(gamma=gamma, tolerance=1e-3))
+            post(kr60, cell_of(), far, asked(gamma=gamma, tolerance=1e-3))
 
 
 @settings(max_examples=40, deadline=None)

@@ -106,7 +106,7 @@ def test_a_point_out_of_reach_is_named_with_the_reason(kr60: fem.ArmModel) -> No
     path = dome(5)
     far = path.points.copy()
     far[3] += [2.0, 0.0, 0.0]
-    task = Task(type(path)(far, path.normals, path.axes, path.feed), spindle(), part())
+    task = Task(type(path)(far, path.normals, path.axes, path.feed), spindle(), part(), np.array([0.0, 1.0, 0.0]))
     with pytest.raises(InputError, match=r"path point 3 cannot be reached at any of 72 .*out of reach"):
         best_postures(kr60, task, Objective())
     with pytest.raises(InputError, match=r"path point 3 cannot be reached at any of 1 "):

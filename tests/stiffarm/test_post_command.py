@@ -63,7 +63,7 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
     cell, cls = files
     out = tmp_path / "out"
     outcome = cli(
-        "post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-150:-90:10", "--format",
+        "post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-60:0:10", "--format",
         "krl,sinumerik,csv,json", "--travel", "100", "--out", out,
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
@@ -96,18 +96,18 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
 def test_one_kind_of_coordinates_is_written_if_asked(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     cell, cls = files
     outcome = cli(
-        "post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-120", "--format", "krl",
+        "post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-30", "--format", "krl",
         "--coordinates", "joint", "--out", tmp_path / "out", "--json",
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
     assert set(outcome.json["programs"]) == {"krl_joint"}
-    assert outcome.json["gamma_deg"] == [-120.0, -120.0]
+    assert outcome.json["gamma_deg"] == [-30.0, -30.0]
 
 
 def test_compensation_moves_the_path_by_what_it_says(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     cell, cls = files
     plain, moved = tmp_path / "plain", tmp_path / "moved"
-    common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-120", "--tolerance-um", "100")
+    common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-30", "--tolerance-um", "100")
     assert cli(*common, "--out", plain).code == 0
     outcome = cli(*common, "--out", moved, "--compensate", "--force", "20,40,-60", "--force-axes", "process", "--json")
     assert outcome.code == 0, outcome.err
@@ -166,7 +166,8 @@ def test_a_point_out_of_reach_names_its_line(cli: Command, files: tuple[Path, Pa
     cell, _ = files
     far = tmp_path / "far.cls"
     far.write_text(CLS.replace("GOTO/40.0,0.0,0.0", "GOTO/4000.0,0.0,0.0"))
-    outcome = cli("post", "kr60-3", far, "--cell", cell, "--out", tmp_path / "o", "--tolerance-um", "1000")
+    outcome = cli("post", "kr60-3", far, "--cell", cell, "--out", tmp_path / "o", "--tolerance-um", "1000",
+                  "--gamma", "-30")  # fmt: skip
     assert outcome.code == 2
     assert "line 11: " in outcome.err
     assert "cannot be reached" in outcome.err
@@ -181,7 +182,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     """Axes, gamma and branch of a placement file stand in the program; one of another path is refused."""
     cell, cls = files
     common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--tolerance-um", "1000")
-    assert cli(*common, "--gamma", "-120", "--travel", "120", "--out", tmp_path / "first").code == 0
+    assert cli(*common, "--gamma", "-30", "--travel", "120", "--out", tmp_path / "first").code == 0
     robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
     text = (tmp_path / "first" / "json" / "part.json").read_text(encoding="utf-8")
     first = program_from_json(text, robot, where)

@@ -20,6 +20,11 @@ TOOL, PART = "200,0,80,0,90,0", "1200,200,600"
 SPEED = "128,102,128,260,245,322"
 
 
+def posture_along(path: Path) -> tuple[str | Path, ...]:
+    """The command, gamma counted from y: angles about 0 are within reach."""
+    return ("posture", "kr60-3", path, "--reference", "0,1,0")
+
+
 @pytest.fixture
 def dome(tmp_path: Path) -> Path:
     """A curved path of twelve points with a feed."""
@@ -38,7 +43,7 @@ def dome(tmp_path: Path) -> Path:
 def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     outcome = cli(
-        "posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--speed", SPEED, "--gamma",
+        *posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--speed", SPEED, "--gamma",
         "-180:180:10", "--out", out,
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
@@ -73,7 +78,7 @@ def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, t
 
 def test_json_alone_writes_nothing(cli: Command, dome: Path, tmp_path: Path) -> None:
     before = tree(tmp_path)
-    outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
+    outcome = cli(*posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
                   "--gamma", "-30:30:10", "--aim", "worst")  # fmt: skip
     assert outcome.code == 0, outcome.err
     assert outcome.json["aim"] == "worst"
@@ -82,7 +87,7 @@ def test_json_alone_writes_nothing(cli: Command, dome: Path, tmp_path: Path) -> 
 
 
 def test_one_gamma_is_kept(cli: Command, dome: Path) -> None:
-    outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
+    outcome = cli(*posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
                   "--gamma", "20", "--before", "20")  # fmt: skip
     assert outcome.code == 0, outcome.err
     courses = outcome.json["courses"]
@@ -92,7 +97,7 @@ def test_one_gamma_is_kept(cli: Command, dome: Path) -> None:
 
 
 def test_a_program_that_cannot_be_driven_is_said_to_be_so(cli: Command, dome: Path) -> None:
-    outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", "2000,200,500", "--json",
+    outcome = cli(*posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", "2000,200,500", "--json",
                   "--before", "180")  # fmt: skip
     assert outcome.code == 0, outcome.err
     text = json.dumps(outcome.json["not_found"])
@@ -116,7 +121,7 @@ def test_a_program_that_cannot_be_driven_is_said_to_be_so(cli: Command, dome: Pa
     ],
 )
 def test_bad_input_is_named(cli: Command, dome: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
-    outcome = cli("posture", "kr60-3", dome, *arguments, "--out", tmp_path / "none")
+    outcome = cli(*posture_along(dome), *arguments, "--out", tmp_path / "none")
     assert outcome.code == 2
     assert words in outcome.err.replace("\n", " ")
     assert not (tmp_path / "none").exists()
@@ -182,7 +187,7 @@ def test_a_post_beside_the_part_is_kept_clear_of(cli: Command, dome: Path, tmp_p
     least = []
     for file in (cell, free):
         out = tmp_path / file.stem
-        outcome = cli("posture", "kr60-3", dome, "--links", "rigid", "--cell", file, "--gamma", "-180:180:20",
+        outcome = cli(*posture_along(dome), "--links", "rigid", "--cell", file, "--gamma", "-180:180:20",
                       "--out", out)  # fmt: skip
         assert outcome.code == 0, outcome.err
         with (out / "posture.csv").open(encoding="utf-8") as stream:
@@ -199,7 +204,7 @@ def test_a_milling_file_predicts_the_error_before_and_after(cli: Command, dome: 
     milling.write_text(MILLING)
     out = tmp_path / "out"
     outcome = cli(
-        "posture", "kr60-3", dome, "--links", "rigid", "--tool", TOOL, "--part", PART, "--milling", milling, "--gamma",
+        *posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--milling", milling, "--gamma",
         "-180:180:20", "--quantity", "normal displacement", "--out", out,
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
@@ -238,7 +243,7 @@ def test_bad_milling_files_are_named(
 ) -> None:
     milling = tmp_path / "milling.toml"
     milling.write_text(MILLING.replace(*change))
-    outcome = cli("posture", "kr60-3", dome, "--tool", TOOL, "--part", PART, "--milling", milling)
+    outcome = cli(*posture_along(dome), "--tool", TOOL, "--part", PART, "--milling", milling)
     assert outcome.code == 2
     assert words in outcome.err.replace("\n", " ")
 
@@ -246,6 +251,6 @@ def test_bad_milling_files_are_named(
 def test_frames_given_twice_are_refused(cli: Command, dome: Path, tmp_path: Path) -> None:
     cell = tmp_path / "cell.toml"
     cell.write_text(CELL)
-    outcome = cli("posture", "kr60-3", dome, "--cell", cell, "--tool", TOOL)
+    outcome = cli(*posture_along(dome), "--cell", cell, "--tool", TOOL)
     assert outcome.code == 2
     assert "--tool with --cell" in outcome.err
