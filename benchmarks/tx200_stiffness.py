@@ -256,7 +256,7 @@ def _usual_part(model: ArmModel, found: Identified) -> list[str]:
         _error_rows(name, e)
         for name, e in (
             ("gears alone, same torsional stiffness", same), ("gears alone, refitted to the flange", refitted),
-            ("six constants across the axes (model.toml)", of_file),
+            ("six stiffnesses as model.toml holds them", of_file),
         )
     )  # fmt: skip
     springs = ", ".join(

@@ -124,7 +124,7 @@ class GcodeMotion:
         rotary = self.options.rotary
         wrong = [k for k, v in angles.items() if v and k not in rotary.rpartition("-")[2]]
         if wrong and any(angles.values()):
-            remedy = "pass rotary, such as rotary='table-AC' or 'head-BC'"
+            remedy = "say how the axes turn: --rotary table-AC or head-BC (rotary= in Python)"
             raise BlockError(f"rotary axis {', '.join(wrong)} with rotary='{rotary}'", "axes of the machine", remedy)
         if any(angles.values()) and not self.modes.tcp:
             raise BlockError(
