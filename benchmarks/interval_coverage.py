@@ -1,7 +1,7 @@
 """Do 95 % intervals hold the truth 95 % of the time? Calibrations of made-up readings with known parameters.
 
-    python benchmarks/interval_coverage.py [--repeats 200] [--case NAME] [--robot NAME] [--write docs/calibration_coverage.md]
-                                  [--json]
+    python benchmarks/interval_coverage.py [--repeats 200] [--case NAME] [--robot NAME] [--json]
+                                           [--write docs/calibration_coverage.md]
 
 Every repeat draws parameters, poses, load directions and noise anew, estimates parameters and noise, and looks
 whether each interval holds what was drawn; ``coverage_cases.py`` has the cases.
