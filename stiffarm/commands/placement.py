@@ -12,13 +12,14 @@ import typer
 from machining import Drive
 from machining.cell import Cell, read_cell
 from machining.criterion import Criterion
-from machining.cutting import ConstantForce
+from machining.cutting import CuttingForce
 from machining.placement import AIMS, MODES, Goal, How
 from robots import InputError
 from stiffarm import inputs, placement_payload
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
-from stiffarm.machining_options import GammaOpt, parse_gammas, parse_joint_figures, parse_vector
+from stiffarm.machining_options import GammaOpt, parse_gammas, parse_joint_figures
+from stiffarm.machining_setup import MillingOpt, read_cut, require_springs
 from stiffarm.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
 from stiffarm.outputs import OutputFolder
 from stiffarm.placing import PlacedStep, PlaceRequest, path_from, place_along, scene_for
@@ -30,10 +31,11 @@ def place(
         Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, CLS, APT or G-code")
     ],
     cell: Annotated[Path, typer.Option("--cell", metavar="CELL.toml", help="robot, axes, part, tool, what is around")],
-    force: Annotated[str, typer.Option("--force", metavar="X,Y,Z", help="cutting force on the tool, N")],
+    force: Annotated[str | None, typer.Option("--force", metavar="X,Y,Z", help="cutting force on the tool, N")] = None,
     force_axes: Annotated[
         str, typer.Option("--force-axes", help="part, process (feed, cross-feed, tool axis) or base")
     ] = "part",
+    milling: MillingOpt = None,
     aim: Annotated[
         str, typer.Option("--aim", help="ksf, mean or worst stiffness along the force, or least surface error")
     ] = "ksf",
@@ -89,12 +91,14 @@ def place(
     Writes placement.csv, placement.json and a report into --out.
     """
     with user_errors(debug):
+        cutting = _force(force, force_axes, milling)
         given = inputs.read_model(model, links, load_path, without="the placement")
+        require_springs(given, "placement")
         described = read_cell(cell)
         request = PlaceRequest(
             cell=described,
             given=path_from(path),
-            goal=Goal(_aim(aim), _force(force, force_axes), _criterion(alpha, beta), by_length),
+            goal=Goal(_aim(aim), cutting, _criterion(alpha, beta), by_length),
             gamma=parse_gammas(gamma),
             drive=Drive(speed=_speed(given, described, speed), jump=float(np.radians(jump))),
             how=_how(mode, anywhere, cost, gamma_course),
@@ -104,6 +108,7 @@ def place(
         )
         scene, notes = scene_for(described, model) if collisions else (None, ())
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path, "cell": cell}
+        files |= {} if milling is None else {"milling": milling}
         with folder_if(out, files) as folder:
             with progress("place") as bar:
                 step = place_along(
@@ -127,14 +132,11 @@ def _aim(text: str) -> Any:
     return text
 
 
-def _force(text: str, axes: str) -> ConstantForce:
-    if axes not in ("part", "process", "base"):
-        raise InputError("--force-axes", value=axes, allowed="part, process, base", remedy="choose one of them")
-    return ConstantForce(parse_vector(text, "--force", f"N in {axes} axes"), _axes(axes))
-
-
-def _axes(text: str) -> Any:
-    return text
+def _force(force: str | None, axes: str, milling: Path | None) -> CuttingForce:
+    cut = read_cut(force, axes, milling)
+    if cut is None:
+        raise InputError("place needs a cutting force", allowed="--force or --milling", remedy="give one of the two")
+    return cut.force
 
 
 def _criterion(alpha: float | None, beta: float | None) -> Criterion | None:

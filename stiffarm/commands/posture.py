@@ -48,7 +48,7 @@ from stiffarm.posing import CHOSEN, Posed, PostureRequest, pose_along
 Array = NDArray[np.float64]
 
 # A range so narrow (rad) is one angle.
-FIXED_HALF_WIDTH = 1e-6
+FIXED_HALF_WIDTH = 1e-10
 
 
 def posture(
