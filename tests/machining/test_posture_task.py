@@ -133,3 +133,15 @@ def test_bad_headers_are_named(tmp_path: Path, lines: list[str], message: str) -
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         read_path(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(("tilt_deg", "axis"), [(0.0, 0), (40.0, 0), (74.0, 0), (80.0, 1)])
+def test_gamma_counts_from_x_unless_the_tool_comes_near_it(tilt_deg: float, axis: int) -> None:
+    """More points that tilt less, or the other way, change nothing."""
+    tilt = np.radians(np.linspace(0.0, tilt_deg, 5))
+    axes = np.stack([np.sin(tilt), np.zeros(5), np.cos(tilt)], axis=1)
+    axes = np.vstack([axes, [[0.0, 0.6, 0.8], [0.0, -0.6, 0.8]]])
+    points = np.arange(7.0)[:, None] * np.array([0.1, 0.0, 0.0])
+    for rows in (slice(None), slice(4, None), slice(4, 5)):
+        task = Task(tool_path(points[rows], axes[rows]), spindle(), np.eye(4))
+        np.testing.assert_array_equal(task.reference, np.eye(3)[axis])

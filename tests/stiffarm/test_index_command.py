@@ -112,7 +112,9 @@ def test_ranges_of_gamma(text: str, count: int) -> None:
     assert gammas.count == count
 
 
-@pytest.mark.parametrize("text", ["90:0:5", "0:400:5", "0:90:0", "0:90:-5", "0:90", "a:b:c", "0:90:inf", "0:10:20"])
+@pytest.mark.parametrize(
+    "text", ["90:0:5", "0:400:5", "0:90:0", "0:90:-5", "0:90", "a:b:c", "0:90:inf", "0:10:20", "-180:180:0.1"]
+)
 def test_empty_ranges_of_gamma_are_refused(cli: Command, text: str, tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n0,0,0,0,0,1\n")
