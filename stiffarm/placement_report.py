@@ -98,7 +98,7 @@ def where_words(step: PlacedStep, one: Along) -> str:
         out.append(f"{axis.name} {column[0]:.4g}" if still else f"{axis.name} {column.min():.4g} to {column.max():.4g}")
     words = ", ".join(out) + " mm" if out else ""
     if step.request.cell.turntable is not None:
-        words += f"; turntable {np.degrees(one.table):.4g} deg"
+        words += f"{'; ' if words else ''}turntable {np.degrees(one.table):.4g} deg"
     return words
 
 

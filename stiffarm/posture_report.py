@@ -180,7 +180,7 @@ def error_sections(posed: Posed, pictures: Pictures) -> list[Section]:
         figure = milling_error_figure(milling.errors, milling.comparison)
         blocks.append(pictures.add(figure, "milling_error", "Predicted error along the path with 95 % bands."))
     if milling.comparison is not None:
-        blocks.append(Text(milling.comparison.sentence))
+        blocks.append(Text(f"Compared with {milling.against}: {milling.comparison.sentence}"))
     else:
         blocks.append(Note("There is no other course that can be driven, so nothing to compare with."))
     return [Section("What error the cutting force leaves", tuple(blocks))]

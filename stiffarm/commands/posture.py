@@ -198,4 +198,4 @@ def _show(posed: Posed) -> None:
     for text in remarks(posed):
         say(f"note: {text}")
     if posed.milling is not None and posed.milling.comparison is not None:
-        say(posed.milling.comparison.sentence)
+        say(f"Compared with {posed.milling.against}: {posed.milling.comparison.sentence}")

@@ -228,3 +228,12 @@ def test_a_model_without_stiffness_can_be_posted_but_not_optimised(
     posture = cli("posture", "tx200", cls, "--cell", cell, "--links", "rigid")
     assert posture.code == 2
     assert "nothing in this model gives way" in posture.err.replace("\n", " ")
+
+
+def test_a_placement_on_a_turntable_alone_has_no_travels() -> None:
+    three = np.zeros(3)
+    placement = Placement(
+        "kr60-3", "c", (), np.zeros((3, 0)), 0.3, three, ("q1",), three[:, None], np.array([0, 2, 4]), 5
+    )
+    assert placement.at_moves().shape == (5, 0)
+    assert placement.joints_at_moves().shape == (5, 1)
