@@ -77,6 +77,7 @@ def planes(model: fem.ArmModel) -> dict[str, PlaneResult]:
     return {r.name: on_plane(model, r) for r in READINGS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", [B, B2, B3, S])
 def test_the_distribution_is_the_rule_of_the_readings(
     model: fem.ArmModel, planes: dict[str, PlaneResult], reading: Reading

@@ -290,6 +290,7 @@ def test_the_handlers_are_gone_afterwards() -> None:
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_into_one_folder(tmp_path: Path) -> None:
     """Each is whole; the later one has moved the earlier one to previous/."""
     target = tmp_path / "out"
