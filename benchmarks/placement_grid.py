@@ -25,6 +25,7 @@ from machining.cell import Cell, LinearAxis, Tool
 from machining.cutting import ConstantForce
 from machining.drive import Drive
 from machining.placement import Along, Goal, How, Placed, Problem, follow, place, space_of
+from machining.placement.along import along
 from machining.placement.search import Look, Looker
 from machining.posture import GammaRange
 from machining.task import ToolPath, tool_path
@@ -193,8 +194,27 @@ def row(name: str, problem: Problem, one: Along) -> Row:
     return Row(name, one.k_sf, one.mean * 1e-3, one.worst * 1e-3, one.error_rms * 1e6, f"{where} mm")
 
 
+def at_zero(problem: Problem) -> Along | None:
+    """The axes at 0 with the best gamma that can be driven there: what a user has without placement. None: nothing."""
+    x = np.zeros((1, problem.space.d))
+    look = Looker(problem).at(x, np.arange(problem.path.n))[0]
+    if not look.rank[0]:
+        return None
+    e, table = problem.space.sites(x)
+    try:
+        course = follow(problem, e[0], float(table[0]), look.gamma)
+    except InputError:
+        return None
+    criterion = problem.goal.criterion
+    assert criterion is not None
+    return along(problem, np.repeat(e, problem.path.n, axis=0), float(table[0]), course, criterion)
+
+
 def rows_of(placed: Placed, others: dict[str, Placed]) -> list[Row]:
     out = [] if placed.before is None else [row("before: axes at 0, gamma 0", placed.problem, placed.before)]
+    usual = at_zero(placed.problem)
+    if usual is not None:
+        out.append(row("before: axes at 0, best gamma", placed.problem, usual))
     out.append(row("one position", placed.problem, placed.after))
     for name, other in others.items():
         out.append(row(name, other.problem, other.after))
@@ -238,8 +258,9 @@ def page(results: list[Result]) -> str:
         for x in r.rows:
             figures = f"{x.k_sf:.3g} | {x.mean:.0f} | {x.worst:.0f} | {x.rms_um:.1f}"
             tables.append(f"| {x.placement} | {figures} | {x.where} |")
-        if not any(x.placement.startswith("before") for x in r.rows):
-            tables.append("\nBefore: with the axes at 0 and gamma 0 the path cannot be driven.")
+        if not any("gamma 0" in x.placement for x in r.rows):
+            other = "" if any("best gamma" in x.placement for x in r.rows) else ", nor with any other one gamma"
+            tables.append(f"\nBefore: with the axes at 0 and gamma 0 the path cannot be driven{other}.")
         tables.append("")
     text = TEXT.read_text(encoding="utf-8")
     return text.replace("{{search}}", head + "\n".join(lines)).replace("{{tables}}", "\n".join(tables).rstrip())
