@@ -21,7 +21,7 @@ from machining.drive import Drive
 from machining.objective import Objective
 from machining.path_error import PathError
 from machining.path_posture import refine_course
-from machining.path_problem import Course, Problem, gap_error, problem_of, solve, states_of
+from machining.path_problem import Course, course_given, gap_error, problem_of, solve, states_of
 from machining.posture import GammaRange, sweep_gamma
 from machining.task import Task, ToolPath
 from robots import InputError
@@ -122,7 +122,8 @@ def follow_gamma(
     """
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    found = _follow(model, task, angle, objective, drive, _links(model, task, drive, free), near, generator)
+    links = _links(model, task, drive, free)
+    found = course_given(model, task, angle, objective, drive, generator, links=links, near=near)
     if isinstance(found, PathError):
         raise found
     return found
@@ -204,7 +205,7 @@ class _Search:
         return None
 
     def _follow(self, gamma: Array) -> Course | PathError:
-        return _follow(self.model, self.task, gamma, self.objective, self.drive, self.links, None, self.generator)
+        return course_given(self.model, self.task, gamma, self.objective, self.drive, self.generator, links=self.links)
 
 
 def _between(knots: Integers, gamma: Array, n: int) -> Array:
@@ -272,29 +273,3 @@ def _summed(links: Links, rate: Array, knots: Integers, n: int) -> Links:
     step = np.add.reduceat(links.step, knots[:-1], axis=0)
     unit = np.add.reduceat(links.unit, knots[:-1], axis=0) / np.sqrt(many)
     return Links(step, np.add.reduceat(rate, knots[:-1]), unit, links.weight / n)
-
-
-def _follow(
-    model: fem.ArmModel,
-    task: Task,
-    gamma: Array,
-    objective: Objective,
-    drive: Drive,
-    links: Links,
-    near: Array | None = None,
-    generator: np.random.Generator | None = None,
-) -> Course | PathError:
-    """Best branches and turns at a given gamma, or those nearest to ``near``; or what is in the way."""
-    try:
-        sweep = sweep_gamma(model, task, objective, gamma[:, None], generator=generator)
-        problem: Problem = problem_of(model, task, objective, GammaRange(), drive, sweep, generator)
-        problem = replace(problem, links=replace(links, weight=links.weight / task.path.n))
-        states = states_of(problem, sweep)
-    except PathError as error:
-        return error
-    if near is not None:
-        layers = states.layers
-        wanted = np.repeat(near, np.diff(layers.start), axis=0)
-        states = replace(states, layers=replace(layers, cost=((layers.q - wanted) ** 2).sum(axis=1)))
-    found = solve(problem, states, problem.links)
-    return gap_error(problem, states, found) if isinstance(found, Gap) else found

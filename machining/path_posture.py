@@ -21,10 +21,12 @@ import fem
 from machining.courses import Gap, Layers, Links, cheapest_course
 from machining.drive import Drive
 from machining.objective import Objective
+from machining.path_error import PathError
 from machining.path_problem import (
     Course,
     Problem,
     States,
+    course_given,
     course_of,
     gap_error,
     is_better,
@@ -129,12 +131,9 @@ def course_at(
     """
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    sweep = sweep_gamma(model, task, objective, angle[:, None], generator=generator)
-    problem = problem_of(model, task, objective, GammaRange(), drive, sweep, generator)
-    states = states_of(problem, sweep)
-    found = solve(problem, states, problem.links)
-    if isinstance(found, Gap):
-        raise gap_error(problem, states, found)
+    found = course_given(model, task, angle, objective, drive, generator)
+    if isinstance(found, PathError):
+        raise found
     return found
 
 

@@ -212,3 +212,34 @@ def gap_error(problem: Problem, states: States, gap: Gap) -> PathError:
         allowed=f"at most {np.degrees(step[joint]):.3g} deg of {robot.joint_names[joint]}",
         remedy="lower the feed, give points closer together, a finer grid or more range of gamma, or move the part",
     )
+
+
+def course_given(
+    model: fem.ArmModel,
+    task: Task,
+    gamma: Array,
+    objective: Objective,
+    drive: Drive,
+    generator: np.random.Generator | None = None,
+    *,
+    links: Links | None = None,
+    near: Array | None = None,
+) -> Course | PathError:
+    """Best branches and turns at a given gamma (n,) rad, or those nearest to ``near`` (n, dof); or what is in the way.
+
+    ``links``: what segments allow, where that is not what the drive alone says.
+    """
+    try:
+        sweep = sweep_gamma(model, task, objective, gamma[:, None], generator=generator)
+        problem = problem_of(model, task, objective, GammaRange(), drive, sweep, generator)
+        if links is not None:
+            problem = replace(problem, links=replace(links, weight=links.weight / task.path.n))
+        states = states_of(problem, sweep)
+    except PathError as error:
+        return error
+    if near is not None:
+        layers = states.layers
+        wanted = np.repeat(near, np.diff(layers.start), axis=0)
+        states = replace(states, layers=replace(layers, cost=((layers.q - wanted) ** 2).sum(axis=1)))
+    found = solve(problem, states, problem.links)
+    return gap_error(problem, states, found) if isinstance(found, Gap) else found

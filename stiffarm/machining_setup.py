@@ -64,10 +64,8 @@ class Setup:
     cell: Cell
     arm: ArmBodies | None
 
-    def drive(
-        self, drive: Drive, robot: Robot, travel: Array | None = None, table: float = 0.0, *, clear: bool = True
-    ) -> Drive:
-        """The drive with the cell's joint speeds and, if ``clear``, the clearance of the arm standing at ``travel``."""
+    def drive(self, drive: Drive, *, clear: bool = True) -> Drive:
+        """The drive with the cell's joint speeds and, if ``clear``, the arm's clearance with all axes at 0."""
         if drive.speed is None and self.cell.joint_speed is not None:
             drive = replace(drive, speed=self.cell.joint_speed)
         if self.arm is None:
@@ -75,7 +73,7 @@ class Setup:
         drive = replace(drive, clearance_zone=self.zone, clearance_least=self.cell.safety)
         if not clear:
             return drive
-        return replace(drive, clearance_of=clearance_of(self.cell, self.arm, e=travel, table=table, within=self.zone))
+        return replace(drive, clearance_of=clearance_of(self.cell, self.arm, within=self.zone))
 
     @property
     def zone(self) -> float:

@@ -123,7 +123,7 @@ def post(
         settings = PostSettings(
             gamma=place.gamma,
             objective=Objective(),
-            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), given.robot, clear=False),
+            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), clear=False),
             travel=place.travel,
             table=place.table,
             tolerance=tolerance * 1e-6,

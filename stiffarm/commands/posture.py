@@ -122,7 +122,7 @@ def posture(
             task,
             _objective(quantity, aim, None if cut is None else cut.force.along(task).force),
             _gammas(gamma),
-            setup.drive(drive, given.robot),
+            setup.drive(drive),
             float(np.radians(before)),
             seed,
             cut,
