@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from doe.carried_on import carried_on
 from doe.constant import ConstantFit
 from doe.measurements import Measurements
+from doe.uncertainty_table import NO_COVARIANCE, NO_SPARE, constant_fit_table
 from fem import ArmModel
 from robots import ModelDescription
 from robots.quantities import RotationalStiffness
-from robots.schema import Calibration, Joint, LogPolynomialLaw
+from robots.schema import Calibration, CalibrationUncertainty, Joint, LogPolynomialLaw
 
 SOURCE_KEY = "calibrated"
 
@@ -33,7 +35,10 @@ def with_constant_springs(
         springs[estimate.joint] = RotationalStiffness(
             value=float(estimate.stiffness), unit="N m/rad", source=SOURCE_KEY, note=note
         )
-    return _calibrated(description, model, springs, "global", data, loads_N, fit.rms_mm, fit.remarks)
+    found = model.with_springs({s.joint: s.stiffness for s in fit.springs if not math.isnan(s.stiffness)})
+    sure = constant_fit_table(fit, carried_on(description, found, [f"{s.joint}.stiffness" for s in fit.springs]))
+    notes = fit.remarks if sure is not None else (*fit.remarks, NO_SPARE)
+    return _calibrated(description, model, springs, "global", data, loads_N, fit.rms_mm, notes, sure)
 
 
 def with_spring_laws(
@@ -45,9 +50,10 @@ def with_spring_laws(
     rms_mm: float,
     remarks: tuple[str, ...],
 ) -> ModelDescription:
-    """The description with angle-dependent springs of the staged scheme."""
+    """The description with angle-dependent springs of the staged scheme, which has no covariance: a note says so."""
     springs = {joint: law.model_copy(update={"source": SOURCE_KEY}) for joint, law in laws.items()}
-    return _calibrated(description, model, springs, "staged", data, loads_N, rms_mm, remarks)
+    notes = (*remarks, NO_COVARIANCE)
+    return _calibrated(description, model, springs, "staged", data, loads_N, rms_mm, notes, None)
 
 
 def _calibrated(
@@ -58,7 +64,8 @@ def _calibrated(
     data: Measurements,
     loads_N: tuple[float, ...],
     rms_mm: float,
-    remarks: tuple[str, ...],
+    notes: tuple[str, ...],
+    uncertainty: CalibrationUncertainty | None,
 ) -> ModelDescription:
     joints: list[Joint] = [
         joint.model_copy(update={"stiffness": springs[joint.name]}) if joint.name in springs else joint
@@ -78,7 +85,8 @@ def _calibrated(
                 data_sha256=data.sha256,
                 rms_mm=rms_mm,
                 loads_N=loads_N,
-                notes=remarks,
+                notes=notes,
+                uncertainty=uncertainty,
             ),
         }
     )

@@ -54,7 +54,9 @@ class ConstantFit:
     for those that no reading moves with; ``residual_m`` (m,): simulated minus measured; ``sigma_m``:
     residual standard deviation (NaN without spare readings); ``degrees_of_freedom``: equations minus springs
     that they move with; ``remarks``: bounds hit, and what is not identified; ``condition``: of the scaled
-    system.
+    system. ``covariance`` (p, p): of the compliances of ``springs``, (rad/(N m))^2, zero for those at bounds or not
+    seen, of the determined combinations alone where only those are; NaN without spare readings. ``blind`` (d, p):
+    directions of the compliances that no reading determines, length one, without the springs that no reading sees.
     """
 
     springs: tuple[SpringEstimate, ...]
@@ -65,6 +67,8 @@ class ConstantFit:
     degrees_of_freedom: int
     remarks: tuple[str, ...]
     condition: float
+    covariance: Array
+    blind: Array
 
 
 @dataclass(frozen=True)
@@ -150,6 +154,8 @@ def fit_constant(
         degrees_of_freedom=spare,
         remarks=tuple(_remarks(springs, bounds, (1.0 / soft, 1.0 / rigid), spare)),
         condition=float(singular[0] / singular[-1]) if singular.size and singular[-1] > 0.0 else float("inf"),
+        covariance=_covariance(problem, x, norm, seen, scale),
+        blind=_blind(A, seen, norm),
     )
 
 
@@ -159,12 +165,27 @@ def blind_directions(A: Array) -> Array:
     A prediction is determined by the rows of A only if its own row is orthogonal to all of these.
     """
     norm, seen = _column_norms(A)
-    unseen = np.eye(A.shape[1])[~seen]
+    return np.vstack([np.eye(A.shape[1])[~seen], _blind(A, seen, norm)])
+
+
+def _blind(A: Array, seen: Mask, norm: Array) -> Array:
+    """Directions (d, p), length one, in which no row of A moves though each of their columns does."""
     small, V = _null_space(A[:, seen] / norm[seen])
-    mixed = np.zeros((int(small.sum()), A.shape[1]))
-    mixed[:, seen] = V[small] / norm[seen]
-    rows = np.vstack([unseen, mixed])
+    rows = np.zeros((int(small.sum()), A.shape[1]))
+    rows[:, seen] = V[small] / norm[seen]
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
+def _covariance(problem: _Scaled, x: Array, norm: Array, seen: Mask, scale: float) -> Array:
+    """Covariance (p, p) of the compliances; those at an end of the range are held there."""
+    out = np.zeros((len(seen), len(seen)))
+    inner = (x > problem.low * (1.0 + AT_END)) & (x < problem.high * (1.0 - AT_END))
+    columns = np.flatnonzero(seen)[inner]
+    if columns.size:
+        inverse = np.linalg.pinv(problem.A[:, inner], rcond=1.0 / MAX_CONDITION)
+        size = norm[columns]
+        out[np.ix_(columns, columns)] = scale**2 * (inverse @ inverse.T) / np.outer(size, size)
+    return out
 
 
 def _columns(

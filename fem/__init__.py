@@ -2,6 +2,8 @@
 
 from fem.budget import Budget, PartKind, compliance_budget
 from fem.direct import compliance_direct, deflection_direct
+from fem.factor import ComplianceFactor, compliance_factor
+from fem.fast_statics import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
 from fem.fields import ArmFields, arm_fields, link_shapes
 from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
 from fem.shell_arm import ShellArmSolution, solve_shell_arm
@@ -20,6 +22,7 @@ __all__ = [
     "ArmFields",
     "ArmModel",
     "Budget",
+    "ComplianceFactor",
     "ConstantSpring",
     "LawSpring",
     "LinkKind",
@@ -31,11 +34,16 @@ __all__ = [
     "compliance",
     "compliance_budget",
     "compliance_direct",
+    "compliance_factor",
     "deflection",
     "deflection_by_part",
     "deflection_direct",
     "directional_stiffness",
+    "fast_compliance",
+    "fast_deflection",
+    "fast_directional_stiffness",
     "link_shapes",
     "solve_shell_arm",
     "spring_influence",
+    "why_not_fast",
 ]

@@ -47,7 +47,7 @@ def deflection(model: ArmModel, q: Array, wrench: Array, point: Array | None = N
     q = as_poses(model.robot, q)
     loads = as_wrenches(wrench, len(q))
     out = np.empty((len(q), 6))
-    for rows, frames, tool in _batches(model, q, point):
+    for rows, frames, tool in batches(model, q, point):
         w = poses_last(loads[rows])
         total = np.zeros_like(w)
         for part in transfers(model, frames, q[rows], tool, rows.start):
@@ -61,7 +61,7 @@ def deflection_by_part(model: ArmModel, q: Array, wrench: Array, point: Array | 
     q = as_poses(model.robot, q)
     loads = as_wrenches(wrench, len(q))
     shares: dict[str, Array] = {}
-    for rows, frames, tool in _batches(model, q, point):
+    for rows, frames, tool in batches(model, q, point):
         w = poses_last(loads[rows])
         for part in transfers(model, frames, q[rows], tool, rows.start):
             shares.setdefault(part.name, np.zeros((len(q), 6)))[rows] = part.share(w).T
@@ -75,7 +75,7 @@ def compliance(model: ArmModel, q: Array, point: Array | None = None) -> Array:
     """
     q = as_poses(model.robot, q)
     out = np.zeros((len(q), 6, 6))
-    for rows, frames, tool in _batches(model, q, point, CHUNK // 4):
+    for rows, frames, tool in batches(model, q, point, CHUNK // 4):
         parts = list(transfers(model, frames, q[rows], tool, rows.start))
         T = [part.matrix() for part in parts]
         CT = [part.deformation(t) for part, t in zip(parts, T, strict=True)]
@@ -98,18 +98,27 @@ def directional_stiffness(
     InputError
         Direction of length zero, or a model with nothing that gives way.
     """
+    unit = unit_force(direction)
+    return stiffness_along(deflection(model, q, unit, point) @ unit)
+
+
+def unit_force(direction: Array | None) -> Array:
+    """Wrench (6,) of 1 N along a direction (3,), default -Z; InputError for one that is none."""
     axis = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
     norm = np.linalg.norm(axis)
     if axis.shape != (3,) or not 0.0 < norm < np.inf:
         raise InputError("load direction", value=axis.tolist(), allowed="three finite numbers, not all zero")
-    unit = np.concatenate([axis / norm, np.zeros(3)])
-    along = deflection(model, q, unit, point) @ unit
-    if not (along > 0.0).all():
+    return np.concatenate([axis / norm, np.zeros(3)])
+
+
+def stiffness_along(displacement: Array) -> Array:
+    """Stiffness (n,) N/m from displacements (n,) along a unit force, m; InputError where there is none."""
+    if not (displacement > 0.0).all():
         raise InputError(
-            f"pose {int(np.argmin(along > 0.0))}: the model is rigid in this direction",
+            f"pose {int(np.argmin(displacement > 0.0))}: the model is rigid in this direction",
             remedy="give it flexible links or joint springs",
         )
-    return np.asarray(1.0 / along)
+    return np.asarray(1.0 / displacement)
 
 
 def spring_influence(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> tuple[Array, Array]:
@@ -126,7 +135,7 @@ def spring_influence(model: ArmModel, q: Array, wrench: Array, point: Array | No
     loads = as_wrenches(wrench, len(q))
     influence = np.zeros((len(q), model.robot.dof, 6))
     rest = np.zeros((len(q), 6))
-    for rows, frames, tool in _batches(model, q, point):
+    for rows, frames, tool in batches(model, q, point):
         w = poses_last(loads[rows])
         for joint, torque in axial_transfers(model, frames, tool, rows.start):
             influence[rows, joint] = torque.displacement(torque.carried(w)).T
@@ -136,7 +145,7 @@ def spring_influence(model: ArmModel, q: Array, wrench: Array, point: Array | No
     return influence, rest
 
 
-def _batches(
+def batches(
     model: ArmModel, q: Array, point: Array | None, size: int = CHUNK
 ) -> Iterator[tuple[slice, BodyFrames, Array]]:
     """Batches of poses: their rows, frames, and tool points (base frame)."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem.model import ArmModel, LinkPart
 from fem.vectors import constant_times, cross, dot, poses_last, scaled, times_constant, to_base, to_local
-from robots import InputError
+from robots import InputError, Robot
 from robots.kinematics import BodyFrames, tool_position
 
 Array = NDArray[np.float64]
@@ -232,14 +232,19 @@ def _loop(arm: _Arm, first: int) -> _Loop | None:
     lever = dot(e, cross(rho, u))
     flat = np.abs(lever) < FLAT_SINE * np.linalg.norm(p.pin)
     if flat.any():
-        raise InputError(
-            f"pose {first + int(np.flatnonzero(flat)[0])}: the parallelogram of {arm.model.robot.name} is "
-            "flat (bar and lever in line), so the bar cannot carry the forearm's moment",
-            allowed="poses away from that singularity",
-            remedy="check the joint angles",
-        )
+        raise flat_parallelogram(arm.model.robot, first + int(np.flatnonzero(flat)[0]))
     moment = np.concatenate([cross(e, arm.tool - elbow), e])
     return _Loop(u, elbow + rho, -moment / lever)
+
+
+def flat_parallelogram(robot: Robot, pose: int) -> InputError:
+    """What to raise where bar and lever are in line."""
+    return InputError(
+        f"pose {pose}: the parallelogram of {robot.name} is "
+        "flat (bar and lever in line), so the bar cannot carry the forearm's moment",
+        allowed="poses away from that singularity",
+        remedy="check the joint angles",
+    )
 
 
 def _link(arm: _Arm, loop: _Loop | None, link: LinkPart) -> Transfer:

@@ -156,10 +156,16 @@ def save_description(description: ModelDescription, path: Path) -> None:
 
 
 def content_hash(description: ModelDescription) -> str:
-    """SHA-256 of the description's content, independent of layout, comments and where surface files lie."""
+    """SHA-256 of the description's content, independent of layout, comments and where surface files lie.
+
+    The covariance of calibrated numbers counts where there is one, as notes and sources do: what is made of the model
+    with error bars depends on it.
+    """
     data = description.model_dump(mode="json", by_alias=True)
     if not data["effect"]:
         del data["effect"]  # models of the time before effects keep their hash
+    if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
+        del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
     for link in data["link"]:
         if link["surface"] is not None:
             del link["surface"]["file"]  # its sha256 stays

@@ -45,6 +45,7 @@ from robots.schema_springs import (
     SpringLawTable,
     TableLaw,
 )
+from robots.schema_uncertainty import CalibrationUncertainty, UndeterminedNumber
 
 __all__ = [
     "BUILT_IN_SOURCES",
@@ -52,6 +53,7 @@ __all__ = [
     "BearingLaws",
     "BoxSection",
     "Calibration",
+    "CalibrationUncertainty",
     "ComplianceEntry",
     "Coupling",
     "CouplingTerm",
@@ -81,6 +83,7 @@ __all__ = [
     "TableLaw",
     "Tool",
     "TubeSection",
+    "UndeterminedNumber",
 ]
 
 SCHEMA = "stiffarm-model/1"
@@ -226,7 +229,7 @@ class Flange(Strict):
 
 
 class Calibration(Strict):
-    """Where calibrated springs came from."""
+    """Where calibrated springs came from, and how sure they are (``uncertainty``, where the calibration can say)."""
 
     scheme: str
     load_path: LoadPath
@@ -236,6 +239,7 @@ class Calibration(Strict):
     rms_mm: float
     loads_N: tuple[float, ...]  # noqa: N815 - units are in the names of the file's keys
     notes: tuple[str, ...] = ()
+    uncertainty: CalibrationUncertainty | None = None
 
 
 class ModelDescription(Strict):

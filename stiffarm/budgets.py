@@ -14,7 +14,7 @@ from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
 from stiffarm.payloads import number
 from surrogate import default_sweep
-from surrogate.fit import space_filling_design
+from surrogate.designs import space_filling_design
 from surrogate.vtk_files import M_TO_MM
 
 Array = NDArray[np.float64]

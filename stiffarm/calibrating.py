@@ -25,6 +25,7 @@ from doe.lack_of_fit import downweighted
 from doe.measurement_checks import refuse_seen
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
+from doe.uncertainty_table import NO_SPARE, calibration_table
 from fem import ArmModel
 from fem.effects import LOAD_PATH, build_plain
 from fem.parameters import TURN
@@ -207,6 +208,7 @@ def _described(
     """The calibrated description with where it came from."""
     has_path = any(table.code == LOAD_PATH for table in found.description.effect)
     source = f"global calibration on {used.source}, SHA-256 {used.sha256}"
+    sure = calibration_table(found)
     changed = found.description.model_copy(
         update={
             # With an effect load-path the file keeps the path that it departs from.
@@ -220,7 +222,8 @@ def _described(
                 data_sha256=used.sha256,
                 rms_mm=found.rms_mm,
                 loads_N=request.loads,
-                notes=remarks,
+                notes=remarks if sure is not None else (*remarks, NO_SPARE),
+                uncertainty=sure,
             ),
         }
     )

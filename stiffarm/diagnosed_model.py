@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from doe.carried_on import carried_on
 from doe.diagnosis.diagnose import State
+from doe.diagnosis.known import error_count, free_numbers
+from doe.uncertainty_table import FoundNumber, uncertainty_table
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
-from fem.parameters import TURN
+from fem.parameters import TURN, parameter
 from robots import ModelDescription
 from robots.quantities import RotationalStiffness
 from robots.schema import Calibration as Origin
+from robots.schema import CalibrationUncertainty
 from stiffarm.diagnosing import Diagnosed
 from stiffarm.effect_numbers import Number, numbers_of
 
@@ -75,6 +80,7 @@ def described(d: Diagnosed) -> ModelDescription:
         rms_mm=after.fit_rms_mm,
         loads_N=d.request.loads,
         notes=_origin_notes(d),
+        uncertainty=uncertainty_of(after),
     ).model_dump()
     return ModelDescription.model_validate(data)
 
@@ -130,3 +136,39 @@ def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
         if s.status == "rigid"
     ]
     return tuple(out)
+
+
+def uncertainty_of(state: State) -> CalibrationUncertainty | None:
+    """Covariance of springs and effects' numbers as the file has them; errors that every model has are averaged over.
+
+    A spring that is rigid in the file keeps its variance around a compliance of zero. Shapes of effects that were
+    chosen from a grid have none.
+    """
+    s = state.setting
+    model = s.arm
+    numbers, columns, slopes = [], [], []
+    for k, spring in enumerate(fitted_springs(state)):
+        at = 0.0 if spring.status == "rigid" else 1.0 / float(f"{spring.stiffness:.9g}")
+        status: Literal["determined", "one-sided"] = "determined" if spring.status == "determined" else "one-sided"
+        name = f"{spring.joint}.stiffness"
+        ends = (spring.low, spring.high)
+        numbers.append(FoundNumber(name, "N m/rad", "compliance", at, ends, status, math.inf, has_variance=True))
+        columns.append(k)
+        slopes.append(1.0)
+    at_column = len(s.free) + error_count(s)
+    for placed in s.accepted:
+        for index, _ in free_numbers(placed):
+            code = f"{placed.effect.code}.{placed.effect.parameters[index].name}"
+            p = parameter(model, code, (placed,))
+            value = float(placed.values[index])
+            log = p.scale == "log"
+            here = math.log(value) if log else value
+            numbers.append(FoundNumber(code, p.unit, p.scale, here, (math.nan, math.nan), "determined", math.inf,
+                                       has_variance=True))  # fmt: skip
+            columns.append(at_column)
+            slopes.append(1.0 / value if log else 1.0)
+            at_column += 1
+    V = state.refit.inverse[np.ix_(columns, columns)] * np.outer(slopes, slopes)
+    note = "diagnosis: posterior covariance at the noise found, with its broad priors on springs and effects"
+    before = carried_on(s.description, model, [n.name for n in numbers], s.accepted)
+    return uncertainty_table(numbers, V, np.zeros((0, len(numbers))), note, before)

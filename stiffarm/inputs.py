@@ -13,7 +13,7 @@ from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme,
 from fem import FLANGES, LINK_KINDS, ArmModel, LinkKind
 from fem.effects import LOAD_PATH, Maker, PlacedEffect, build_arm, reading_effects
 from fem.effects import with_load_path as described_with_load_path
-from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, load_description
+from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, content_hash, load_description
 from robots.robot import robot_from
 from robots.schema import FlangeCoupling
 from stiffarm.console import progress, say
@@ -271,12 +271,12 @@ def parse_loads(text: str | None) -> tuple[float, ...] | None:
     return loads
 
 
-def parse_direction(text: str) -> tuple[float, float, float]:
+def parse_direction(text: str, option: str = "--direction") -> tuple[float, float, float]:
     """A direction in base axes from ``0,0,-1``; its length does not matter."""
     values = _numbers(text)
     if values is None or len(values) != 3 or not any(values):
         raise InputError(
-            "--direction",
+            option,
             value=text,
             allowed="three finite numbers x,y,z, not all zero",
             remedy="separate them by commas, as in 0,0,-1",
@@ -332,6 +332,28 @@ def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) ->
                 remedy=f"give --fixed {name}=..., or make it one of --inputs",
             )
     return fixed
+
+
+def require_same_model(learned: Surrogate, name: str, file: Path) -> None:
+    """Refuse a surrogate that was fitted to another robot, or to another model of it, than ``name``.
+
+    Raises
+    ------
+    InputError
+        It was.
+    """
+    description = load_description(name)
+    refit = "fit one for it (`stiffarm fit`)"
+    if learned.robot != description.name:
+        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=description.name, remedy=refit)
+    own = content_hash(description)
+    if learned.model_hash != own:
+        raise InputError(
+            f"surrogate {file} was fitted to a model with hash",
+            value=learned.model_hash[:12],
+            allowed=own[:12],
+            remedy=refit,
+        )
 
 
 def read_surrogate_for_map(given: ModelInput, file: Path) -> Surrogate:

@@ -1,4 +1,4 @@
-"""Writing a stiffness map: the .vtu and the pictures from both viewpoints."""
+"""A stiffness map over joint coordinates: its .vtu and the pictures from both viewpoints."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from stiffarm.payloads import number
 from stiffarm.rendering import render_map
 from stiffarm.robot_drawing import draw_robot
 from surrogate import StiffnessMap, write_vtu
+from surrogate.mapping.data import MapData
+from surrogate.vtk_files import STIFFNESS_ARRAY, grid_cells
 
 VIEWS = ("oblique", "side")
 
@@ -35,30 +37,44 @@ def write(
 ) -> dict[str, Any]:
     """Write ``stiffness_map.vtu`` and the PNGs; returns file names and figures."""
     write_vtu(made, folder.path("stiffness_map.vtu"))
-    files, messages = ["stiffness_map.vtu"], []
+    files, messages = ["stiffness_map.vtu"], list[str]()
     if pictures:
-        pose = middle_pose(robot)
-        bodies = draw_robot(description, robot, pose)
-        shown = ", ".join(
-            f"{n.removesuffix('_deg')} {v:g}" for n, v in zip(robot.coordinates, np.degrees(pose), strict=True)
+        files += draw(made, description, robot, folder, messages)
+    return {"files": files, **figures_of(made), "messages": messages}
+
+
+def draw(
+    made: StiffnessMap, description: ModelDescription, robot: Robot, folder: OutputFolder, messages: list[str]
+) -> list[str]:
+    """Draw a map from both viewpoints; returns names of files, remarks join ``messages``."""
+    pose = middle_pose(robot)
+    bodies = draw_robot(description, robot, pose)
+    shown = ", ".join(
+        f"{n.removesuffix('_deg')} {v:g}" for n, v in zip(robot.coordinates, np.degrees(pose), strict=True)
+    )
+    origin = made.metadata.get("stiffness_from", "the model")
+    load = made.metadata.get("load", "vertical load")
+    files = []
+    for view in VIEWS:
+        name = f"stiffness_map_{view}.png"
+        picture = render_map(
+            made,
+            bodies,
+            folder.path(name),
+            view=view,
+            title=f"Structural stiffness of the {description.title.split(' (')[0]}",
+            subtitle=f"{load}; stiffness from {origin}; robot drawn at {shown} deg",
         )
-        origin = made.metadata.get("stiffness_from", "the model")
-        for view in VIEWS:
-            name = f"stiffness_map_{view}.png"
-            picture = render_map(
-                made,
-                bodies,
-                folder.path(name),
-                view=view,
-                title=f"Structural stiffness of the {description.title.split(' (')[0]}",
-                subtitle=f"vertical load; stiffness from {origin}; robot drawn at {shown} deg",
-            )
-            files.append(name)
-            if picture.message and picture.message not in messages and picture.renderer != "pyvista":
-                messages.append(picture.message)
+        files.append(name)
+        if picture.message and picture.message not in messages and picture.renderer != "pyvista":
+            messages.append(picture.message)
+    return files
+
+
+def figures_of(made: StiffnessMap) -> dict[str, Any]:
+    """Number of poses and cells, and the range of the stiffness."""
     stiffness = made.stiffness * 1e-3
     return {
-        "files": files,
         "points": len(stiffness),
         "cells": 0 if made.cells is None else len(made.cells),
         "stiffness_N_per_mm": {
@@ -66,5 +82,22 @@ def write(
             "median": number(float(np.median(stiffness))),
             "max": number(float(stiffness.max())),
         },
-        "messages": messages,
     }
+
+
+def swept(data: MapData) -> StiffnessMap:
+    """Those poses of a joint sweep that can be taken, with the cells between them; it has a stiffness."""
+    reached = np.asarray(data.reached)
+    # Coordinates that sweep have cells between their values, a layer has none to the next.
+    shape = data.layout.shape[data.layout.layers :]
+    cells, count = [], 0
+    for keep in reached.reshape(-1, int(np.prod(shape))):
+        cells.append(grid_cells(shape, keep) + count)
+        count += int(keep.sum())
+    return StiffnessMap(
+        positions=np.asarray(data.points)[reached],
+        stiffness=np.asarray(data.fields[STIFFNESS_ARRAY].values)[reached] * 1e3,
+        joints={name: np.degrees(np.asarray(data.q[:, i])[reached]) for i, name in enumerate(data.coordinates)},
+        metadata=data.metadata,
+        cells=np.vstack(cells),
+    )

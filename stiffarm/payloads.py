@@ -12,7 +12,7 @@ from doe import PoseEffects, SpringEstimate
 from stiffarm.link_models import LinkModels, Pair
 from stiffarm.spring_words import at_widest_bound, bound_of
 from stiffarm.steps import FactorialRuns, RigidJoints, Variant
-from surrogate import QueryResult, Surrogate, Trained
+from surrogate import Surrogate, Trained
 
 
 def number(value: float, digits: int = 6) -> float | None:
@@ -174,46 +174,44 @@ def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
         "degree_or_order": e.degree,
         "target": e.target,
         "terms": e.n_terms,
+        "quantity": surrogate.quantity.name,
         "runs_fitted": e.n_train,
         "runs_held_out": e.n_test,
         "rms_relative_error": number(e.rms_relative),
         "p95_relative_error": number(e.p95_relative),
         "max_relative_error": number(e.max_relative),
+        "interior_rms_relative_error": number(e.rms_interior),
+        "interior_max_relative_error": number(e.max_interior),
+        "coverage_of_95_percent_bars": number(e.coverage95),
         "condition_number": number(e.condition_number),
+        "matrix_rms_relative_error": None if e.matrix_rms is None else number(e.matrix_rms),
+        "matrix_max_relative_error": None if e.matrix_max is None else number(e.matrix_max),
     }
 
 
 def trained(result: Trained) -> dict[str, Any]:
     """All surrogates of a training, best first."""
-    rows = []
-    for s in result.surrogates:
-        rms, worst = result.interior_error(s.basis.name)
-        rows.append(
-            surrogate_errors(s)
-            | {"interior_rms_relative_error": number(rms), "interior_max_relative_error": number(worst)}
-        )
-    return {"best": result.best.basis.name, "surrogates": rows}
+    best = result.best
+    return {
+        "best": best.basis,
+        "quantity": best.quantity.name,
+        "whole_turns_do_not_matter": [n for n, p in zip(best.inputs, best.periodic, strict=True) if p],
+        "fixed_coordinates_would_change_it_by": {n: number(v) for n, v in best.fixed_influence.items()},
+        "calibration_uncertainty": _parameter_bars(best),
+        "surrogates": [surrogate_errors(s) for s in result.surrogates],
+        "not_fitted": dict(result.refused),
+        "refinement": list(result.rounds),
+    }
+
+
+def _parameter_bars(surrogate: Surrogate) -> dict[str, Any] | None:
+    p = surrogate.parameters
+    if p is None:
+        return None
+    return {"parameters": list(p.names), "undetermined": list(p.undetermined), "misfit": number(p.misfit)}
 
 
 def factorial(runs: FactorialRuns) -> dict[str, Any]:
     """The factorial runs as columns."""
     columns = {name: [number(v) for v in runs.poses_deg[:, i]] for i, name in enumerate(runs.inputs)}
     return columns | {"stiffness_N_per_mm": [number(v) for v in runs.stiffness_N_per_mm]}
-
-
-def query_rows(
-    surrogate: Surrogate, poses_deg: Any, labels: Sequence[str], result: QueryResult
-) -> list[dict[str, Any]]:
-    """Query answers, one row a pose."""
-    return [
-        {
-            "pose": label,
-            **{name: number(v) for name, v in zip(surrogate.inputs, row, strict=True)},
-            "stiffness_N_per_mm": number(result.stiffness_N_per_mm[i]),
-            "relative_error_rms": number(result.relative_error[i]),
-            "max_relative_error_seen": number(surrogate.errors.max_relative),
-            "inside_domain": bool(result.inside_domain[i]),
-            "reachable": bool(result.reachable[i]),
-        }
-        for i, (label, row) in enumerate(zip(labels, poses_deg, strict=True))
-    ]

@@ -84,8 +84,8 @@ def _probe_gl() -> tuple[bool, str]:
     except (OSError, subprocess.TimeoutExpired) as error:
         reason = str(error)
     return False, (
-        f"no off-screen OpenGL ({reason}): install the package libosmesa6 (apt-get install libosmesa6) "
-        "for pyvista pictures; until then they come from matplotlib"
+        f"no off-screen OpenGL ({reason}): install the package libosmesa6 (apt-get install libosmesa6; libegl1 where "
+        "that is no longer packaged) for pyvista pictures; until then they come from matplotlib"
     )
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import json
 from typing import Any
 
-import jinja2
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from machining.verification import Offence, Verification
+from stiffarm.page_parts import chain_data, column_matrix, packed, render_page
 from stiffarm.verification_bodies import body_surfaces
 from stiffarm.verification_words import offence_words, value_words
 
@@ -26,16 +23,9 @@ MOST_OFFENCES = 500
 
 def replay_page(found: Verification, title: str) -> str:
     """The page as HTML text; what comes from files is escaped."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("stiffarm", "templates"),
-        autoescape=True,
-        trim_blocks=True,
-        undefined=jinja2.StrictUndefined,
+    return render_page(
+        "replay.html.j2", replay_data(found), ("page_matrices.js",), title=title, verdict=_verdict(found)
     )
-    # Inside a script element nothing but "<" can end it early.
-    data = json.dumps(replay_data(found), allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026")
-    page = environment.get_template("replay.html.j2")
-    return page.render(title=title, verdict=_verdict(found), data=Markup(data))  # noqa: S704 - escaped above
 
 
 def _verdict(found: Verification) -> str:
@@ -48,26 +38,16 @@ def replay_data(found: Verification) -> dict[str, Any]:
     program, scene = found.program, found.scene
     kept = kept_points(found)
     robot, cell = program.robot, program.cell
-    para = robot.parallelogram
     surfaces = body_surfaces(scene, MOST_TRIANGLES // max(1, len(scene.members)))
     distance = np.minimum(found.swept.distance, found.swept.within)
     time = np.cumsum(found.timing.time + program.motions.dwell)
     timed = bool(np.isfinite(time).all())
     return {
-        "chain": {
-            "pre": [_matrix(T) for T in robot.T_pre],
-            "post": [_matrix(_rigid(R)) for R in robot.R_post],
-            "sign": robot.sign.tolist(),
-            "offset": robot.offset.tolist(),
-            "flange": _matrix(robot.T_last_flange),
-            "crank": None
-            if para is None
-            else {"own": para.crank_about + 1, "driven": para.driven + 1, "pin": para.pin.tolist()},
-        },
+        "chain": chain_data(robot),
         "cell": {
-            "base": _matrix(cell.T_world_base0),
-            "part": _matrix(cell.T_world_part0),
-            "tool": _matrix(cell.tool.T_flange_tool),
+            "base": column_matrix(cell.T_world_base0),
+            "part": column_matrix(cell.T_world_part0),
+            "tool": column_matrix(cell.tool.T_flange_tool),
             "rails": [axis.direction.tolist() for axis in cell.linear_axes],
             "table": None
             if cell.turntable is None
@@ -80,8 +60,8 @@ def replay_data(found: Verification) -> dict[str, Any]:
                 "name": body.name,
                 "kind": body.kind,
                 "frame": int(body.frame),
-                "v": _packed(body.vertices, "<f4"),
-                "t": _packed(body.triangles, "<u4"),
+                "v": packed(body.vertices, "<f4"),
+                "t": packed(body.triangles, "<u4"),
             }
             for body in surfaces
         ],
@@ -93,15 +73,15 @@ def replay_data(found: Verification) -> dict[str, Any]:
         ],
         "n": len(kept),
         "moves": program.n,
-        "values": _packed(found.courses.points[kept], "<f4"),
-        "tips": _packed(found.courses.reached[kept, :3, 3], "<f4"),
-        "move": _packed(kept, "<i4"),
-        "line": _packed(program.motions.line[kept], "<i4"),
-        "rapid": _packed(program.motions.rapid[kept], "<u1"),
-        "feed": _packed(program.motions.feed[kept] * 6e4, "<f4"),
-        "clearance": _packed(_least_between(distance, kept) * 1e3, "<f4"),
+        "values": packed(found.courses.points[kept], "<f4"),
+        "tips": packed(found.courses.reached[kept, :3, 3], "<f4"),
+        "move": packed(kept, "<i4"),
+        "line": packed(program.motions.line[kept], "<i4"),
+        "rapid": packed(program.motions.rapid[kept], "<u1"),
+        "feed": packed(program.motions.feed[kept] * 6e4, "<f4"),
+        "clearance": packed(_least_between(distance, kept) * 1e3, "<f4"),
         "horizon": found.swept.within * 1e3,
-        "time": _packed(time[kept], "<f8") if timed else None,
+        "time": packed(time[kept], "<f8") if timed else None,
         "offences": [_offence(o) for o in found.offences[:MOST_OFFENCES]],
         "note": "between points all axes are shown moving evenly" if found.courses.straight.any() else "",
         "left_out": len(found.offences) - min(len(found.offences), MOST_OFFENCES),
@@ -138,20 +118,5 @@ def _offence(offence: Offence) -> dict[str, Any]:
     }
 
 
-def _matrix(T: Array) -> list[float]:
-    """A transform column by column, as WebGL has them."""
-    return [float(v) for v in T.T.ravel()]
-
-
-def _rigid(R: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3] = R
-    return T
-
-
 def _bound(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _packed(values: NDArray[Any], kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

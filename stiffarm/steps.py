@@ -33,13 +33,12 @@ from doe import (
 )
 from doe.load_history import history_of
 from fem import ArmModel, LinkKind, directional_stiffness
-from fem.effects import History, PlacedEffect, observed, reading_effects
+from fem.effects import History, PlacedEffect, observed
 from fem.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
 from stiffarm.inputs import ModelInput
-from surrogate import StiffnessMap, Surrogate, Trained, default_sweep, full_poses, scope_of, sweep_map, train
+from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
 from surrogate.model import predict_compliance
-from surrogate.training import BasisChoice
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -218,41 +217,6 @@ def factorial_runs(model: ArmModel, scheme: Scheme) -> FactorialRuns:
     return FactorialRuns(scheme.factorial.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)
 
 
-def learn(
-    description: ModelDescription,
-    model: ArmModel,
-    inputs: tuple[str, ...],
-    seed: int,
-    *,
-    basis: BasisChoice = "best",
-    degree: int = 6,
-    order: int = 2,
-    runs: int = 4096,
-    fixed_deg: dict[str, float] | None = None,
-    direction: tuple[float, float, float] = VERTICAL,
-    progress: Progress | None = None,
-) -> Trained:
-    """Train a surrogate of a model's structural stiffness."""
-    scope = scope_of(model.robot, content_hash(description), inputs, direction=direction, fixed_deg=fixed_deg)
-    return train(
-        model,
-        scope,
-        np.random.default_rng(seed),
-        basis=basis,
-        degree=degree,
-        order=order,
-        runs=runs,
-        notes=(f"{model.link_kind} links, {model.load_path} load path", *_left_out(description, model)),
-        progress=progress,
-    )
-
-
-def _left_out(description: ModelDescription, model: ArmModel) -> tuple[str, ...]:
-    """What a surrogate does not know of the model: a linear arm has none of it."""
-    codes = [e.effect.code for e in reading_effects(description, model)]
-    return (f"without {', '.join(codes)}",) if codes else ()
-
-
 def default_inputs(model: ArmModel) -> tuple[str, ...]:
     """Joint coordinates that move the stiffness: all but the first, and but the last of six."""
     names = model.robot.coordinates
@@ -293,7 +257,7 @@ def stiffness_map(
         "robot": robot.name,
         "model_hash": content_hash(description),
         "load_direction": " ".join(f"{v + 0.0:.6g}" for v in direction),
-        "stiffness_from": "model" if learned is None else f"surrogate ({learned.basis.name})",
+        "stiffness_from": "model" if learned is None else f"surrogate ({learned.basis})",
         "links": model.link_kind,
         "load_path": model.load_path,
         "units": "points mm, angles deg",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,13 @@ from stiffarm import __version__, story_calibration, story_links, story_results
 from stiffarm.outputs import OutputFolder
 from stiffarm.report import KeyFigure, render
 from stiffarm.story_blocks import Pictures, percent, short_title
+from stiffarm.story_findings import Checked, findings_section
 from stiffarm.workflow import Findings
 
 
-def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder) -> None:
+def write_report(
+    findings: Findings, drawn: dict[str, Any], checked: Mapping[str, Checked], folder: OutputFolder
+) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     sections = [
@@ -28,6 +32,7 @@ def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder
         story_results.effects_section(findings, pictures),
         story_results.surrogate_section(findings, pictures),
         story_results.map_section(findings, drawn, pictures),
+        findings_section(findings, checked, pictures),
         story_results.assumptions_section(findings),
     ]
     lede = (

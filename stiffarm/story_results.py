@@ -69,8 +69,9 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
             Text(
                 "A surrogate answers the structural stiffness under a vertical load from "
                 f"{', '.join(f.scheme.factorial.inputs)} without the FE model. Errors are relative errors of "
-                "compliance on runs the fit has not seen; about a fifth of these lie on the boundary of the domain, "
-                "where polynomials are worst, and the last two columns leave those out."
+                "compliance on runs that neither the fit nor its error bars have seen; some lie on the boundary of the "
+                "domain, where polynomials are worst, and the interior columns leave those out. The last column is "
+                "the share of the interior ones inside their 95 % error bars."
             ),
             _error_table(f),
             pictures.add(
@@ -81,8 +82,8 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
             ),
             _measured_poses(f),
             Note(
-                "Outside the fitted joint ranges, or where the robot cannot go, the surrogate refuses unless "
-                "told otherwise (--extrapolate), and then flags the answer."
+                "Outside the fitted joint ranges, or where the robot cannot go, the surrogate flags the pose and gives "
+                "no value unless told otherwise (--extrapolate)."
             ),
         ),
     )
@@ -98,7 +99,8 @@ def _error_table(f: Findings) -> Table:
             percent(s.errors.rms_relative),
             percent(s.errors.p95_relative),
             percent(s.errors.max_relative),
-            *map(percent, t.interior_error(s.basis.name)),
+            *map(percent, t.interior_error(s.basis)),
+            f"{100.0 * s.errors.coverage95:.1f} %",
         )
         for name, t in f.trained.items()
         for s in t.surrogates
@@ -113,6 +115,7 @@ def _error_table(f: Findings) -> Table:
         "worst",
         "RMS, interior",
         "worst, interior",
+        "inside 95 % bars",
     )
     return Table("Held-out relative error (highlighted: surrogate.json)", columns, rows, text_columns=(0, 1, 2), best=0)
 

@@ -120,37 +120,45 @@ def _interval(interval: tuple[float, float]) -> str:
     return f">= {low:.3g}" if np.isinf(high) else f"{low:.3g} to {high:.3g}"
 
 
-def surrogates(content: dict[str, Any]) -> None:
-    """Held-out errors of the surrogates of a training."""
+def peers(rows: Sequence[dict[str, Any]]) -> None:
+    """Other methods beside ours, on the same runs."""
+
+    def percent(value: float | None) -> str:
+        return "-" if value is None else f"{100.0 * value:.2g} %"
+
     show_table(
-        "Relative error of compliance on runs kept out",
-        ["basis", "terms", "RMS", "95 %", "worst"],
+        "The same runs by other methods (errors of compliance on runs kept out)",
+        ["method", "RMS", "worst", "fit, s", "1e5 queries, s", "kB"],
         [
-            [
-                f"{s['basis']} {s['degree_or_order']}",
-                str(s["terms"]),
-                f"{s['rms_relative_error']:.2e}",
-                f"{s['p95_relative_error']:.2e}",
-                f"{s['max_relative_error']:.2e}",
+            [r["method"], "refused", "", "", "", ""]
+            if r["refused"]
+            else [
+                r["method"],
+                percent(r["interior_rms"]),
+                percent(r["interior_worst"]),
+                f"{r['fit_s']:.2g}",
+                f"{r['seconds_for_1e5_queries']:.2g}",
+                f"{(r['bytes'] or 0) / 1e3:.3g}",
             ]
-            for s in content["surrogates"]
+            for r in rows
         ],
     )
 
 
-def answers(robot: str, inputs: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> None:
-    """What a surrogate answered."""
+def surrogates(content: dict[str, Any]) -> None:
+    """Held-out errors of the surrogates of a training."""
     show_table(
-        f"Structural stiffness of {robot}",
-        ["pose", *inputs, "N/mm", "rel. error (RMS)", "in domain"],
+        f"Relative error of {content['quantity']} on runs kept out",
+        ["basis", "terms", "RMS", "worst", "in 95 % bars", "cond."],
         [
             [
-                r["pose"],
-                *(f"{r[n]:g}" for n in inputs),
-                f"{r['stiffness_N_per_mm']:.2f}",
-                "unknown" if r["relative_error_rms"] is None else f"{r['relative_error_rms']:.1e}",
-                "yes" if r["inside_domain"] and r["reachable"] else "NO",
+                f"{s['basis']} {s['degree_or_order']}",
+                str(s["terms"]),
+                f"{s['rms_relative_error']:.1e}",
+                f"{s['max_relative_error']:.1e}",
+                f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %",
+                f"{s['condition_number']:.0e}",
             ]
-            for r in rows
+            for s in content["surrogates"]
         ],
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
 from stiffarm import __version__
+from stiffarm.console import say
 from stiffarm.figures_verification import clearance_figure, speeds_figure, straightness_figure
 from stiffarm.outputs import OutputFolder
 from stiffarm.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
@@ -104,7 +105,9 @@ def _row(offence: Offence) -> tuple[str, ...]:
 
 def _picture(found: Verification, offence: Offence, folder: OutputFolder) -> Picture:
     path = folder.path("figures/first_offence.png")
-    offence_picture(found, offence, path)
+    picture = offence_picture(found, offence, path)
+    if picture.message:
+        say(f"note: {picture.message}")
     pose = []
     values = found.axes.table(offence.q[None], offence.travel[None], np.array([offence.table]))[0]
     for j, name in enumerate(found.axes.names):

@@ -93,12 +93,16 @@ def run_all(
             drawn = maps.write(made, findings.best.description, given.robot, folder)
         for message in drawn["messages"]:
             say(f"note: {message}")
+        from stiffarm.story import write_report
+        from stiffarm.story_findings import check, json_of
+
+        with folder.timed("findings"):
+            checked = check(findings)
+            drawn["findings"] = json_of(checked)
         content = _write_results(findings, drawn, folder)
         with folder.timed("report"):
-            from stiffarm.story import write_report
-
             say("report")
-            write_report(findings, drawn, folder)
+            write_report(findings, drawn, checked, folder)
     say(f"done: open {out / 'report.html'}")
     return content
 

@@ -1,27 +1,41 @@
 """What was learned: regression with error bars, query, stiffness maps, VTK."""
 
-from surrogate.model import ErrorFigures, QueryResult, Surrogate, predict_compliance, query
+from surrogate.arm_scope import scope_of
+from surrogate.model import (
+    ErrorFigures,
+    Quantity,
+    Surrogate,
+    compliance_matrix,
+    predict,
+    predict_compliance,
+)
+from surrogate.query import QueryResult, full_poses, query
 from surrogate.storage import load_surrogate, save_surrogate
 from surrogate.sweep import default_sweep, sweep_map
-from surrogate.training import Trained, full_poses, run_model, scope_of, train
+from surrogate.tasks import Task, task_of
+from surrogate.training import Trained, train
 from surrogate.vtk_files import StiffnessMap, read_vtu, write_vtu
 
 __all__ = [
     "ErrorFigures",
+    "Quantity",
     "QueryResult",
     "StiffnessMap",
     "Surrogate",
+    "Task",
     "Trained",
+    "compliance_matrix",
     "default_sweep",
     "full_poses",
     "load_surrogate",
+    "predict",
     "predict_compliance",
     "query",
     "read_vtu",
-    "run_model",
     "save_surrogate",
     "scope_of",
     "sweep_map",
+    "task_of",
     "train",
     "write_vtu",
 ]

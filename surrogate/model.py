@@ -1,152 +1,52 @@
-"""What a surrogate is, where it holds, and the stiffness it answers."""
+"""What a surrogate is, and what it predicts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robots import Robot
 from robots.errors import InputError
-from robots.robot import LIMIT_TOLERANCE_RAD
-from surrogate.basis import Basis, as_box
+from surrogate.error_bars import ErrorBars, ParameterBars
+from surrogate.expansion import Expansion
+from surrogate.fast import evaluate
+from surrogate.scope import ROWS_SHOWN, Flags, Scope, count_rows
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Target = Literal["compliance", "log-compliance"]
+Target = Literal["direct", "logarithm", "factored"]
 
-TARGETS: tuple[Target, ...] = ("compliance", "log-compliance")
-SCHEMA = "stiffarm-surrogate/1"
-# How many offending rows a message spells out; the rest are counted.
-_ROWS_SHOWN = 5
+TARGETS: tuple[Target, ...] = get_args(Target)
+SCHEMA = "stiffarm-surrogate/2"
+COMPLIANCE = "compliance"
+# Numbers that rows of a factored surrogate take while evaluating: some 16 MB.
+_BLOCK = 2_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Couplings:
-    """Limits on sums of inputs: ``lower <= matrix @ q <= upper``, all rad.
+@dataclass(frozen=True)
+class Quantity:
+    """What a surrogate answers: ``name`` ('compliance' or another scalar), ``unit`` of its SI value, words for it.
 
-    Offsets and fixed coordinates of the robot's own limits are already taken into the bounds.
-
-    Parameters
-    ----------
-    names : (c,)
-    matrix : (c, k)
-    lower, upper : (c,) rad; may be infinite on one side
+    'compliance' is m/N along the load direction; the stiffness shown is its reciprocal.
     """
 
-    names: tuple[str, ...]
-    matrix: Array
-    lower: Array
-    upper: Array
-
-    def __post_init__(self) -> None:
-        for name in ("matrix", "lower", "upper"):
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
-        sizes = {len(self.names), len(self.matrix), len(self.lower), len(self.upper)}
-        if self.matrix.ndim != 2 or len(sizes) != 1:
-            raise InputError("couplings", allowed="one name, row, lower and upper bound for each")
-        if not np.isfinite(self.matrix).all() or not np.all(self.lower <= self.upper):
-            raise InputError("couplings", allowed="finite factors, and lower bounds not above upper ones")
-
-    @classmethod
-    def none(cls, n_inputs: int) -> Couplings:
-        """No couplings over k inputs."""
-        return cls((), np.empty((0, n_inputs)), np.empty(0), np.empty(0))
-
-    def kept(self, Q: Array) -> Flags:
-        """Which couplings hold; Q (n, k) rad -> (n, c)."""
-        return _between(Q @ self.matrix.T, self.lower, self.upper)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Scope:
-    """What a surrogate is about and where it holds.
-
-    Parameters
-    ----------
-    robot, model_hash : name of the robot and content hash of the model the runs came from
-    load_direction : (3,) unit vector in the base frame; the stiffness is |F| / |d . F/|F|| along it
-    inputs : (k,) names of the coordinates that vary, as in 'q2_deg'
-    fixed_deg : the other coordinates, name -> degrees
-    lower, upper : (k,) rad, the domain
-    couplings : limits on sums of inputs; combinations that break them cannot be reached
-
-    Raises
-    ------
-    InputError
-        Counts that differ, a name given twice, an empty range, a direction not of length 1.
-    """
-
-    robot: str
-    model_hash: str
-    load_direction: tuple[float, float, float]
-    inputs: tuple[str, ...]
-    fixed_deg: Mapping[str, float] = field(default_factory=dict)
-    lower: Array
-    upper: Array
-    couplings: Couplings
-
-    def __post_init__(self) -> None:
-        k = len(self.inputs)
-        for name, limits in zip(("lower", "upper"), as_box(self.lower, self.upper), strict=True):
-            object.__setattr__(self, name, _frozen(limits))
-        if len(self.lower) != k:
-            raise InputError("surrogate: domain", allowed=f"a lower and an upper limit for {k} inputs")
-        names = [*self.inputs, *self.fixed_deg]
-        if len(set(names)) < len(names):
-            raise InputError("surrogate: coordinates", value=", ".join(names), allowed="each one once")
-        if not np.isfinite([*self.fixed_deg.values()]).all():
-            raise InputError("surrogate: fixed_deg", value=dict(self.fixed_deg), allowed="finite")
-        if self.couplings.matrix.shape[1] != k:
-            raise InputError("surrogate: couplings", allowed=f"one factor for each of {k} inputs")
-        # 1e-9: a direction that went through a text file with ten digits still counts as a unit vector.
-        length = float(np.linalg.norm(self.load_direction))
-        if len(self.load_direction) != 3 or not abs(length - 1.0) <= 1e-9:
-            raise InputError("surrogate: load_direction", value=self.load_direction, allowed="a unit (3,)")
-
-    def inside(self, Q: Array) -> Flags:
-        """Which inputs of which poses lie in the domain; Q (n, k) rad -> (n, k)."""
-        return _between(Q, self.lower, self.upper)
-
-    def poses(self, Q: Array, what: str) -> Array:
-        """Check a batch of poses (n, k) rad; raises InputError for a wrong shape, NaN or infinity."""
-        poses = np.asarray(Q, dtype=np.float64)
-        k = len(self.inputs)
-        if poses.ndim != 2 or poses.shape[1] != k:
-            raise InputError(f"{what}: shape {poses.shape}", allowed=f"(n, {k}): {', '.join(self.inputs)}")
-        bad = ~np.isfinite(poses)
-        if bad.any():
-            first = np.argwhere(bad)[:_ROWS_SHOWN]
-            shown = "; ".join(f"row {i + 1}: {self.inputs[j]} = {poses[i, j]}" for i, j in first)
-            raise InputError(
-                f"{what}: {_count(np.any(bad, axis=1))} with an angle that is no finite number: {shown}",
-                remedy="give these angles or drop the rows",
-            )
-        return poses
-
-    def faults(self, Q: Array) -> list[str]:
-        """Say what is wrong with the first few poses outside of the domain or the couplings, in degrees."""
-        inside, kept = self.inside(Q), self.couplings.kept(Q)
-        out = []
-        for i in np.flatnonzero(~(inside.all(axis=1) & kept.all(axis=1)))[:_ROWS_SHOWN]:
-            for j in np.flatnonzero(~inside[i]):
-                out.append(f"row {i + 1}: {self.inputs[j]} = {_range(Q[i, j], self.lower[j], self.upper[j])}")
-            for j in np.flatnonzero(~kept[i]):
-                c, factors = self.couplings, self.couplings.matrix[j]
-                terms = " ".join(f"{f:+g} {n}" for f, n in zip(factors, self.inputs, strict=True) if f != 0.0)
-                shown = _range(factors @ Q[i], c.lower[j], c.upper[j])
-                out.append(f"row {i + 1}: {c.names[j]}: {terms} = {shown}")
-        return out
+    name: str = COMPLIANCE
+    unit: str = "m/N"
+    label: str = "compliance along the load"
 
 
 @dataclass(frozen=True)
 class ErrorFigures:
-    """How far a surrogate's compliance is off on runs that were kept out of its fit.
+    """How far a surrogate is off on runs that were kept out of its fit and of its error bars.
 
-    Relative errors are ``|predicted / true - 1|`` (1, not %). ``condition_number`` is that of the least
-    squares matrix; ``degree`` is the total degree or the trigonometric order.
+    Relative errors are ``|predicted / true - 1|`` (1, not %): over uniform and boundary poses together, and
+    (``interior``) over the uniform ones. ``coverage95``: share of the uniform ones inside the 95 % error bars.
+    ``condition_number`` is that of the least squares matrix; ``degree`` is the total degree or the trigonometric
+    order. ``matrix_rms``, ``matrix_max``: of the 6 x 6 compliance, Frobenius norm of the error over that of the
+    matrix; None for a scalar.
     """
 
     basis: str
@@ -158,142 +58,210 @@ class ErrorFigures:
     rms_relative: float
     p95_relative: float
     max_relative: float
+    rms_interior: float
+    max_interior: float
+    coverage95: float
     condition_number: float
+    matrix_rms: float | None = None
+    matrix_max: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """How the numbers of an expansion make a compliance matrix: ``C = sum_r w_g(r)(q) l_r(q)^T l_r(q)``.
+
+    The expansion gives the rows l (r, 6). ``weights``: expansions (one output each) of the logarithms of w (g,);
+    ``group`` (r,): which weight belongs to a row, -1 is 1.
+    """
+
+    group: NDArray[np.int64]
+    weights: tuple[Expansion, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.weights)
+        if self.group.ndim != 1 or not len(self.group) or (self.group < -1).any() or (self.group >= count).any():
+            raise InputError("surrogate: groups of the factor's rows", allowed=f"-1 to {count - 1} for each row")
+        if any(law.n_outputs != 1 for law in self.weights):
+            raise InputError("surrogate: weights of the factor's rows", allowed="one number at each pose")
+
+    def weight(self, Q: Array) -> Array:
+        """Weights (n, r) of the rows."""
+        columns = [np.exp(evaluate(law, Q)) for law in self.weights]
+        return np.asarray(np.hstack([*columns, np.ones((len(Q), 1))])[:, self.group])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surrogate(Scope):
-    """Compliance as a sum of basis functions of the inputs, with its held-out errors.
+    """A quantity over the inputs as a sum of basis functions, with its held-out errors.
 
-    ``c(q) = sum_t coefficients[t] basis_t(q)`` in m/N, or ``ln(c N/m)`` is that sum for the target
-    'log-compliance'. Valid inside the domain and the couplings only.
+    ``y(q) = expansion(q)`` for the target 'direct', ``exp(expansion(q))`` for 'logarithm'; for 'factored' the
+    expansion holds the rows of the 6 x 6 compliance (`Factor`), which is positive semidefinite by construction, and
+    y is the compliance along the load direction. Valid inside the domain and the couplings only.
+
+    Parameters
+    ----------
+    basis, degree : name of the basis, and its total degree or trigonometric order
+    bars : error bars of y; None where the surrogate was never judged
+    parameters : uncertainty of y by the calibrated parameters of the model; None where the model says nothing of it
+    kinematics : the robot, by which near-singular poses are told; None where it is not known
+    fixed_influence : fixed coordinate -> largest relative change of y that turning it makes (sampled)
 
     Raises
     ------
     InputError
-        As for `Scope`; also coefficients of the wrong number or not finite, or figures that are not.
+        As for `Scope`; also numbers that do not fit together or are not finite.
     """
 
-    basis: Basis
+    quantity: Quantity = field(default_factory=Quantity)
+    basis: str
+    degree: int
     target: Target
-    coefficients: Array
+    expansion: Expansion
+    factor: Factor | None = None
     errors: ErrorFigures
+    bars: ErrorBars | None = None
+    parameters: ParameterBars | None = None
+    kinematics: Robot | None = None
+    fixed_influence: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     schema_version: str = SCHEMA
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "coefficients", _frozen(self.coefficients))
         if self.target not in TARGETS:
             raise InputError("surrogate: target", value=self.target, allowed=", ".join(TARGETS))
-        if self.basis.n_inputs != len(self.inputs):
+        if any(part.n_inputs != len(self.inputs) for part in self._parts()):
             raise InputError("surrogate: basis", allowed=f"one of {len(self.inputs)} inputs")
-        if self.coefficients.shape != (self.basis.n_terms,):
-            raise InputError(f"surrogate: {self.coefficients.size} coefficients", allowed="one for each term")
-        if not np.isfinite(self.coefficients).all():
-            raise InputError("surrogate: coefficients", value="NaN or infinity", allowed="finite numbers")
+        if (self.target == "factored") != (self.factor is not None):
+            raise InputError("surrogate: factor", allowed="for the target 'factored', and only there")
+        wanted = 1 if self.factor is None else 6 * len(self.factor.group)
+        if self.expansion.n_outputs != wanted:
+            raise InputError(f"surrogate: {self.expansion.n_outputs} numbers a pose", allowed=str(wanted))
         figures = [value for value in vars(self.errors).values() if isinstance(value, float)]
         if not all(np.isfinite(f) and f >= 0.0 for f in figures):
             raise InputError("surrogate: error figures", value=figures, allowed="finite and 0 or more")
 
+    def _parts(self) -> list[Expansion]:
+        """All expansions over the inputs."""
+        return [
+            self.expansion,
+            *(() if self.factor is None else self.factor.weights),
+            *(() if self.bars is None else (self.bars.leverage, self.bars.scale)),
+            *(() if self.parameters is None else (self.parameters.gradients,)),
+            *(() if self.parameters is None or self.parameters.open_share is None else (self.parameters.open_share,)),
+        ]
 
-@dataclass(frozen=True, eq=False)
-class QueryResult:
-    """Stiffness at n poses.
+    @property
+    def has_matrix(self) -> bool:
+        """Whether it knows the 6 x 6 compliance."""
+        return self.factor is not None
 
-    Parameters
-    ----------
-    stiffness_N_per_mm : (n,) directional stiffness
-    relative_error : (n,) one standard deviation of the stiffness over itself: the held-out RMS relative
-        error. Infinite where the pose is outside of the domain or cannot be reached: nothing is known there
-    inside_domain : (n,) each input within the domain
-    reachable : (n,) the couplings hold
-    """
+    @cached_property
+    def _along_load(self) -> Expansion:
+        return self.along(np.array(self.load_direction))
 
-    stiffness_N_per_mm: Array  # noqa: N815 - units are written as the shop writes them
-    relative_error: Array
-    inside_domain: Flags
-    reachable: Flags
+    def along(self, direction: Array) -> Expansion:
+        """Rows of a factored surrogate times a force direction (3,): (n, r) numbers, whose weighted squares add up."""
+        d = np.concatenate([np.asarray(direction, dtype=np.float64), np.zeros(3)])
+        rows = self.expansion.coefficients.reshape(self.expansion.n_terms, -1, 6)
+        return Expansion(self.expansion.families, self.expansion.terms, rows @ d)
 
 
-def predict_compliance(surrogate: Surrogate, Q: Array) -> Array:
-    """Compliance as the fit gives it; Q (n, k) rad -> (n,) m/N.
+def predict(surrogate: Surrogate, Q: Array, direction: Array | None = None) -> Array:
+    """The quantity as the fit gives it; Q (n, k) rad -> (n,), SI.
 
-    Domain and couplings are not checked, and with the target 'compliance' a poor fit can give values of
-    zero or less; `query` refuses both.
+    Domain and couplings are not checked, and with the target 'direct' a poor fit can give a compliance of zero or
+    less; `query` refuses both. ``direction`` (3,): another force direction, for a factored surrogate.
 
     Raises
     ------
     InputError
-        Wrong shape, an angle that is not finite, or so far outside of the domain that the fit overflows.
+        Wrong shape, an angle that is not finite, so far outside of the domain that the fit overflows, or another
+        direction of a surrogate that knows only one.
     """
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
     # Far outside of the domain anything may overflow; what comes of it is refused just below.
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        compliance = surrogate.basis.evaluate(poses, surrogate.coefficients)
-        if surrogate.target == "log-compliance":
-            compliance = np.exp(compliance)
-    _refuse(surrogate, compliance, ~np.isfinite(compliance))
-    return compliance
+        if surrogate.factor is not None:
+            rows = surrogate.along(unit(direction)) if direction is not None else surrogate._along_load
+            y = np.sum(surrogate.factor.weight(poses) * evaluate(rows, poses) ** 2, axis=1)
+        elif direction is not None:
+            raise InputError(
+                "direction of a query",
+                value=np.asarray(direction).tolist(),
+                allowed=f"none: this surrogate knows only the load along {surrogate.load_direction}",
+                remedy="fit one with --basis factored, which knows all directions",
+            )
+        else:
+            y = evaluate(surrogate.expansion, poses)[:, 0]
+            if surrogate.target == "logarithm":
+                y = np.exp(y)
+    refuse(surrogate, y, ~np.isfinite(y))
+    return np.asarray(y)
 
 
-def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False) -> QueryResult:
-    """Directional stiffness (N/mm) with error bars; Q (n, k) rad in the order of ``surrogate.inputs``.
-
-    Parameters
-    ----------
-    extrapolate : answer outside of the domain and of the couplings too, flagged and without error bar
+def predict_compliance(surrogate: Surrogate, Q: Array, direction: Array | None = None) -> Array:
+    """Compliance along the load direction; Q (n, k) rad -> (n,) m/N. As `predict`.
 
     Raises
     ------
     InputError
-        A pose outside of the domain or of a coupling (unless ``extrapolate``), an angle that is not finite,
-        or a pose where the fit gives no valid (positive, finite) compliance.
+        As `predict`; also a surrogate of another quantity.
     """
+    if surrogate.quantity.name != COMPLIANCE:
+        raise InputError(
+            "compliance from a surrogate of",
+            value=surrogate.quantity.name,
+            allowed=COMPLIANCE,
+            remedy="fit one of the stiffness (`stiffarm fit`)",
+        )
+    return predict(surrogate, Q, direction)
+
+
+def compliance_matrix(surrogate: Surrogate, Q: Array) -> Array:
+    """The 6 x 6 compliance at the tool point, base axes; Q (n, k) rad -> (n, 6, 6), positive semidefinite.
+
+    Raises
+    ------
+    InputError
+        As `predict`; also a surrogate that knows one direction only.
+    """
+    if surrogate.factor is None:
+        raise InputError(
+            f"compliance matrix from a surrogate with the {surrogate.basis} basis",
+            allowed="the basis factored",
+            remedy="fit one with --basis factored",
+        )
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
-    inside: Flags = np.all(surrogate.inside(poses), axis=1)
-    reachable: Flags = np.all(surrogate.couplings.kept(poses), axis=1)
-    good = inside & reachable
-    if not extrapolate and not good.all():
-        raise InputError(
-            f"query of {surrogate.robot}: {_count(~good)} outside of what was fitted: "
-            + "; ".join(surrogate.faults(poses)),
-            remedy="ask inside these ranges, fit a surrogate on a larger domain, or pass `--extrapolate` "
-            "(extrapolate=True) to get flagged values without an error bar",
-        )
-    compliance = predict_compliance(surrogate, poses)
-    # 1e-300 m/N: below it 1/c overflows, and no structure is that stiff anyway.
-    _refuse(surrogate, compliance, ~(compliance > 1e-300))
-    error = np.where(good, surrogate.errors.rms_relative, np.inf)
-    return QueryResult(1e-3 / compliance, error, inside, reachable)
+    out = np.empty((len(poses), 6, 6))
+    step = max(1, _BLOCK // surrogate.expansion.n_outputs)
+    # As in `predict`: what overflows far outside of the domain is refused below.
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        for start in range(0, len(poses), step):
+            part = poses[start : start + step]
+            rows = evaluate(surrogate.expansion, part).reshape(len(part), -1, 6)
+            weighted = surrogate.factor.weight(part)[:, :, None] * rows
+            out[start : start + step] = rows.swapaxes(1, 2) @ weighted
+        size = np.trace(out, axis1=1, axis2=2)
+    refuse(surrogate, size, ~np.isfinite(size))
+    return 0.5 * (out + out.swapaxes(1, 2))
 
 
-def _refuse(surrogate: Surrogate, compliance: Array, bad: Flags) -> None:
+def unit(direction: Array) -> Array:
+    """A direction (3,) of length 1; InputError if it has none."""
+    d = np.asarray(direction, dtype=np.float64)
+    length = float(np.linalg.norm(d))
+    if d.shape != (3,) or not 0.0 < length < np.inf:
+        raise InputError("direction", value=d.tolist(), allowed="three finite numbers, not all zero")
+    return np.asarray(d / length)
+
+
+def refuse(surrogate: Surrogate, y: Array, bad: Flags) -> None:
+    """InputError if the fit gives no valid value at some rows."""
     if bad.any():
-        rows = "; ".join(f"row {i + 1}: {compliance[i]:.3g} m/N" for i in np.flatnonzero(bad)[:_ROWS_SHOWN])
+        rows = "; ".join(f"row {i + 1}: {y[i]:.3g} {surrogate.quantity.unit}" for i in np.flatnonzero(bad)[:ROWS_SHOWN])
         raise InputError(
-            f"query of {surrogate.robot}: the fit is not valid at {_count(bad)}: {rows}",
-            allowed="a positive, finite compliance",
-            remedy="use the target 'log-compliance', the trigonometric basis, more runs or a smaller domain",
+            f"query of {surrogate.robot}: the fit is not valid at {count_rows(bad)}: {rows}",
+            allowed=f"a positive, finite {surrogate.quantity.name}",
+            remedy="use the target 'logarithm', the factored basis, more runs or a smaller domain",
         )
-
-
-def _between(values: Array, lower: Array, upper: Array) -> Flags:
-    return np.asarray((values >= lower - LIMIT_TOLERANCE_RAD) & (values <= upper + LIMIT_TOLERANCE_RAD))
-
-
-def _frozen(values: Array) -> Array:
-    # A read-only copy: a frozen dataclass is then frozen all the way down.
-    out = np.array(values, dtype=np.float64)
-    out.flags.writeable = False
-    return out
-
-
-def _count(bad: Flags) -> str:
-    many = np.count_nonzero(bad)
-    return f"{many} of {len(bad)} rows" + (f" (first {_ROWS_SHOWN} shown)" if many > _ROWS_SHOWN else "")
-
-
-def _range(value: float, lower: float, upper: float) -> str:
-    shown, low, high = (f"{np.degrees(x):.6g}" for x in (value, lower, upper))
-    return f"{shown} deg (allowed {low} to {high} deg)"

@@ -1,49 +1,75 @@
-"""From a mechanical model to a surrogate: scope, runs, fit on some, judgement on others."""
+"""From a mechanical model to a surrogate: runs, fits on some, error bars and judgement on others, refinement."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import ArmModel, directional_stiffness
-from robots import InputError, Robot
-from surrogate.basis import BasisName
-from surrogate.fit import fit, space_filling_design
-from surrogate.model import Couplings, Scope, Surrogate, Target, predict_compliance
+from fem import compliance, compliance_factor
+from robots import InputError
+from surrogate.basis import BasisName, term_count
+from surrogate.error_bars import ParameterBars, learn_bars
+from surrogate.factored import fit_factored
+from surrogate.fit import RUNS_A_TERM, Fit, checked_runs, fit
+from surrogate.least_squares import Solver
+from surrogate.model import COMPLIANCE, ErrorFigures, Surrogate, Target, compliance_matrix, predict
+from surrogate.parameters import learn_parameters
+from surrogate.scope import Scope
+from surrogate.tasks import Task
 
 Array = NDArray[np.float64]
-BasisChoice = Literal["best", "polynomial", "trigonometric"]
+BasisChoice = Literal["best", "polynomial", "trigonometric", "factored", "adaptive"]
 Progress = Callable[[int, int], None]
 
 TRAINING_RUNS = 4096
-HELD_OUT_UNIFORM = 1536
+# Uniform poses that the error bars are learned from, and fresh ones that judge fit and bars.
+CALIBRATION_RUNS = 8192
+HELD_OUT_UNIFORM = 10_000
 HELD_OUT_BOUNDARY = 512
-RUNS_A_BLOCK = 1024
+_MATRICES = 2_000
+# Held-out RMS errors below this are all alike: no model of an arm is known to a millionth.
+NOTHING = 1e-6
+# Refinement: so many times at most, each adding half of the runs; from so many candidates for each run; and a round
+# that gains less than this share has shown that runs are not what is missing.
+_ROUNDS = 5
+_POOL = 8
+_GAIN = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Runs:
-    """Model runs: poses over the inputs Q (n, k) rad and compliance (n,) m/N."""
+    """Model runs: poses over the inputs Q (n, k) rad and the quantity (n,), SI."""
 
     Q: Array
-    compliance: Array
+    value: Array
+
+    @property
+    def compliance(self) -> Array:
+        """The quantity, where it is the compliance along the load, m/N."""
+        return self.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trained:
     """The surrogates of one model, best first, with the runs that judged them.
 
-    ``predicted`` maps a basis to its compliance on ``held_out`` (n,) m/N.
+    ``held_out``: the uniform poses, then those on the boundary; ``predicted`` maps a basis to its values there (n,).
+    ``refused``: basis -> why it could not be fitted. ``rounds``: what refinement did, in words. ``seconds``: what each
+    fit took with its own runs and judgement.
     """
 
     surrogates: tuple[Surrogate, ...]
     training: Runs
     held_out: Runs
     predicted: Mapping[str, Array]
+    refused: Mapping[str, str]
+    rounds: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def best(self) -> Surrogate:
@@ -51,158 +77,269 @@ class Trained:
         return self.surrogates[0]
 
     def interior_error(self, basis: str) -> tuple[float, float]:
-        """RMS and worst relative error of compliance on the uniform held-out runs, without the boundary ones."""
-        part = slice(0, HELD_OUT_UNIFORM)
-        error = np.abs(self.predicted[basis][part] / self.held_out.compliance[part] - 1.0)
-        return float(np.sqrt(np.mean(error**2))), float(error.max())
+        """RMS and worst relative error on the uniform held-out runs, without the boundary ones."""
+        one = next(s for s in self.surrogates if s.basis == basis)
+        return one.errors.rms_interior, one.errors.max_interior
 
 
-def scope_of(
-    robot: Robot,
-    model_hash: str,
-    inputs: Sequence[str],
-    *,
-    direction: Sequence[float] = (0.0, 0.0, -1.0),
-    fixed_deg: Mapping[str, float] | None = None,
-    limits_deg: Mapping[str, tuple[float, float]] | None = None,
-) -> Scope:
-    """The scope of a surrogate over some of the robot's joint coordinates.
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """How to fit and judge: everything that the candidates share."""
 
-    Coordinates that are no inputs stand at ``fixed_deg`` (default 0); couplings are folded accordingly.
-    ``limits_deg`` narrows the joint limits.
-
-    Raises
-    ------
-    InputError
-        Unknown coordinate, fixed value outside its limits, direction of length zero.
-    """
-    columns = [robot.coordinate_index(name) for name in inputs]
-    fixed = {name: 0.0 for name in robot.coordinates if name not in inputs} | dict(fixed_deg or {})
-    base = np.zeros(robot.dof)
-    for name, value in fixed.items():
-        index = robot.coordinate_index(name)
-        base[index] = np.radians(value)
-        low, high = robot.limits[index]
-        if name not in inputs and not low <= base[index] <= high:
-            raise InputError(
-                f"fixed coordinate {name}",
-                value=value,
-                allowed=f"{np.degrees(low):g} to {np.degrees(high):g} deg of {robot.name}",
-            )
-    lower, upper = robot.limits[columns].T.copy()
-    for name, (low, high) in (limits_deg or {}).items():
-        i = list(inputs).index(name)
-        lower[i], upper[i] = max(lower[i], np.radians(low)), min(upper[i], np.radians(high))
-    length = float(np.linalg.norm(direction))
-    if not length > 0.0:
-        raise InputError("load direction", value=list(direction), allowed="not all zero")
-    x, y, z = (float(v) / length for v in direction)
-    return Scope(
-        robot=robot.name,
-        model_hash=model_hash,
-        load_direction=(x, y, z),
-        inputs=tuple(inputs),
-        fixed_deg={name: value for name, value in fixed.items() if name not in inputs},
-        lower=lower,
-        upper=upper,
-        couplings=_folded(robot, columns, base),
-    )
-
-
-def _folded(robot: Robot, columns: list[int], base: Array) -> Couplings:
-    """The robot's coupled limits over the inputs alone, the fixed coordinates moved into the bounds."""
-    kept = [c for c in robot.couplings if np.any(c.factors[columns] != 0.0)]
-    if not kept:
-        return Couplings.none(len(columns))
-    constant = np.zeros(robot.dof)
-    constant[:] = base
-    constant[columns] = 0.0
-    shift = np.array([c.offset + float(c.factors @ constant) for c in kept])
-    return Couplings(
-        tuple(c.name for c in kept),
-        np.array([c.factors[columns] for c in kept]),
-        np.array([c.lower for c in kept]) - shift,
-        np.array([c.upper for c in kept]) - shift,
-    )
-
-
-def full_poses(robot: Robot, scope: Scope, Q: Array) -> Array:
-    """Poses of all joints (n, dof) rad from the inputs (n, k), the others at their fixed values."""
-    q = np.zeros((len(Q), robot.dof))
-    for name, value in scope.fixed_deg.items():
-        q[:, robot.coordinate_index(name)] = np.radians(value)
-    q[:, [robot.coordinate_index(name) for name in scope.inputs]] = Q
-    return q
-
-
-def run_model(model: ArmModel, scope: Scope, Q: Array, progress: Progress | None = None) -> Runs:
-    """Compliance along the load direction at the poses Q (n, k) rad."""
-    q = full_poses(model.robot, scope, Q)
-    out = np.empty(len(q))
-    for start in range(0, len(q), RUNS_A_BLOCK):
-        part = slice(start, start + RUNS_A_BLOCK)
-        out[part] = 1.0 / directional_stiffness(model, q[part], np.array(scope.load_direction))
-        if progress is not None:
-            progress(min(start + RUNS_A_BLOCK, len(q)), len(q))
-    return Runs(Q, out)
+    task: Task
+    rng: np.random.Generator
+    degree: int
+    order: int
+    target: Target | None
+    solver: Solver
+    calibration: Runs
+    audit: Runs
+    uniform: int
+    matrices: Array | None
+    parameters: ParameterBars | None
 
 
 def train(
-    model: ArmModel,
-    scope: Scope,
+    task: Task,
     rng: np.random.Generator,
     *,
     basis: BasisChoice = "best",
     degree: int = 6,
     order: int = 2,
     target: Target | None = None,
-    runs: int = TRAINING_RUNS,
-    notes: Sequence[str] = (),
+    solver: Solver = "qr",
+    runs: int | None = None,
+    accuracy: float | None = None,
     progress: Progress | None = None,
 ) -> Trained:
-    """Run the model on a space-filling design, fit, and judge on runs kept out.
+    """Run the model on space-filling designs, fit, learn error bars, and judge both on runs kept out.
 
-    ``basis="best"`` fits the brief's polynomial (in the logarithm of compliance) and the tensor
-    trigonometric basis (in compliance, of which it is the exact form for constant springs) and puts the
-    better one first. Held-out runs are about three quarters uniform, the rest on the boundary.
+    ``basis="best"`` fits the brief's polynomial (in the logarithm), the tensor trigonometric basis (in the quantity,
+    of which it is the exact form for constant springs) and, for the compliance, the factored one; for another
+    quantity terms are chosen ('adaptive'). The best on held-out runs comes first, the factored one if all are exact.
+    Held-out: 10 000 uniform poses and some on the boundary, seen neither by the fits nor by the error bars.
+
+    Parameters
+    ----------
+    runs : model runs to fit on; None: 4096, or three for each term where that is more
+    accuracy : relative RMS error on uniform held-out runs to refine to: runs are added where the error bars are
+        widest, until it is met or further runs gain nothing, which ``rounds`` says
 
     Raises
     ------
     InputError
-        Fewer runs than terms, an empty reachable set, or a rigid model.
+        A basis asked for by name that cannot be fitted, an empty reachable set, or a rigid model.
     """
+    if basis not in get_args(BasisChoice):
+        raise InputError("--basis", value=basis, allowed=", ".join(get_args(BasisChoice)))
+    ways = _prepared(task, rng, degree, order, target, solver, progress)
+    training = _run(task, task.design(runs or TRAINING_RUNS, "arcsine", rng))
+    fitted: list[Surrogate] = []
+    refused: dict[str, str] = {}
+    rounds: list[str] = []
+    seconds: dict[str, float] = {}
+    for name in _wanted(task, basis):
+        start = time.perf_counter()
+        try:
+            one, said, training = _learned(ways, name, training, runs, accuracy)
+        except InputError as error:
+            if basis != "best":
+                raise
+            refused[name] = str(error)
+            continue
+        fitted.append(one)
+        rounds += said
+        seconds[name] = time.perf_counter() - start
+    if not fitted:
+        raise InputError("fit: no basis could be fitted: " + "; ".join(f"{n}: {why}" for n, why in refused.items()))
+    fitted.sort(key=_merit)
+    predicted: dict[str, Array] = {s.basis: predict(s, ways.audit.Q) for s in fitted}
+    return Trained(tuple(fitted), training, ways.audit, predicted, refused, tuple(rounds), seconds)
 
-    def design(n: int, density: Literal["arcsine", "uniform", "boundary"]) -> Array:
-        return space_filling_design(
-            scope.lower, scope.upper, n, rng, density=density, couplings=scope.couplings, names=scope.inputs
+
+def _merit(one: Surrogate) -> tuple[float, bool]:
+    """Held-out RMS error; where that is nothing, the one that knows all directions comes first."""
+    return max(one.errors.rms_relative, NOTHING), not one.has_matrix
+
+
+def _wanted(task: Task, basis: BasisChoice) -> list[BasisName]:
+    arm = task.quantity.name == COMPLIANCE
+    if basis == "best":
+        return ["polynomial", "trigonometric", "factored" if arm else "adaptive"]
+    if basis == "factored" and not arm:
+        raise InputError(
+            "--basis", value=basis, allowed="polynomial, trigonometric, adaptive", remedy="factored is for compliance"
         )
+    return [basis]
 
+
+def _prepared(
+    task: Task,
+    rng: np.random.Generator,
+    degree: int,
+    order: int,
+    target: Target | None,
+    solver: Solver,
+    progress: Progress | None,
+) -> _Ways:
+    """Run what judges: poses for the error bars, and fresh ones for the figures."""
     # Boundary poses fall on the same corners again and again; each counts once.
-    boundary = np.unique(design(HELD_OUT_BOUNDARY, "boundary"), axis=0)
-    poses = np.vstack([design(runs, "arcsine"), design(HELD_OUT_UNIFORM, "uniform"), boundary])
-    done = run_model(model, scope, poses, progress)
-    training = Runs(done.Q[:runs], done.compliance[:runs])
-    held_out = Runs(done.Q[runs:], done.compliance[runs:])
-    wanted: list[tuple[BasisName, Target]] = []
-    if basis in ("best", "polynomial"):
-        wanted.append(("polynomial", target or "log-compliance"))
-    if basis in ("best", "trigonometric"):
-        wanted.append(("trigonometric", target or "compliance"))
-    fitted = [
-        fit(
-            training.Q,
-            training.compliance,
-            scope=scope,
-            Q_test=held_out.Q,
-            y_test=held_out.compliance,
-            basis=name,
-            degree=degree,
-            order=order,
-            target=goal,
-            notes=notes,
-        )
-        for name, goal in wanted
-    ]
-    fitted.sort(key=lambda s: s.errors.rms_relative)
-    predicted: dict[str, Array] = {s.basis.name: predict_compliance(s, held_out.Q) for s in fitted}
-    return Trained(tuple(fitted), training, held_out, predicted)
+    boundary = np.unique(task.design(HELD_OUT_BOUNDARY, "boundary", rng), axis=0)
+    uniform = task.over_domain(HELD_OUT_UNIFORM, rng)
+    calibration = _run(task, task.over_domain(CALIBRATION_RUNS, rng))
+    total = CALIBRATION_RUNS + len(uniform) + len(boundary)
+    if progress is not None:
+        progress(CALIBRATION_RUNS, total)
+    audit = _run(task, np.vstack([uniform, boundary]))
+    if progress is not None:
+        progress(total, total)
+    matrices = None
+    if task.quantity.name == COMPLIANCE:
+        matrices = compliance(task.model, task.full(uniform[:_MATRICES]))
+    parameters = learn_parameters(task, calibration.Q, uniform[:_MATRICES]) if task.gradients is not None else None
+    return _Ways(task, rng, degree, order, target, solver, calibration, audit, len(uniform), matrices, parameters)
+
+
+def _run(task: Task, Q: Array) -> Runs:
+    y = task.run(Q)
+    return Runs(*checked_runs(task.scope, Q, y, "model runs"))
+
+
+def _learned(
+    ways: _Ways, name: BasisName, training: Runs, runs: int | None, accuracy: float | None
+) -> tuple[Surrogate, list[str], Runs]:
+    """Fit one basis, and refine it where that is asked for."""
+    if name == "factored":
+        one = _factored(ways)
+        missed = accuracy is not None and one.errors.rms_interior > accuracy
+        return one, [f"factored: {accuracy:.1e} is out of reach of its terms"] if missed else [], training
+    inputs = len(ways.task.scope.inputs)
+    needed = 0 if name == "adaptive" else RUNS_A_TERM * term_count(name, _degree(ways, name), inputs)
+    if runs is None and needed > len(training.Q):
+        training = _more(ways, training, ways.task.design(needed - len(training.Q), "arcsine", ways.rng))
+    one = _scalar(ways, name, training)
+    if accuracy is None:
+        return one, [], training
+    said = []
+    for _ in range(_ROUNDS):
+        if one.errors.rms_interior <= accuracy:
+            break
+        wider = _more(ways, training, _worst_poses(ways, one, len(training.Q) // 2))
+        better = _scalar(ways, name, wider)
+        before, after = one.errors.rms_interior, better.errors.rms_interior
+        said.append(f"{name}: {len(wider.Q)} runs, RMS {before:.2e} -> {after:.2e}")
+        if after < before:
+            one, training = better, wider
+        if after > (1.0 - _GAIN) * before:
+            said.append(f"{name}: further runs gain nothing; {accuracy:.1e} is out of reach of its terms")
+            break
+    else:
+        if one.errors.rms_interior > accuracy:
+            said.append(f"{name}: {accuracy:.1e} not met after {_ROUNDS} rounds; the error still shrinks")
+    return one, said, training
+
+
+def _degree(ways: _Ways, name: BasisName) -> int:
+    return ways.degree if name == "polynomial" else ways.order
+
+
+def _more(ways: _Ways, training: Runs, Q: Array) -> Runs:
+    more = _run(ways.task, Q)
+    return Runs(np.vstack([training.Q, more.Q]), np.concatenate([training.value, more.value]))
+
+
+def _worst_poses(ways: _Ways, one: Surrogate, n: int) -> Array:
+    """Poses where the error bars are widest, out of many that fill the domain."""
+    pool = ways.task.design(_POOL * n, "uniform", ways.rng)
+    assert one.bars is not None  # noqa: S101 - each fit here has been judged
+    return pool[np.argsort(one.bars.half_width(pool))[-n:]]
+
+
+def _scalar(ways: _Ways, name: BasisName, training: Runs) -> Surrogate:
+    targets: tuple[Target, ...] = (ways.target or ("direct" if name == "trigonometric" else "logarithm"),)
+    if ways.target is None and name == "adaptive":
+        targets = ("logarithm", "direct")
+    degree = _degree(ways, name)
+    fits = [fit(training.Q, training.value, ways.task.scope, name, degree, target, ways.solver) for target in targets]
+    # The runs for the error bars choose, never those that judge.
+    tried = [(_rms(_relative(_unjudged(ways, found), ways.calibration)), i) for i, found in enumerate(fits)]
+    found = fits[min(tried)[1]]
+    return _judged(ways, _unjudged(ways, found), found, training.Q)
+
+
+def _relative(one: Surrogate, runs: Runs) -> Array:
+    """Relative errors (n,), infinite where a fit gives no positive value."""
+    y = predict(one, runs.Q)
+    return (
+        np.asarray(np.where(y > 0.0, y / runs.value - 1.0, np.inf)) if one.target == "direct" else y / runs.value - 1.0
+    )
+
+
+def _factored(ways: _Ways) -> Surrogate:
+    task, scope = ways.task, ways.task.scope
+    drawn: list[Array] = []
+
+    def design(n: int) -> Array:
+        drawn.append(task.design(n, "arcsine", ways.rng))
+        return drawn[-1]
+
+    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, scope, ways.solver)
+    alike = Fit(found.basis, "factored", found.coefficients, found.condition, found.runs)
+    one = _unjudged(ways, alike, factor=found.factor)
+    return _judged(ways, one, alike, drawn[-1])
+
+
+def _unjudged(ways: _Ways, found: Fit, **more: Any) -> Surrogate:
+    task, name = ways.task, found.basis.name
+    nothing = ErrorFigures(name, found.basis.degree, found.target, found.basis.n_terms, found.runs, 0, *(0.0,) * 6, 1.0)
+    return Surrogate(
+        **{f.name: getattr(task.scope, f.name) for f in fields(Scope)},
+        quantity=task.quantity,
+        basis=name,
+        degree=found.basis.degree,
+        target=found.target,
+        expansion=found.basis.expansion(found.coefficients),
+        errors=nothing,
+        kinematics=task.model.robot,
+        parameters=ways.parameters,
+        fixed_influence=dict(task.fixed_influence),
+        notes=task.notes,
+        **more,
+    )
+
+
+def _judged(ways: _Ways, one: Surrogate, found: Fit, Q_fitted: Array) -> Surrogate:
+    """With error bars, and with its errors on runs that neither fit nor bars have seen."""
+    known = ways.calibration
+    relative = predict(one, known.Q) / known.value - 1.0
+    bars = learn_bars(found.basis, one, Q_fitted, known.Q, relative)
+    error = np.abs(predict(one, ways.audit.Q) / ways.audit.value - 1.0)
+    inner = error[: ways.uniform]
+    covered = float(np.mean(inner <= bars.half_width(ways.audit.Q[: ways.uniform])))
+    off: tuple[float | None, float | None] = (None, None)
+    if one.has_matrix and ways.matrices is not None:
+        C = compliance_matrix(one, ways.audit.Q[: len(ways.matrices)])
+        each = np.linalg.norm(C - ways.matrices, axis=(1, 2)) / np.linalg.norm(ways.matrices, axis=(1, 2))
+        off = _rms(each), float(each.max())
+    figures = ErrorFigures(
+        basis=one.basis,
+        degree=one.degree,
+        target=one.target,
+        n_terms=one.expansion.n_terms,
+        n_train=found.runs,
+        n_test=len(error),
+        rms_relative=_rms(error),
+        p95_relative=float(np.quantile(error, 0.95)),
+        max_relative=float(error.max()),
+        rms_interior=_rms(inner),
+        max_interior=float(inner.max()),
+        coverage95=covered,
+        condition_number=found.condition,
+        matrix_rms=off[0],
+        matrix_max=off[1],
+    )
+    return replace(one, bars=bars, errors=figures)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

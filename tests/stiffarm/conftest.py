@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,23 @@ from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, Command, FullRun, run_apart, r
 from doe import bundled_data
 from robots import load_description
 from robots.library import to_toml
+from surrogate import training
+
+
+@contextmanager
+def few_runs() -> Iterator[None]:
+    """Judge surrogates by few model runs: what commands do with them is the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, count in (("CALIBRATION_RUNS", 1500), ("HELD_OUT_UNIFORM", 1500), ("HELD_OUT_BOUNDARY", 64)):
+            patch.setattr(training, name, count)
+        yield
+
+
+@pytest.fixture
+def quick_fit() -> Iterator[None]:
+    """Every `fit` of a test judges by few runs."""
+    with few_runs():
+        yield
 
 
 @pytest.fixture
@@ -38,7 +57,8 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory, data_file: Path) -> Pat
 def fitted(tmp_path_factory: pytest.TempPathFactory, calibrated: Path) -> Path:
     """The folder of a surrogate of the calibrated model."""
     folder = tmp_path_factory.mktemp("fitted") / "out"
-    outcome = run_here("fit", calibrated / "model.toml", "--runs", "1400", "--out", folder)
+    with few_runs():
+        outcome = run_here("fit", calibrated / "model.toml", "--runs", "1400", "--out", folder)
     assert outcome.code == 0, outcome.err
     return folder
 

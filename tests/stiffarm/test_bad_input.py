@@ -175,7 +175,8 @@ MODELS = {
         "simulate kr60-3 --pose q2_deg=-90 --load-path parallelogram --out out", ("parallelogram", "serial")
     ),
     "rigid all over": Case(
-        "map xr701 --links rigid --points 2 --out out", ("rigid", "flexible links or joint springs")
+        "map xr701 --links rigid --points 2 --out out",
+        ("xr701: nothing in this model gives way", "joint springs or flexible links", "--links beam"),
     ),
 }
 
@@ -244,7 +245,35 @@ OPTIONS = {
     "--layers NaN": Case("map xr701 --layers nan --out out", ("'nan'",)),
     "--layers twice": Case("map xr701 --layers 0,0 --out out", ("each once",)),
     "--degree too large for --runs": Case(
-        "fit xr701 --degree 12 --runs 100 --out out", ("1820 terms", "100 runs", "add runs, lower the degree")
+        "fit xr701 --basis polynomial --degree 12 --runs 100 --out out",
+        ("1820 terms", "100 runs", "add runs, lower the degree"),
+    ),
+    "--order too large for --runs": Case(
+        "fit xr701 --basis trigonometric --runs 300 --out out", ("625 terms", "300 runs", "add runs, lower the degree")
+    ),
+    "--order too large for any runs": Case(
+        "fit tx200 --basis trigonometric --inputs q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg --out out",
+        ("terms of trigonometric 2 with 6 inputs: got 15625", "at most 6000", "take the basis factored"),
+    ),
+    "--order": Case("fit xr701 --order 0 --out out", ("--order", "greater than or equal to 1")),
+    "--solver": Case("fit xr701 --solver svd --out out", ("--solver: got 'svd'", "allowed: qr, ridge", "choose one")),
+    "--accuracy of nothing": Case(
+        "fit xr701 --accuracy 0 --out out", ("--accuracy: got 0.0", "above 0, below 1", "0.001 is a tenth of a percent")
+    ),
+    "--accuracy in percent": Case("fit xr701 --accuracy 1 --out out", ("--accuracy: got 1.0", "below 1")),
+    "--accuracy of NaN": Case("fit xr701 --accuracy nan --out out", ("--accuracy: got nan", "above 0, below 1")),
+    "--format": Case(
+        "fit xr701 --format onnx,matlab --out out", ("--format: got 'matlab'", "onnx, c, python", "by commas")
+    ),
+    "--quantity": Case("fit xr701 --quantity hardness --out out", ("--quantity: got 'hardness'", "stiffness, k_fs")),
+    "--quantity without its vector": Case(
+        "fit xr701 --quantity k_fs --out out", ("--quantity k_fs without --normal", "add --normal 0,0,1")
+    ),
+    "--normal": Case("fit xr701 --quantity k_fs --normal 0,0,0 --out out", ("--normal", "not all zero")),
+    "--normal in words": Case("fit xr701 --quantity k_fs --normal up --out out", ("--normal", "'up'")),
+    "--basis factored of an index": Case(
+        "fit xr701 --quantity k_fs --normal 0,0,1 --basis factored --out out",
+        ("--basis: got 'factored'", "adaptive", "factored is for compliance"),
     ),
     "--degree": Case("fit xr701 --degree 99 --out out", ("--degree", "less than or equal to 12")),
     "--basis": Case("fit xr701 --basis cubic --out out", ("--basis: got 'cubic'", "polynomial, trigonometric")),
@@ -276,23 +305,58 @@ SURROGATES = {
         lambda good: good.read_text(encoding="utf-8")[:2000],
         ".json",
     ),
-    "other JSON": Case("query FILE --pose q2_deg=5 --out out", ("stiffarm-surrogate/1",), '{"a": 1}', ".json"),
+    "other JSON": Case("query FILE --pose q2_deg=5 --out out", ("stiffarm-surrogate/2",), '{"a": 1}', ".json"),
     "from the future": Case(
         "query FILE --pose q2_deg=5 --out out",
         ("newer than this program", "update stiffarm"),
-        lambda good: good.read_text(encoding="utf-8").replace("stiffarm-surrogate/1", "stiffarm-surrogate/2"),
+        lambda good: good.read_text(encoding="utf-8").replace("stiffarm-surrogate/2", "stiffarm-surrogate/3"),
         ".json",
+    ),
+    "from the past": Case(
+        "query FILE --pose q2_deg=5 --out out",
+        ("got 'stiffarm-surrogate/1'", "allowed: stiffarm-surrogate/2", "fit the surrogate again"),
+        lambda good: good.read_text(encoding="utf-8").replace("stiffarm-surrogate/2", "stiffarm-surrogate/1"),
+        ".json",
+    ),
+    "with an entry too many": Case(
+        "query FILE --pose q2_deg=5 --out out",
+        ("mine", "Extra inputs are not permitted"),
+        lambda good: good.read_text(encoding="utf-8").replace('"robot":', '"mine": 1, "robot":', 1),
+        ".json",
+    ),
+    "with NaN": Case(
+        "query FILE --pose q2_deg=5 --out out",
+        ("not valid JSON", "NaN", "fit the surrogate again"),
+        lambda good: re.sub(r'"n_train": \d+', '"n_train": NaN', good.read_text(encoding="utf-8")),
+        ".json",
+    ),
+    "of another robot": Case(
+        "query SURROGATE --pose q2_deg=5,q3real_deg=80 --model tx200 --out out",
+        ("is of robot: got 'xr701'", "allowed: tx200", "fit one for it"),
+    ),
+    "of another model of the robot": Case(
+        "query SURROGATE --pose q2_deg=5,q3real_deg=80 --model xr701 --out out",
+        ("fitted to a model with hash: got", "allowed: ", "fit one for it"),
+    ),
+    "NaN in --pose": Case("query SURROGATE --pose q2_deg=nan,q3real_deg=80 --out out", ("q2_deg: got 'nan'",)),
+    "a table in which no row can be answered": Case(
+        "query SURROGATE FILE --out out",
+        ("2 of 2 rows", "row 1: q2_deg = 85 deg (allowed -35 to 45 deg)", "--extrapolate"),
+        "pose,q2_deg,q3real_deg\nA,85,77.5\nB,-90,80\n",
+    ),
+    "direction of a query": Case(
+        "query SURROGATE --pose q2_deg=5,q3real_deg=80 --direction 0,0,0 --out out", ("--direction", "not all zero")
     ),
     "edited by hand": Case(
         "query FILE --pose q2_deg=5 --out out",
         ("checksum", "changed after it was written", "fit the surrogate again"),
-        lambda good: good.read_text(encoding="utf-8").replace('"n_train": 1400', '"n_train": 9999'),
+        lambda good: re.sub(r'"n_train": \d+', '"n_train": 9999', good.read_text(encoding="utf-8")),
         ".json",
     ),
     "edited by hand, for a map": Case(
         "map xr701 --surrogate FILE --points 2 --out out",
         ("checksum",),
-        lambda good: good.read_text(encoding="utf-8").replace('"n_train": 1400', '"n_train": 9999'),
+        lambda good: re.sub(r'"n_train": \d+', '"n_train": 9999', good.read_text(encoding="utf-8")),
         ".json",
     ),
     "of another robot, for a map": Case(
@@ -382,8 +446,15 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     # Permissions would not do: the tests may run as root.
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     out = {"a file in its place": "file", "below a file": "file/deep/er", "name too long": "x" * 300}[place]
-    for work in ("simulate", "sensitivity", "calibrate_by_stages", "learn", "stiffness_map", "rigid_joints"):
-        monkeypatch.setattr(f"stiffarm.steps.{work}", lambda *_, **__: pytest.fail("work was done for nothing"))
+    work = (
+        *(
+            f"steps.{name}"
+            for name in ("simulate", "sensitivity", "calibrate_by_stages", "stiffness_map", "rigid_joints")
+        ),
+        *("learning.learn", "map_run.make_map", "maps.write"),
+    )
+    for name in work:
+        monkeypatch.setattr(f"stiffarm.{name}", lambda *_, **__: pytest.fail("work was done for nothing"))
     words = command.replace("SURROGATE", str(fitted / "surrogate.json")).split()
     outcome = cli(*words, "--out", out)
     assert outcome.code == 2

@@ -273,10 +273,12 @@ def test_sensitivity_writes_table_and_picture(cli: Command, tmp_path: Path) -> N
 # --- fit, query, map ---------------------------------------------------------------------------------------
 
 
-def test_fit_writes_the_better_of_two_surrogates(fitted: Path) -> None:
-    names = {"surrogate.json", "surrogate_polynomial.json", "surrogate_trigonometric.json", "surrogate_errors.json"}
+def test_fit_writes_the_best_of_three_surrogates(fitted: Path) -> None:
+    bases = {"polynomial", "trigonometric", "factored"}
+    names = {"surrogate.json", "surrogate_errors.json", *(f"surrogate_{basis}.json" for basis in bases)}
     assert set(tree(fitted)) == {*names, "run.json"}
     errors = json.loads((fitted / "surrogate_errors.json").read_text(encoding="utf-8"))
+    assert {s["basis"] for s in errors["surrogates"]} == bases
     figures = {s["basis"]: s["rms_relative_error"] for s in errors["surrogates"]}
     assert figures[errors["best"]] == min(figures.values())
     best = (fitted / f"surrogate_{errors['best']}.json").read_bytes()
@@ -368,8 +370,12 @@ def test_extrapolation_is_flagged_and_has_no_error_bar(cli: Command, fitted: Pat
     answered = cli("query", fitted / "surrogate.json", *outside, "--extrapolate")
     (row,) = answered.json["answers"]
     assert row["inside_domain"] is False
-    assert row["relative_error_rms"] is None
-    assert "NO" in cli("query", fitted / "surrogate.json", *outside[:2], "--extrapolate").err
+    assert row["stiffness_N_per_mm"] > 0.0
+    assert row["relative_error95"] is None
+    assert row["relative_error95_surrogate"] is None
+    assert row["high95"] is None
+    assert row["flags"].startswith("extrapolated: q2_deg = 45.5 deg (allowed -35 to 45 deg)")
+    assert "extrapolated" in cli("query", fitted / "surrogate.json", *outside[:2], "--extrapolate").err
 
 
 def test_the_map_is_readable_by_plain_vtk_with_the_documented_arrays(
@@ -403,7 +409,7 @@ def test_the_map_is_readable_by_plain_vtk_with_the_documented_arrays(
         for i in range(grid.GetFieldData().GetNumberOfArrays())
     }
     assert metadata["robot"] == "xr701"
-    assert metadata["stiffness_from"] == "surrogate (trigonometric)"
+    assert metadata["stiffness_from"] == "surrogate (factored)"
     assert metadata["links"] == "beam"
 
 

@@ -18,9 +18,12 @@ from doe import read_measurements
 from doe.diagnosis.candidates import impossible
 from doe.diagnosis.outset import setting_of
 from doe.diagnosis.where import labels_of, load_labels, shares, without_history
-from fem.effects import build_plain, catalogue
+from doe.propagation import parameter_uncertainty, propagate
+from fem.effects import build_arm, build_plain, catalogue
 from robots import load_description
+from robots.quantities import RotationalStiffness
 from robots.robot import robot_from
+from robots.units import factor
 from stiffarm.diagnosis_laws import compliance_over, turn_on_bench
 
 SEED = 8
@@ -149,6 +152,33 @@ def test_the_written_model_predicts_as_the_diagnosis_says(cli: Command, sets: Pa
         simulated = cli("simulate", found / "model.toml", sets / table, "--json").json
         # Numbers of the file are written with nine digits or more.
         assert simulated["rms_mm"] == pytest.approx(gap[key], rel=1e-4)
+
+
+def test_the_new_model_says_how_sure_its_numbers_are(found: Path) -> None:
+    given, r = load_description(str(found / "model.toml")), _results(found)
+    u = parameter_uncertainty(given)
+    assert u is not None
+    assert u.undetermined == ()
+    assert u.names[-2:] == ("backlash:j2.gap", "backlash:j2.crossing")
+    gap = given.effect[0].parameters["gap"]
+    assert u.estimate[-2] == pytest.approx(gap.value * factor("angle", gap.unit), rel=1e-9)
+    for name, c, sd in zip(u.names[:-2], u.estimate, u.sd, strict=False):
+        # The lower end of the interval in the file's own words, to three digits.
+        stiffness = next(j.stiffness for j in given.joint if name.startswith(f"{j.name}."))
+        if isinstance(stiffness, RotationalStiffness):
+            low = float(str(stiffness.note).split("interval ")[1].split(" to ")[0])
+            assert 1.0 / (c + 1.96 * sd) == pytest.approx(low, rel=6e-3)
+    # Effects' deviations are written beside their numbers, to two digits; the crossing's variable is a logarithm.
+    numbers = given.effect[0].parameters
+    assert u.variable[-2:] == ("value", "ln value")
+    for name, sd in (("gap", u.sd[-2] / factor("angle", gap.unit)), ("crossing", u.sd[-1] * numbers["crossing"].value)):
+        said = float(str(numbers[name].note).split("standard deviation ")[1].split()[0])
+        assert sd == pytest.approx(said, rel=0.05)
+    answer = propagate(build_arm(given, "rigid"), u, np.radians([[0.0, 10, 80, 0, 0, 0]]))
+    assert answer.relative_sd[0] > 0.0
+    # A gap adds no compliance.
+    assert not answer.gradient[0, -2:].any()
+    assert r["data_sha256"] in given.sources["calibrated"]
 
 
 def test_the_new_model_says_where_it_came_from(found: Path, sets: Path) -> None:

@@ -225,7 +225,7 @@ def test_an_unknown_quantity_is_refused_with_the_known_ones(cli: Command) -> Non
     assert "k_fs, nspi, rayleigh" in outcome.err
 
 
-@pytest.mark.parametrize("option", [("--x", "0:1:1"), ("--gamma", "0"), ("--partly",), ("--tool", "0,0,1")])
+@pytest.mark.parametrize("option", [("--x", "0:1:1"), ("--gamma", "0"), ("--partly",), ("--part", "0,0,1")])
 def test_options_of_an_index_need_its_name(cli: Command, option: tuple[str, ...]) -> None:
     outcome = cli("map", "kr60-3", *option, "--out", "out")
     assert outcome.code == 2

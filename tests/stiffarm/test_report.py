@@ -28,6 +28,7 @@ STORY = (
     "Main effects",
     "surrogate",
     "stiffness map",
+    "findings on our map",
     "Assumptions and sources",
 )
 # Elements that load or run something.

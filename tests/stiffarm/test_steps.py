@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from fem import directional_stiffness
-from stiffarm import inputs, steps
-from surrogate import Surrogate
+from stiffarm import inputs, learning, steps
+from surrogate import Surrogate, train
 
 
 def learned(given: inputs.ModelInput, direction: tuple[float, float, float]) -> Surrogate:
     names = steps.default_inputs(given.model)
     options = {"basis": "polynomial", "degree": 2, "runs": 300}
-    return steps.learn(given.description, given.model, names, 0, direction=direction, **options).best  # type: ignore[arg-type]
+    rng = np.random.default_rng(0)
+    task = learning.learning_task(given.description, given.model, names, rng, direction=direction)
+    return train(task, rng, **options).best  # type: ignore[arg-type]
 
 
 def test_a_map_names_the_load_it_was_made_with() -> None:

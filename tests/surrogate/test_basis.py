@@ -1,17 +1,12 @@
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
+from arm_cases import LOWER, UPPER
 
 from robots.errors import InputError
-from surrogate import basis as basis_module
+from surrogate import expansion as expansion_module
 from surrogate.basis import MAX_TERMS, make_basis, polynomial_basis, term_count, trigonometric_basis
-from surrogate.fit import space_filling_design
-from surrogate.model import Couplings
-
-LOWER = np.radians([-35.0, 40.0, -200.0, -100.0])
-UPPER = np.radians([45.0, 115.0, 200.0, 100.0])
 
 
 def poses(n, seed=0, lower=LOWER, upper=UPPER):
@@ -26,6 +21,8 @@ def poses(n, seed=0, lower=LOWER, upper=UPPER):
         ("polynomial", 6, 6, 924),
         ("trigonometric", 2, 4, 625),
         ("trigonometric", 3, 2, 49),
+        ("polynomial", 6, 7, 1716),
+        ("trigonometric", 2, 5, 3125),
     ],
 )
 def test_number_of_terms(name, degree, k, expected):
@@ -92,19 +89,53 @@ def test_evaluation_in_blocks_is_the_design_matrix_times_coefficients(name, degr
     c = np.random.default_rng(1).normal(size=basis.n_terms)
     Q = poses(1003)
     whole = basis.design(Q) @ c
-    monkeypatch.setattr(basis_module, "_BLOCK", 100 * basis.n_terms)
+    monkeypatch.setattr(expansion_module, "_BLOCK", 100 * basis.n_terms)
     # 1e-12 relative to the sum of absolute terms: round-off of sums in another order.
-    np.testing.assert_allclose(basis.evaluate(Q, c), whole, atol=1e-12 * np.abs(basis.design(Q) @ c).max())
+    np.testing.assert_allclose(basis.expansion(c)(Q)[:, 0], whole, atol=1e-12 * np.abs(basis.design(Q) @ c).max())
 
 
 def test_one_block_at_a_time_is_held_in_memory(monkeypatch):
     basis = polynomial_basis(LOWER, UPPER, 6)
     rows = []
-    design = type(basis).design
-    monkeypatch.setattr(type(basis), "design", lambda self, Q: rows.append(len(Q)) or design(self, Q))
-    basis.evaluate(poses(5000), np.ones(basis.n_terms))
+    design = expansion_module.design
+    monkeypatch.setattr(
+        expansion_module, "design", lambda families, columns, Q: rows.append(len(Q)) or design(families, columns, Q)
+    )
+    basis.expansion(np.ones(basis.n_terms))(poses(5000))
     assert sum(rows) == 5000
-    assert max(rows) * basis.n_terms <= basis_module._BLOCK
+    assert max(rows) * basis.n_terms <= expansion_module._BLOCK
+
+
+def test_a_random_polynomial_of_degree_six_is_reproduced(rng):
+    basis = polynomial_basis(LOWER, UPPER, 6)
+    powers = np.array([p for p in product(range(7), repeat=4) if sum(p) <= 6])
+    weights = rng.normal(size=len(powers))
+
+    def truth(Q):
+        u = (2.0 * Q - UPPER - LOWER) / (UPPER - LOWER)
+        return np.prod(u[:, None, :] ** powers, axis=2) @ weights
+
+    Q, fresh = poses(800, 1), poses(500, 2)
+    c = np.linalg.lstsq(basis.design(Q), truth(Q), rcond=None)[0]
+    # 1e-10 of the largest value: round-off times a condition number below 1e3.
+    np.testing.assert_allclose(basis.expansion(c)(fresh)[:, 0], truth(fresh), atol=1e-10 * np.abs(truth(Q)).max())
+
+
+def test_taking_terms_keeps_their_functions():
+    basis = polynomial_basis(LOWER, UPPER, 3)
+    kept = np.array([7, 0, 20])
+    np.testing.assert_array_equal(basis.take(kept).design(poses(9)), basis.design(poses(9))[:, np.sort(kept)])
+
+
+@pytest.mark.parametrize("name", ["polynomial", "trigonometric"])
+def test_whole_turns_do_not_matter_to_a_periodic_input(name):
+    basis = make_basis(name, LOWER, UPPER, 2, (False, False, True, False))
+    Q = poses(200)
+    turned = Q + 2.0 * np.pi * np.array([0, 0, 1, 0])
+    # 1e-12: round-off of an angle of 10 rad, times the steepest function.
+    np.testing.assert_allclose(basis.design(turned), basis.design(Q), atol=1e-12)
+    # One turn, not the 400 deg of the limits, is what the functions are orthonormal over.
+    assert basis.families[2].half_range == np.pi
 
 
 @pytest.mark.parametrize(
@@ -114,10 +145,12 @@ def test_one_block_at_a_time_is_held_in_memory(monkeypatch):
         ("polynomial", [-1.0], [1.0], 0, "1 to 20"),
         ("polynomial", [1.0], [1.0], 3, "below its upper"),
         ("polynomial", [np.nan], [1.0], 3, "finite"),
-        ("polynomial", [-1.0] * 7, [1.0] * 7, 2, "1 to 6"),
+        ("polynomial", [-1.0] * 8, [1.0] * 8, 2, "1 to 7"),
         ("polynomial", [-1.0, 0.0], [1.0], 2, r"\(k,\)"),
         ("trigonometric", [-1.0] * 6, [1.0] * 6, 2, f"15625; allowed: at most {MAX_TERMS}"),
         ("trigonometric", [-1e-4], [1e-4], 4, "widen the range"),
+        ("polynomial", [-1.0], [1.0], 21, "1 to 20"),
+        ("polynomial", [-1.0] * 7, [1.0] * 7, 9, "11440; allowed: at most 6000.*factored or adaptive"),
     ],
 )
 def test_bad_bases_are_refused(name, lower, upper, degree, words):
@@ -125,59 +158,6 @@ def test_bad_bases_are_refused(name, lower, upper, degree, words):
         make_basis(name, np.array(lower), np.array(upper), degree)
 
 
-# Where the functions meet the joint space: designs that fill the same box.
-
-# Limit q2 - q3 to -110..0 deg; the box allows -150..5.
-COUPLED = Couplings(("forearm",), np.array([[1.0, -1.0]]), np.radians([-110.0]), np.array([0.0]))
-
-
-def sobol(n, k, density):
-    return space_filling_design(LOWER[:k], UPPER[:k], n, np.random.default_rng(0), density=density)
-
-
-@pytest.mark.parametrize("density", ["arcsine", "uniform", "boundary"])
-def test_designs_have_exactly_n_distinct_accepted_poses(density):
-    def accept(Q):
-        return Q[:, 1] > 1.0
-
-    rng = np.random.default_rng
-    limits = {"density": density, "couplings": COUPLED}
-    for n in (1, 100, 777):
-        Q = space_filling_design(LOWER[:2], UPPER[:2], n, rng(0), accept, **limits)
-        assert Q.shape == (n, 2)
-        assert np.all(np.clip(Q, LOWER[:2], UPPER[:2]) == Q)
-        assert accept(Q).all()
-        assert COUPLED.kept(Q).all()
-    np.testing.assert_array_equal(Q, space_filling_design(LOWER[:2], UPPER[:2], 777, rng(0), accept, **limits))
-    assert not np.array_equal(Q, space_filling_design(LOWER[:2], UPPER[:2], 777, rng(1), accept, **limits))
-    if density != "boundary":
-        assert len(np.unique(Q, axis=0)) == 777
-
-
-def test_uniform_designs_fill_the_box_evenly():
-    Q = sobol(1024, 3, "uniform")
-    cells = np.floor((Q - LOWER[:3]) / (UPPER[:3] - LOWER[:3]) * 4).astype(int)
-    counts = np.unique(cells, axis=0, return_counts=True)[1]
-    # A scrambled Sobol set of 2^10 has 16 points in each of 4^3 cells (8..24 leaves room for its t value);
-    # random points would have 3 to 30.
-    assert len(counts) == 64
-    assert counts.min() >= 8
-    assert counts.max() <= 24
-
-
-def test_boundary_poses_have_an_input_at_its_limit():
-    Q = sobol(300, 3, "boundary")
-    at_limit = np.isin(Q, [*LOWER[:3], *UPPER[:3]])
-    assert at_limit.any(axis=1).all()
-    assert set(at_limit.sum(axis=1)) == {1, 2, 3}
-
-
-def test_an_empty_design_space_names_the_limits():
-    never = replace(COUPLED, lower=np.radians([20.0]), upper=np.radians([40.0]))
-    words = r"0 of 10 poses.*q2_deg -35 to 45 deg.*forearm refuses .*spans -150 to 5 deg, allowed 20 to 40 deg"
-    with pytest.raises(InputError, match=words):
-        space_filling_design(
-            LOWER[:2], UPPER[:2], 10, np.random.default_rng(0), couplings=never, names=("q2_deg", "q3_deg")
-        )
-    with pytest.raises(InputError, match=r"accept\(\) refuses"):
-        space_filling_design(LOWER[:2], UPPER[:2], 10, np.random.default_rng(0), lambda Q: np.zeros(len(Q), dtype=bool))
+def test_one_word_on_turns_for_each_input():
+    with pytest.raises(InputError, match="one for each of 4 inputs"):
+        polynomial_basis(LOWER, UPPER, 2, (True,))

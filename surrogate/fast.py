@@ -1,0 +1,170 @@
+"""Surrogates at many poses by compiled loops; needs numba. Without it everything goes by numpy, with the same results.
+
+A pose's value is that of :class:`surrogate.expansion.Expansion` to rounding: 1e-13 of the sum of its terms' sizes.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from types import ModuleType
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.errors import InputError
+from surrogate.expansion import Expansion, Integers
+
+if TYPE_CHECKING:
+    from surrogate.kernels import Plan
+
+Array = NDArray[np.float64]
+
+# Fewer products than this numpy has done in some 10 ms; loading numba takes 0.3 s, once.
+FEWEST = 1_000_000
+# Poses that a thread takes at once.
+SHARE = 4_096
+# From so many outputs on, forming each product costs less than going through the tree again.
+MANY = 3
+
+
+_plans: WeakKeyDictionary[Expansion, Plan] = WeakKeyDictionary()
+
+
+def evaluate(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> Array:
+    """Q (n, k) rad -> y (n, m), as ``expansion(Q)`` gives it to rounding, faster. NaN where an angle is not finite.
+
+    Parameters
+    ----------
+    threads : at most so many; None: those that numba is set to use. Their number changes no digit
+
+    Raises
+    ------
+    InputError
+        Q of another shape, or fewer than one thread.
+    """
+    poses = np.asarray(Q, dtype=np.float64)
+    k = expansion.n_inputs
+    if poses.ndim != 2 or poses.shape[1] != k:
+        raise InputError("surrogate: angles", value=f"shape {poses.shape}", allowed=f"(n, {k}), rad")
+    if threads is not None and threads < 1:
+        raise InputError("surrogate: threads", value=threads, allowed="1 or more")
+    compiled = kernels() if len(poses) * expansion.n_terms >= FEWEST else None
+    if compiled is None:
+        with np.errstate(invalid="ignore", over="ignore"):
+            return expansion(poses)
+    plan = _plans.get(expansion)
+    if plan is None:
+        plan = _plans.setdefault(expansion, _plan(compiled, expansion))
+    return _run(compiled, expansion, plan, poses, threads)
+
+
+def backend() -> str:
+    """What large batches are evaluated by: 'numba' or 'numpy'."""
+    return "numpy" if kernels() is None else "numba"
+
+
+@cache
+def kernels() -> ModuleType | None:
+    """:mod:`surrogate.kernels`; None where numba is missing, too old for the numpy there is, or cannot start."""
+    try:
+        from surrogate import kernels as compiled
+    except (ImportError, RuntimeError):
+        return None
+    return compiled
+
+
+def default_threads() -> int:
+    """Threads that numba is set to use: the processors that this process may use, or ``NUMBA_NUM_THREADS``."""
+    from numba import config
+
+    return int(config.NUMBA_NUM_THREADS)
+
+
+def _run(compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, threads: int | None) -> Array:
+    out = np.empty((len(poses), expansion.n_outputs))
+    kernel = compiled.sums if expansion.n_outputs < MANY else compiled.products
+    raw = 1 + (plan.figures[:, 1:3] * [2, 1]).sum(axis=1).max()
+    # One row more: the angle itself has a place even where there are no polynomials.
+    room = len(plan.first_entry) - 1 + raw + 1
+
+    def share(first: int) -> None:
+        part = slice(first, first + SHARE)
+        angles, found = np.array(poses[part], order="C"), out[part]
+        kernel(angles, plan, np.empty((room, compiled.BLOCK)), found)
+        # Not finite, or more turns than the compiled code takes off: as slow and as exact as numpy is.
+        odd = np.isnan(found[:, 0])
+        if odd.any():
+            with np.errstate(invalid="ignore", over="ignore"):
+                found[odd] = expansion(angles[odd])
+
+    shares = range(0, len(poses), SHARE)
+    workers = min(default_threads() if threads is None else threads, len(shares))
+    if workers < 2:
+        for first in shares:
+            share(first)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(share, shares))
+    return out
+
+
+def _plan(compiled: ModuleType, expansion: Expansion) -> Plan:
+    kept = np.any(expansion.coefficients != 0.0, axis=1)
+    kept[0] |= not kept.any()  # a sum of nothing still needs one term
+    terms, coefficients = expansion.terms[kept], expansion.coefficients[kept]
+    inputs = _input_order(terms)
+    terms = terms[:, inputs]
+    order = np.lexsort(terms.T[::-1])
+    terms, coefficients = terms[order], coefficients[order]
+    rows = np.empty_like(terms)
+    figures, entries, first_row = [], [], 0
+    for place, i in enumerate(inputs):
+        family = expansion.families[i]
+        used, where = np.unique(terms[:, place], return_inverse=True)
+        rows[:, place] = first_row + where
+        # All degrees up to the highest are computed.
+        raw = np.array([*range(1 + 2 * family.harmonics), *(2 * family.harmonics + d for d in family.degrees)])
+        entries += [(raw[row != 0.0], row[row != 0.0]) for row in family.matrix[used]]
+        highest = family.degrees[-1] if family.degrees else 0
+        figures.append((family.periodic, family.harmonics, highest, first_row, first_row + len(used)))
+        first_row += len(used)
+    change = np.any(terms[1:, :-1] != terms[:-1, :-1], axis=1)
+    first_leaf = np.concatenate([[0], np.flatnonzero(change) + 1, [len(terms)]])
+    branches = rows[first_leaf[:-1], :-1]
+    differ = branches[1:] != branches[:-1]
+    common = [*np.argmax(differ, axis=1), 0] if differ.size else [0]
+    t, m = coefficients.shape
+    weights = coefficients.T
+    if m >= MANY:
+        leaves, outputs = compiled.LEAVES, compiled.OUTPUTS
+        weights = np.zeros((-(-t // leaves) * leaves, -(-m // outputs) * outputs))
+        weights[:t, :m] = coefficients
+    plan: Plan = compiled.Plan(
+        inputs=np.array(inputs),
+        figures=np.array(figures),
+        centre=np.array([expansion.families[i].centre for i in inputs]),
+        half_range=np.array([expansion.families[i].half_range for i in inputs]),
+        first_entry=np.cumsum([0, *(len(raw) for raw, _ in entries)]),
+        column=np.concatenate([raw for raw, _ in entries]),
+        entry=np.concatenate([factor for _, factor in entries]),
+        first_leaf=first_leaf,
+        leaf_row=np.ascontiguousarray(rows[:, -1]),
+        branch_row=np.ascontiguousarray(branches),
+        common=np.array(common, dtype=np.int64),
+        weights=np.ascontiguousarray(weights),
+    )
+    return plan
+
+
+def _input_order(terms: Integers) -> list[int]:
+    """Order of inputs with few branches: from the last on, the one without which the fewest products are left."""
+    left, order = list(range(terms.shape[1])), []
+    while len(left) > 1:
+        fewer = {i: np.unique(terms[:, [j for j in left if j != i]], axis=0) for i in left}
+        least = min(left, key=lambda i: (len(fewer[i]), -i))
+        order.append(least)
+        left.remove(least)
+    return [*left, *order[::-1]]

@@ -1,0 +1,1 @@
+"""Stiffness maps: layouts, poses at points, quantities, evaluation block by block, files."""

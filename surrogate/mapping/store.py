@@ -1,0 +1,196 @@
+"""A map on disk while it is made: one .npy file an array, and a record of the blocks that are done.
+
+Blocks are written as parts of files, not through memory maps, whose pages would count as the process's memory.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.format import open_memmap
+from numpy.typing import NDArray
+
+from robots import InputError
+
+Array = NDArray[np.generic]
+
+FORM = "stiffarm-map-work/1"
+_RECORD, _DONE = "work.json", "done.txt"
+
+
+@dataclass(frozen=True)
+class Column:
+    """Type of an array as numpy writes it ('<f8'), and its shape after the number of points."""
+
+    dtype: str
+    shape: tuple[int, ...] = ()
+
+
+@dataclass(eq=False)
+class MapStore:
+    """Arrays of n points in .npy files of a folder, written block by block, in any order.
+
+    A folder that holds the same map (``key``) already is gone on with: what its record says is done stays. A block
+    counts as done when its arrays are on disk and the record has its line, so a process may die at any time.
+
+    Parameters
+    ----------
+    folder : made if it is not there; parents too
+    key : of the request, its hash; ``n`` points; ``size`` points a block; ``columns`` by name
+
+    Raises
+    ------
+    InputError
+        The folder holds something else, cannot be written, or the disk has no room.
+    """
+
+    folder: Path
+    key: str
+    n: int
+    size: int
+    columns: Mapping[str, Column]
+    done: set[int] = field(init=False, default_factory=set)
+    starts: dict[str, int] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        record = {"form": FORM, "key": self.key, "n": self.n, "block": self.size, "arrays": sorted(self.columns)}
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if (self.folder / _RECORD).exists():
+                self._go_on(record)
+            else:
+                self._begin(record)
+        except OSError as error:
+            raise InputError(
+                f"work folder {self.folder} of the map ({error.strerror or error})",
+                allowed=f"a folder that can be written, with {self.bytes / 1e9:.3g} GB free",
+                remedy="choose another one",
+            ) from error
+
+    @property
+    def bytes(self) -> int:
+        """Size of all arrays."""
+        return sum(self.n * np.dtype(c.dtype).itemsize * int(np.prod(c.shape)) for c in self.columns.values())
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return -(-self.n // self.size)
+
+    @property
+    def points_done(self) -> int:
+        """Points of the blocks that are done."""
+        return sum(self.rows(i).stop - self.rows(i).start for i in self.done)
+
+    def rows(self, number: int) -> slice:
+        """Points of a block."""
+        return slice(number * self.size, min((number + 1) * self.size, self.n))
+
+    def missing(self) -> list[int]:
+        """Blocks that are not done, in order."""
+        return [i for i in range(self.blocks) if i not in self.done]
+
+    def write(self, number: int, block: Mapping[str, Array]) -> None:
+        """Keep a block: its arrays first, then its line in the record.
+
+        Raises
+        ------
+        InputError
+            Arrays that are missing, of another shape or type: the block is not of this map.
+        """
+        rows = self.rows(number)
+        for name, column in self.columns.items():
+            given = block.get(name)
+            shape = (rows.stop - rows.start, *column.shape)
+            if given is None or given.shape != shape or given.dtype != np.dtype(column.dtype):
+                found = "missing" if given is None else f"{given.dtype} {given.shape}"
+                raise InputError(f"block {number} of the map: {name}", value=found, allowed=f"{column.dtype} {shape}")
+        for name in self.columns:
+            self._put(name, rows.start, np.ascontiguousarray(block[name]))
+        with (self.folder / _DONE).open("a", encoding="ascii") as file:
+            file.write(f"{number}\n")
+            file.flush()
+            os.fsync(file.fileno())
+        self.done.add(number)
+
+    def finished(self) -> dict[str, Array]:
+        """All arrays, to be read only.
+
+        Raises
+        ------
+        InputError
+            Blocks are missing.
+        """
+        if self.missing():
+            raise InputError("map", value=f"{len(self.missing())} of {self.blocks} blocks are missing")
+        return {name: np.load(self._file(name), mmap_mode="r", allow_pickle=False) for name in self.columns}
+
+    def _put(self, name: str, row: int, values: Array) -> None:
+        itemsize = values.dtype.itemsize * int(np.prod(values.shape[1:]))
+        with self._file(name).open("r+b") as file:
+            file.seek(self.starts[name] + row * itemsize)
+            file.write(values.data)
+            file.flush()
+            os.fsync(file.fileno())
+
+    def _begin(self, record: Mapping[str, object]) -> None:
+        # What a process left that died before it had written the record may be written over.
+        own = {*(f"{name}.npy" for name in self.columns), _DONE, f"{_RECORD}.part"}
+        if any(file.name not in own for file in self.folder.iterdir()):
+            raise InputError(
+                f"work folder {self.folder}", value="holds other files", allowed="a new or empty folder, or one of "
+                "the same map", remedy="choose another folder",
+            )  # fmt: skip
+        free = os.statvfs(self.folder).f_bavail * os.statvfs(self.folder).f_frsize if hasattr(os, "statvfs") else None
+        if free is not None and free < self.bytes:
+            raise InputError(
+                f"work folder {self.folder}: space for the map",
+                value=f"{free / 1e9:.3g} GB free",
+                allowed=f"{self.bytes / 1e9:.3g} GB or more",
+                remedy="choose a folder on another disk, fewer points or fewer quantities",
+            )
+        for name, column in self.columns.items():
+            made = open_memmap(self._file(name), "w+", column.dtype, (self.n, *column.shape))
+            self.starts[name] = made.offset
+            del made
+        (self.folder / _DONE).write_text("", encoding="ascii")
+        # Last and in one go: a folder without a record is begun anew.
+        draft = self.folder / f"{_RECORD}.part"
+        draft.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+        draft.replace(self.folder / _RECORD)
+
+    def _go_on(self, record: Mapping[str, object]) -> None:
+        try:
+            kept = json.loads((self.folder / _RECORD).read_text(encoding="utf-8"))
+        except ValueError:
+            kept = None
+        if kept != record:
+            raise InputError(
+                f"work folder {self.folder}",
+                value="of another map",
+                allowed="the folder of the same map, a new one or an empty one",
+                remedy="choose another folder, or remove this one",
+            )
+        for name, column in self.columns.items():
+            array = np.load(self._file(name), mmap_mode="r", allow_pickle=False)
+            if array.shape != (self.n, *column.shape) or array.dtype != np.dtype(column.dtype):
+                raise InputError(f"work folder {self.folder}: {name}", value=f"{array.dtype} {array.shape}")
+            self.starts[name] = array.offset
+        # A line without its end was being written when the process died.
+        lines = (self.folder / _DONE).read_text(encoding="ascii").split("\n")[:-1]
+        if not all(line.isdigit() and int(line) < self.blocks for line in lines):
+            raise InputError(
+                f"work folder {self.folder}: {_DONE}", allowed="numbers of blocks", remedy="remove the folder"
+            )
+        self.done = set(map(int, lines))
+        draft = self.folder / f"{_DONE}.part"
+        draft.write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
+        draft.replace(self.folder / _DONE)
+
+    def _file(self, name: str) -> Path:
+        return self.folder / f"{name}.npy"

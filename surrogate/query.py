@@ -1,0 +1,148 @@
+"""What a surrogate answers: values with error bars, and flags for poses at which they do not hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import Robot
+from robots.errors import InputError
+from robots.singularity import NEAR_SINGULAR, singularity
+from surrogate.error_bars import NORMAL_95
+from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
+from surrogate.scope import Flags, Scope, count_rows
+
+Array = NDArray[np.float64]
+
+# No structure is as stiff as this, m/N; beyond, 1/c overflows.
+_STIFFEST = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class QueryResult:
+    """A quantity at n poses.
+
+    Parameters
+    ----------
+    value : (n,) the quantity in SI; of a compliance its reciprocal, the stiffness in N/m. NaN where not answered
+    relative_error : (n,) half-width of the 95 % interval over the value, of model and parameters together. Infinite
+        where the pose is outside of the domain or cannot be reached: nothing is known there
+    model_error, parameter_error : (n,) its two parts; the second is NaN where nothing is known of the parameters
+    inside_domain : (n,) each input within the domain
+    reachable : (n,) the couplings hold
+    singularity : (n,) see :func:`robots.singularity.singularity`; NaN if the robot is not known
+    open : row -> what the calibration left open and what matters there: its error bar is a lower bound
+    faults : row -> what is wrong with it, in words, for all rows outside
+    """
+
+    value: Array
+    relative_error: Array
+    model_error: Array
+    parameter_error: Array
+    inside_domain: Flags
+    reachable: Flags
+    singularity: Array
+    open: dict[int, tuple[str, ...]]
+    faults: dict[int, str]
+
+    @property
+    def stiffness_N_per_mm(self) -> Array:  # noqa: N802 - units are written as the shop writes them
+        """Directional stiffness (n,), for a surrogate of the compliance."""
+        return 1e-3 * self.value
+
+    @property
+    def near_singular(self) -> Flags:
+        """Poses near a singularity (`NEAR_SINGULAR`)."""
+        return np.asarray(self.singularity < NEAR_SINGULAR)
+
+    @property
+    def answered(self) -> Flags:
+        """Rows with a value."""
+        return np.isfinite(self.value)
+
+
+def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, direction: Array | None = None) -> QueryResult:
+    """Value with error bars and flags; Q (n, k) rad in the order of ``surrogate.inputs``.
+
+    Rows outside of the domain or of a coupling are flagged and get no value.
+
+    Parameters
+    ----------
+    extrapolate : give values there too, flagged and without error bar
+    direction : (3,) another force direction, for a factored surrogate; the error bars are those of its own direction
+        and then only an indication
+
+    Raises
+    ------
+    InputError
+        No row at all can be answered, an angle that is not finite, or a pose where the fit gives no valid value.
+    """
+    poses = surrogate.poses(Q, f"query of {surrogate.robot}")
+    inside: Flags = np.all(surrogate.inside(poses), axis=1)
+    reachable: Flags = np.all(surrogate.couplings.kept(poses), axis=1)
+    good = inside & reachable
+    if not extrapolate and len(poses) and not good.any():
+        raise InputError(
+            f"query of {surrogate.robot}: {count_rows(~good)} outside of what was fitted: "
+            + "; ".join(surrogate.faults(poses)),
+            remedy="ask inside these ranges, fit a surrogate on a larger domain, or pass `--extrapolate` "
+            "(extrapolate=True) to get flagged values without an error bar",
+        )
+    asked = np.ones(len(poses), dtype=np.bool_) if extrapolate else good
+    value = np.full(len(poses), np.nan)
+    value[asked] = _values(surrogate, poses[asked], direction)
+    model, parameters = _bars(surrogate, poses, good)
+    total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
+    near = (
+        np.full(len(poses), np.nan)
+        if surrogate.kinematics is None
+        else singularity(surrogate.kinematics, full_poses(surrogate.kinematics, surrogate, poses))
+    )
+    faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
+    return QueryResult(
+        value, total, model, parameters, inside, reachable, near, _left_open(surrogate, poses, good), faults
+    )
+
+
+def _values(surrogate: Surrogate, poses: Array, direction: Array | None) -> Array:
+    y = predict(surrogate, poses, direction)
+    if surrogate.quantity.name != COMPLIANCE:
+        return y
+    refuse(surrogate, y, ~(y > _STIFFEST))
+    return 1.0 / y
+
+
+def _bars(surrogate: Surrogate, poses: Array, good: Flags) -> tuple[Array, Array]:
+    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known."""
+    model = np.full(len(poses), np.inf)
+    parameters = np.full(len(poses), np.nan)
+    if surrogate.bars is None:
+        model[good] = np.nan
+    else:
+        model[good] = surrogate.bars.half_width(poses[good])
+    if surrogate.parameters is not None:
+        own = predict(surrogate, poses[good])
+        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
+    return model, parameters
+
+
+def _left_open(surrogate: Surrogate, poses: Array, good: Flags) -> dict[int, tuple[str, ...]]:
+    p = surrogate.parameters
+    if p is None:
+        return {}
+    there = p.matters(poses) & good[:, None]
+    return {
+        int(i): tuple(n for n, yes in zip(p.undetermined, there[i], strict=True) if yes)
+        for i in np.flatnonzero(there.any(axis=1))
+    }
+
+
+def full_poses(robot: Robot, scope: Scope, Q: Array) -> Array:
+    """Poses of all joints (n, dof) rad from the inputs (n, k), the others at their fixed values."""
+    q = np.zeros((len(Q), robot.dof))
+    for name, value in scope.fixed_deg.items():
+        q[:, robot.coordinate_index(name)] = np.radians(value)
+    q[:, [robot.coordinate_index(name) for name in scope.inputs]] = Q
+    return q

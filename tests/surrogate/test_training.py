@@ -1,0 +1,283 @@
+"""From a model to a surrogate: what is fitted, what it is judged by, when runs are added."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arm_cases import few_runs, sprung
+
+from fem import build_model, directional_stiffness
+from fem.law_bases import FourierBasis
+from fem.springs import LawSpring
+from robots import InputError, load_description
+from surrogate import scope_of, task_of, train
+from surrogate.basis import term_count
+from surrogate.model import Quantity, compliance_matrix, predict
+
+INPUTS = ("q2_deg", "q3_deg", "q4_deg")
+NAMES = ("xr701", "kr60-3", "tx200")
+
+
+def task(model=None, inputs=INPUTS, seed=0, **more):
+    model = sprung("kr60-3") if model is None else model
+    return task_of(model, scope_of(model.robot, "0" * 64, inputs), np.random.default_rng(seed), **more)
+
+
+def trained(seed=0, given=None, quick=None, **options):
+    with few_runs(**(quick or {})):
+        return train(given or task(), np.random.default_rng(seed), **options)
+
+
+@pytest.fixture(scope="module")
+def best():
+    return trained()
+
+
+def test_three_bases_are_fitted_and_the_best_comes_first(best):
+    assert {s.basis for s in best.surrogates} == {"polynomial", "trigonometric", "factored"}
+    rms = [s.errors.rms_relative for s in best.surrogates]
+    assert rms == sorted(rms)
+    assert best.best is best.surrogates[0]
+    # Constant springs: exact but for the polynomial.
+    by_name = {s.basis: s.errors for s in best.surrogates}
+    assert by_name["trigonometric"].max_relative < 1e-10  # round-off times the condition number
+    assert by_name["factored"].max_relative < 1e-12
+    assert by_name["polynomial"].rms_relative > 1e-4
+    assert (by_name["polynomial"].target, by_name["trigonometric"].target) == ("logarithm", "direct")
+    assert (by_name["polynomial"].degree, by_name["trigonometric"].degree) == (6, 2)
+    assert by_name["polynomial"].n_terms == term_count("polynomial", 6, 3)
+    assert best.refused == {}
+    assert best.rounds == ()
+
+
+def test_error_figures_are_those_of_the_held_out_runs(best):
+    uniform = 1000
+    for s in best.surrogates:
+        predicted = best.predicted[s.basis]
+        np.testing.assert_array_equal(predicted, predict(s, best.held_out.Q))
+        error = np.abs(predicted / best.held_out.value - 1.0)
+        e, inner = s.errors, error[:uniform]
+        assert e.rms_relative == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)  # same formula
+        assert e.max_relative == pytest.approx(error.max(), rel=1e-12)
+        assert e.p95_relative == pytest.approx(np.quantile(error, 0.95), rel=1e-12)
+        assert (e.rms_interior, e.max_interior) == pytest.approx((np.sqrt(np.mean(inner**2)), inner.max()), rel=1e-12)
+        assert best.interior_error(s.basis) == (e.rms_interior, e.max_interior)
+        width = s.bars.half_width(best.held_out.Q[:uniform])
+        assert e.coverage95 == pytest.approx(np.mean(inner <= width), rel=1e-12)
+        assert e.n_test == len(error)
+        assert (e.basis, e.degree, e.target) == (s.basis, s.degree, s.target)
+
+
+def test_held_out_runs_are_the_models_own_and_none_was_fitted(best):
+    given = task()
+    exact = 1.0 / directional_stiffness(given.model, given.full(best.held_out.Q))
+    np.testing.assert_allclose(best.held_out.compliance, exact, rtol=1e-12)
+    seen = {row.tobytes() for row in best.training.Q}
+    assert not any(row.tobytes() in seen for row in best.held_out.Q)
+    # The boundary ones come last and count once each.
+    boundary = best.held_out.Q[1000:]
+    assert len(boundary) == len(np.unique(boundary, axis=0)) > 0
+    scope = given.scope
+    assert np.all((np.isclose(boundary, scope.lower) | np.isclose(boundary, scope.upper)).any(axis=1))
+
+
+def test_the_matrix_figures_are_of_the_whole_compliance(best):
+    by_name = {s.basis: s for s in best.surrogates}
+    assert by_name["polynomial"].errors.matrix_rms is None
+    assert by_name["polynomial"].errors.matrix_max is None
+    one = by_name["factored"]
+    assert 0.0 <= one.errors.matrix_rms <= one.errors.matrix_max < 1e-12
+    assert compliance_matrix(one, best.held_out.Q[:3]).shape == (3, 6, 6)
+
+
+def test_all_that_the_task_knows_is_kept(best):
+    given = task(notes=("simulated",))
+    one = trained(given=given, basis="polynomial", degree=2).best
+    assert one.notes == ("simulated",)
+    assert one.kinematics is given.model.robot
+    assert one.fixed_influence == given.fixed_influence
+    assert one.inputs == INPUTS
+    assert one.fixed_deg == {"q1_deg": 0.0, "q5_deg": 0.0, "q6_deg": 0.0}
+    assert one.periodic == given.scope.periodic
+
+
+def test_the_seed_decides_everything(best):
+    again, other = trained(), trained(1)
+    for a, b, c in zip(best.surrogates, again.surrogates, other.surrogates, strict=True):
+        np.testing.assert_array_equal(a.expansion.coefficients, b.expansion.coefficients)
+        assert a.errors == b.errors
+        assert a.errors != c.errors
+
+
+def test_runs_are_as_many_as_asked_or_three_for_each_term():
+    one = trained(basis="polynomial", degree=2, runs=321)
+    assert (len(one.training.Q), one.best.errors.n_train) == (321, 321)
+    # 125 terms of the second order in three angles are fine with 600 runs, 343 of the third are not.
+    assert trained(basis="trigonometric").best.errors.n_train == 600
+    assert trained(basis="trigonometric", order=3).best.errors.n_train == 3 * 343
+
+
+def test_a_basis_asked_for_by_name_that_cannot_be_fitted_is_refused():
+    with pytest.raises(InputError, match=r"the basis has 125 terms, but there are 100 runs"):
+        trained(basis="trigonometric", runs=100)
+    with pytest.raises(InputError, match=r"343 terms"):
+        trained(basis="trigonometric", order=3, runs=300)
+
+
+def test_among_others_it_is_left_out_with_the_reason():
+    found = trained(runs=100, degree=3)
+    assert {s.basis for s in found.surrogates} == {"polynomial", "factored"}
+    assert "125 terms, but there are 100 runs" in found.refused["trigonometric"]
+
+
+def test_an_unknown_basis_is_refused():
+    with pytest.raises(InputError, match=r"--basis: got 'spline'; allowed: best, polynomial"):
+        trained(basis="spline")
+
+
+def test_a_rigid_model_is_refused():
+    model = build_model(load_description("kr60-3"), links="rigid").with_rigid_joints()
+    with pytest.raises((InputError, ZeroDivisionError), match=r"rigid|no positive|gives way"):
+        trained(given=task(model))
+
+
+def isotropy(given):
+    from fem import compliance
+
+    def values(q):
+        return np.linalg.cond(compliance(given, q)[:, :3, :3])
+
+    return Quantity("condition", "1", "condition of the translational compliance"), values
+
+
+def test_another_quantity_takes_chosen_terms_in_place_of_rows():
+    model = sprung("kr60-3")
+    given = task(model, inputs=INPUTS[:2], scalar=isotropy(model))
+    found = trained(given=given)
+    assert {s.basis for s in found.surrogates} <= {"polynomial", "trigonometric", "adaptive"}
+    assert "adaptive" in {s.basis for s in found.surrogates}
+    assert found.best.quantity.name == "condition"
+    assert found.best.errors.matrix_rms is None
+    Q = found.held_out.Q[:50]
+    np.testing.assert_allclose(found.held_out.value[:50], isotropy(model)[1](given.full(Q)), rtol=1e-12)
+    with pytest.raises(InputError, match="factored is for compliance"):
+        trained(given=given, basis="factored")
+
+
+# --- refinement ----------------------------------------------------------------------------------------------------
+
+
+def wide():
+    return task(sprung("xr701", "beam"), inputs=("q2_deg", "q3real_deg", "q4_deg"))
+
+
+def test_an_accuracy_that_is_met_already_adds_no_runs():
+    one = trained(given=wide(), basis="polynomial", degree=4, accuracy=0.9)
+    assert one.rounds == ()
+    assert one.best.errors.n_train == 600
+
+
+def test_runs_are_added_where_the_bars_are_widest_until_the_accuracy_is_met(monkeypatch):
+    plain = trained(given=wide(), basis="adaptive", runs=200)
+    wanted = 0.3 * plain.best.errors.rms_interior
+    drawn = []
+    from surrogate import training
+
+    worst = training._worst_poses
+
+    def watched(ways, one, n):
+        Q = worst(ways, one, n)
+        typical = np.median(one.bars.half_width(ways.task.over_domain(500, np.random.default_rng(3))))
+        drawn.append((n, np.median(one.bars.half_width(Q)) / typical))
+        return Q
+
+    monkeypatch.setattr(training, "_worst_poses", watched)
+    found = trained(given=wide(), basis="adaptive", runs=200, accuracy=wanted)
+    assert found.best.errors.rms_interior <= wanted
+    assert found.best.errors.n_train > 200
+    assert len(found.rounds) == len(drawn) >= 1
+    assert found.rounds[0].startswith("adaptive: 300 runs, RMS ")
+    assert [n for n, _ in drawn] == [100, 150, 225, 337, 506][: len(drawn)]
+    assert all(ratio > 1.0 for _, ratio in drawn)
+    assert len(found.training.Q) == found.best.errors.n_train
+
+
+def test_an_accuracy_out_of_reach_of_the_terms_is_said():
+    found = trained(basis="polynomial", degree=2, accuracy=1e-8)
+    assert found.rounds[-1] == "polynomial: further runs gain nothing; 1.0e-08 is out of reach of its terms"
+    assert found.best.errors.rms_interior > 1e-8
+
+
+def test_an_accuracy_that_only_more_rounds_would_meet_is_said():
+    from surrogate import training
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "_ROUNDS", 1)
+        patch.setattr(training, "_GAIN", -10.0)
+        found = trained(basis="polynomial", degree=2, accuracy=1e-8)
+    assert found.rounds[-1] == "polynomial: 1.0e-08 not met after 1 rounds; the error still shrinks"
+
+
+def test_the_factored_basis_says_it_too():
+    from fem.law_bases import TableBasis
+
+    kinked = LawSpring(TableBasis(1, np.radians([-135.0, -60.0, 0.0, 35.0])), np.log([8e5, 1.6e6, 9e5, 1e6]))
+    given = task(sprung("kr60-3", j2=kinked))
+    found = trained(given=given, basis="factored", accuracy=1e-9)
+    assert found.rounds == ("factored: 1.0e-09 is out of reach of its terms",)
+    assert trained(given=given, basis="factored", accuracy=0.5).rounds == ()
+
+
+def test_refinement_keeps_the_better_fit():
+    """A round that makes it worse is not taken."""
+    found = trained(basis="polynomial", degree=6, runs=100, accuracy=1e-9)
+    plain = trained(basis="polynomial", degree=6, runs=100)
+    assert found.best.errors.rms_interior <= plain.best.errors.rms_interior
+
+
+# --- whole turns ---------------------------------------------------------------------------------------------------
+
+
+def test_q4_of_the_xr701_takes_one_turn_of_runs_and_answers_over_all():
+    model = sprung("xr701", j4=LawSpring(FourierBasis(3, 1), np.array([12.0, 0.2, 0.1])))
+    scope = scope_of(model.robot, "0" * 64, ("q2_deg", "q4_deg", "q5_deg"), fixed_deg={"q3real_deg": 80.0})
+    given = task_of(model, scope, np.random.default_rng(0))
+    assert given.scope.periodic == (False, True, False)
+    found = trained(given=given)
+    assert np.ptp(found.training.Q[:, 1]) <= 2.0 * np.pi
+    turned = np.radians([[5.0, -190.0, 30.0], [5.0, 170.0, 30.0]])
+    for one in found.surrogates:
+        assert one.periodic == (False, True, False)
+        a, b = predict(one, turned)
+        assert a == pytest.approx(b, rel=1e-12)  # the same angle but for rounding
+        assert predict(one, turned[:1])[0] == pytest.approx(given.run(turned[:1])[0], rel=5.0 * one.errors.max_relative)
+
+
+# --- slow: the whole of it -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("links", ["beam"])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_default_reaches_a_tenth_of_a_percent_on_every_bundled_robot(name, links):
+    model = sprung(name, links)
+    law = LawSpring(FourierBasis(1, 2), np.array([13.7, 0.3, -0.2, 0.1, 0.05]))
+    model = model.with_springs({model.robot.joint_names[1]: law})
+    given = task(model, inputs=model.robot.coordinates[1:5])
+    found = train(given, np.random.default_rng(0)).best
+    assert found.errors.rms_relative < 1e-3
+    assert found.errors.max_relative < 1e-2
+    assert 0.93 <= found.errors.coverage95 <= 0.97
+
+
+@pytest.mark.slow
+def test_more_inputs_than_the_tensor_basis_carries():
+    model = sprung("tx200")
+    model = replace(model, tool=np.diag([1e-8, 2e-8, 3e-8, 1e-6, 4e-6, 2e-6]))
+    given = task(model, inputs=model.robot.coordinates)
+    found = train(given, np.random.default_rng(0))
+    assert "trigonometric" in found.refused
+    assert found.best.basis == "factored"
+    assert found.best.errors.max_relative < 1e-9
