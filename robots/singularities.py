@@ -15,6 +15,10 @@ from robots.spherical_wrist import SphericalWristArm, spherical_wrist_arm, why_n
 
 Array = NDArray[np.float64]
 
+# Smallest singular value of the Jacobian (lengths over the arm's) below which a pose is near a singular one: a hand
+# then turns or moves in some direction a hundred times slower than its joints.
+NEAR_SINGULAR = 0.01
+
 
 @dataclass(frozen=True)
 class SingularityDistance:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from robots import InputError
@@ -28,16 +28,22 @@ _FAR_BELOW: Final = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A surrogate on runs kept out of its fit: true and predicted stiffness, (n,) N/mm."""
+    """A surrogate on runs kept out of its fit: true and predicted stiffness, (n,) N/mm.
+
+    ``of_compliance``: errors are those of the reciprocal, as a surrogate of the compliance is judged. False: the two
+    arrays hold the quantity itself, in a unit that the figure is told.
+    """
 
     name: str
     true_N_per_mm: Array  # noqa: N815 - units are written as the shop writes them
     predicted_N_per_mm: Array  # noqa: N815
+    of_compliance: bool = True
 
     @property
     def relative_error(self) -> Array:
-        """``|predicted / true - 1|`` of the compliance (n,), 1 and not %, as in ``ErrorFigures``."""
-        return np.asarray(np.abs(self.true_N_per_mm / self.predicted_N_per_mm - 1.0))
+        """``|predicted / true - 1|`` of the quantity fitted (n,), 1 and not %, as in ``ErrorFigures``."""
+        true, found = self.true_N_per_mm, self.predicted_N_per_mm
+        return np.asarray(np.abs(true / found - 1.0 if self.of_compliance else found / true - 1.0))
 
 
 def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, Array, Array]]) -> Figure:
@@ -81,10 +87,12 @@ def _spread(values: Sequence[float]) -> list[float]:
     return out
 
 
-def surrogate_quality_figure(rows: Sequence[HeldOut]) -> Figure:
+def surrogate_quality_figure(
+    rows: Sequence[HeldOut], what: str = "stiffness (N/mm)", error_of: str = "compliance"
+) -> Figure:
     """Draw predicted against true stiffness (N/mm) on held-out runs, and how large the errors are.
 
-    The panel of errors tells which share of the runs has a larger relative error than x (both axes log),
+    ``what``, ``error_of``: another quantity with its unit, and what the errors are of. The panel of errors tells which share of the runs has a larger relative error than x (both axes log),
     with marks at the RMS, at 95 % of the runs, and at the largest error.
 
     Raises
@@ -113,21 +121,21 @@ def surrogate_quality_figure(rows: Sequence[HeldOut]) -> Figure:
         else:
             grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.3])
         panels = [figure.add_subplot(grid[i // cols, i % cols]) for i in range(len(rows))]
-        cells = [_parity(ax, row, ends) for ax, row in zip(panels, rows, strict=True)]
+        cells = [_parity(ax, row, ends, what) for ax, row in zip(panels, rows, strict=True)]
         most = max(10.0, *(float(np.max(np.asarray(cell.get_array()))) for cell in cells))
         for i, (ax, row, cell) in enumerate(zip(panels, rows, cells, strict=True)):
             cell.set_norm(LogNorm(1.0, most))
             ax.set_title(row.name, loc="left", color=SERIES[i % 6], weight="bold", size=10)
             if i % cols == 0:
-                ax.set_ylabel("predicted stiffness (N/mm)")
+                ax.set_ylabel(f"predicted {what}")
         bar = figure.colorbar(cells[0], ax=panels, aspect=30, pad=0.015, format="%g")
         bar.set_label("runs in a cell (–)")
-        _tails(figure.add_subplot(grid[lines, :] if len(rows) > 1 else grid[0, 1]), rows)
+        _tails(figure.add_subplot(grid[lines, :] if len(rows) > 1 else grid[0, 1]), rows, error_of)
         title(figure, "Surrogates on runs that were kept out of the fit")
     return figure
 
 
-def _parity(ax: Axes, row: HeldOut, ends: tuple[float, float]) -> PolyCollection:
+def _parity(ax: Axes, row: HeldOut, ends: tuple[float, float], what: str) -> PolyCollection:
     low, high = (float(v) for v in np.log10(ends))
     # The palest blues are left out: a cell with a single run must be seen on white.
     look: dict[str, Any] = {"cmap": ListedColormap(colormaps["Blues"](np.linspace(0.3, 1.0, 256)))}
@@ -139,12 +147,13 @@ def _parity(ax: Axes, row: HeldOut, ends: tuple[float, float]) -> PolyCollection
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-        axis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("true stiffness (N/mm)")
+        # Ticks are what takes time to draw; 1, 2 and 5 are enough.
+        axis.set_minor_locator(NullLocator())
+    ax.set_xlabel(f"true {what}")
     return cells
 
 
-def _tails(ax: Axes, rows: Sequence[HeldOut]) -> None:
+def _tails(ax: Axes, rows: Sequence[HeldOut], error_of: str) -> None:
     """Share of the runs with a larger error. A surrogate that is exact by comparison is only named."""
     largest = max(float(row.relative_error.max()) for row in rows)
     ax.set_xscale("log")
@@ -155,7 +164,7 @@ def _tails(ax: Axes, rows: Sequence[HeldOut]) -> None:
         error = np.sort(row.relative_error)
         rms = float(np.sqrt(np.mean(error**2)))
         marks = {"RMS": rms, "95 %": float(np.quantile(error, 0.95)), "max": float(error[-1])}
-        text = f"{row.name}: " + ", ".join(f"{key} {_percent(value)}" for key, value in marks.items())
+        text = f"{row.name}: " + ", ".join(f"{key} {percent_label(value)}" for key, value in marks.items())
         text += "" if row in shown else " (left of the axis)"
         share = 1.0 - np.arange(len(error)) / len(error)
         kept = slice(None) if row in shown else slice(0)
@@ -171,14 +180,15 @@ def _tails(ax: Axes, rows: Sequence[HeldOut]) -> None:
     ax.set_xlim(max(0.02 * middle, 1e-17), 2.0 * max(largest, 1e-16))
     ax.set_ylim(0.5 / max(len(row.true_N_per_mm) for row in rows), 1.4)
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda v, _: _percent(float(v))))
-        axis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("relative error of the compliance (%)")
+        axis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
+        axis.set_minor_locator(NullLocator())
+    ax.set_xlabel(f"relative error of the {error_of} (%)")
     ax.set_ylabel("runs with a larger error (%)")
     # The layout leaves room for the last legend only, so the one inside comes first.
     ax.add_artist(ax.legend(handles=keys, loc="lower left", borderaxespad=0.6))
     above(ax, lines, 1)
 
 
-def _percent(value: float) -> str:
+def percent_label(value: float) -> str:
+    """A relative error as a label of an axis, in percent."""
     return f"{100.0 * value:.0f} %" if value >= 0.1 else f"{float(f'{100.0 * value:.2g}'):g} %"

@@ -118,7 +118,9 @@ def _figures(
     drawn = [
         name
         for name, field in data.fields.items()
-        if name not in NOT_DRAWN and np.isfinite(np.asarray(field.values)[reached]).any()
+        if name not in NOT_DRAWN
+        and not name.startswith("compliance_")
+        and np.isfinite(np.asarray(field.values)[reached]).any()
     ]
     facts = "; ".join(words for key in ("pose", "load") if (words := data.metadata.get(key)))
     return draw_map_figures(

@@ -16,7 +16,6 @@ from surrogate.expansion import Expansion
 from surrogate.model import COMPLIANCE
 from surrogate.peer_comparison import PeerResult, compare_with_peers
 from surrogate.peer_estimators import OwnCandidate
-from surrogate.training import HELD_OUT_UNIFORM
 
 Array = NDArray[np.float64]
 
@@ -43,7 +42,7 @@ def compare(trained: Trained, progress: Callable[[int, int], None] | None = None
         training.value,
         held.Q,
         held.value,
-        boundary=np.arange(len(held.Q)) >= HELD_OUT_UNIFORM,
+        boundary=np.arange(len(held.Q)) >= trained.uniform,
         own={f"ours, {s.basis}": _own(s, trained.seconds[s.basis]) for s in trained.surrogates},
         progress=count,
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from robots import Robot
 from robots.errors import InputError
-from robots.singularity import NEAR_SINGULAR, singularity
+from robots.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate.error_bars import NORMAL_95
 from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
 from surrogate.scope import Flags, Scope, count_rows
@@ -32,7 +32,8 @@ class QueryResult:
     model_error, parameter_error : (n,) its two parts; the second is NaN where nothing is known of the parameters
     inside_domain : (n,) each input within the domain
     reachable : (n,) the couplings hold
-    singularity : (n,) see :func:`robots.singularity.singularity`; NaN if the robot is not known
+    singularity : (n,) smallest singular value of the Jacobian at the tool point, lengths over the arm's
+        (:func:`robots.singularity_distance`); NaN if the robot is not known
     open : row -> what the calibration left open and what matters there: its error bar is a lower bound
     faults : row -> what is wrong with it, in words, for all rows outside
     """
@@ -98,7 +99,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     near = (
         np.full(len(poses), np.nan)
         if surrogate.kinematics is None
-        else singularity(surrogate.kinematics, full_poses(surrogate.kinematics, surrogate, poses))
+        else _smallest_singular_value(surrogate, surrogate.kinematics, poses)
     )
     faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
     return QueryResult(
@@ -126,6 +127,10 @@ def _bars(surrogate: Surrogate, poses: Array, good: Flags) -> tuple[Array, Array
         own = predict(surrogate, poses[good])
         parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
     return model, parameters
+
+
+def _smallest_singular_value(surrogate: Surrogate, robot: Robot, poses: Array) -> Array:
+    return singularity_distance(robot, full_poses(robot, surrogate, poses)).sigma_min
 
 
 def _left_open(surrogate: Surrogate, poses: Array, good: Flags) -> dict[int, tuple[str, ...]]:

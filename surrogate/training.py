@@ -60,7 +60,7 @@ class Trained:
 
     ``held_out``: the uniform poses, then those on the boundary; ``predicted`` maps a basis to its values there (n,).
     ``refused``: basis -> why it could not be fitted. ``rounds``: what refinement did, in words. ``seconds``: what each
-    fit took with its own runs and judgement.
+    fit took with its own runs and judgement. ``uniform``: how many of ``held_out`` are uniform poses.
     """
 
     surrogates: tuple[Surrogate, ...]
@@ -70,6 +70,7 @@ class Trained:
     refused: Mapping[str, str]
     rounds: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
+    uniform: int = 0
 
     @property
     def best(self) -> Surrogate:
@@ -154,7 +155,7 @@ def train(
         raise InputError("fit: no basis could be fitted: " + "; ".join(f"{n}: {why}" for n, why in refused.items()))
     fitted.sort(key=_merit)
     predicted: dict[str, Array] = {s.basis: predict(s, ways.audit.Q) for s in fitted}
-    return Trained(tuple(fitted), training, ways.audit, predicted, refused, tuple(rounds), seconds)
+    return Trained(tuple(fitted), training, ways.audit, predicted, refused, tuple(rounds), seconds, ways.uniform)
 
 
 def _merit(one: Surrogate) -> tuple[float, bool]:

@@ -71,7 +71,7 @@ def fit(
 ) -> None:
     """Learn a surrogate from joint angles to structural stiffness, judged on runs it has not seen."""
     with user_errors(debug):
-        from stiffarm import learning, payloads, portable_files, tables
+        from stiffarm import learning, payloads, portable_files, surrogate_report, tables
         from surrogate import save_surrogate
         from surrogate.least_squares import SOLVERS
         from surrogate.training import BasisChoice
@@ -125,6 +125,9 @@ def fit(
                     content["comparison"] = surrogate_comparison.compare(trained, bar)
                 folder.write_text("surrogate_comparison.csv", surrogate_comparison.table(content["comparison"]))
                 content["files"].append("surrogate_comparison.csv")
+            with folder.timed("report"):
+                title = given.description.title.split(" (")[0]
+                content["files"] += surrogate_report.write_report(trained, content, folder, title=title, model=model)
             folder.write_json("surrogate_errors.json", content)
         if as_json:
             emit_json(content)

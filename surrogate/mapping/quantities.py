@@ -12,6 +12,7 @@ import fem
 from fem.budget import whole_joints
 from robots import InputError, singularity_distance
 from robots.robot import Robot
+from robots.singularities import NEAR_SINGULAR
 from surrogate.mapping.orientation import unit_vector
 
 Array = NDArray[np.float64]
@@ -20,9 +21,6 @@ Bools = NDArray[np.bool_]
 N_PER_M_TO_N_PER_MM = 1e-3
 # Share of a pose's whole compliance below which that along the load is rounding.
 RIGID = 1e-14
-# Smallest singular value of the Jacobian (lengths over the arm's) below which a pose is near a singular one: a hand
-# then turns or moves in some direction a hundred times slower than its joints.
-NEAR_SINGULAR = 0.01
 
 
 @dataclass(frozen=True)
@@ -33,6 +31,18 @@ class Kind:
     name: str
     unit: str
     label: str
+
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+# Entries of the compliance matrix, upper triangle: displacement of row by load of column.
+_ENTRIES = tuple((i, j) for i in range(6) for j in range(i, 6))
+
+
+def _entry(i: int, j: int) -> Kind:
+    """One entry of the 6 x 6 compliance, SI."""
+    unit = ("m/N", "1/N", "rad/Nm")[(i > 2) + (j > 2)]
+    name = f"compliance_{_AXES[i]}_{_AXES[j]}_{unit.replace('1/', 'per_').replace('/', '_per_')}"
+    return Kind("compliance", name, unit, f"compliance {_AXES[i]} by {'force' if j < 3 else 'moment'} {_AXES[j][-1]}")
 
 
 KINDS: tuple[Kind, ...] = (
@@ -49,6 +59,7 @@ KINDS: tuple[Kind, ...] = (
     Kind("uncertainty", "uncertainty_percent", "percent", "standard uncertainty of the stiffness"),
     Kind("singular", "jacobian_smallest_singular_value", "", "smallest singular value of the Jacobian"),
     Kind("singular", "near_singular", "", "near a singular pose"),
+    *(_entry(i, j) for i, j in _ENTRIES),
 )
 SHORTS: tuple[str, ...] = tuple(dict.fromkeys(kind.short for kind in KINDS))
 # Those by which a pose may be chosen.
@@ -117,9 +128,12 @@ class Quantities:
         """
         out: dict[str, Array] = {}
         wanted = set(self.wanted)
-        if wanted & {"stiffness", "worst", "best", "isotropy", "k_fs", "directions"} or self.parts:
-            C = self.compliance(q)[:, :3, :3]
+        if wanted & {"stiffness", "worst", "best", "isotropy", "k_fs", "directions", "compliance"} or self.parts:
+            whole = self.compliance(q)
+            C = whole[:, :3, :3]
             out |= self._of_compliance(C)
+            if "compliance" in wanted:
+                out |= {_entry(i, j).name: whole[:, i, j] for i, j in _ENTRIES}
         if self.parts:
             share = self._shares(q, C)
             known = np.isfinite(share[:, 0])
@@ -221,8 +235,9 @@ def some_pose(robot: Robot) -> Array:
 
 
 def available(model: fem.ArmModel, *, k_fs: bool, uncertainty: bool) -> tuple[str, ...]:
-    """Quantities that a map of this model has by default: all but the directions and what there is no means for."""
-    without = {"directions"} | ({"k_fs"} if not k_fs else set()) | ({"uncertainty"} if not uncertainty else set())
+    """What a map has by default: all but directions, the matrix, and what there is no means for."""
+    without = {"directions", "compliance"}
+    without |= {short for short, given in (("k_fs", k_fs), ("uncertainty", uncertainty)) if not given}
     return tuple(short for short in SHORTS if short not in without)
 
 

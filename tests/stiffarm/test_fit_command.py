@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import json
 import subprocess
@@ -45,8 +46,9 @@ def portable(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
 def test_all_formats_are_written_and_named(portable: tuple[Path, Outcome]) -> None:
     folder, outcome = portable
     files = {"surrogate.json", "surrogate.onnx", "surrogate.h", "surrogate_snippet.py"}
-    assert set(outcome.json["files"]) == files
-    assert set(tree(folder)) == files | {"surrogate_polynomial.json", "surrogate_errors.json", "run.json"}
+    assert files <= set(outcome.json["files"]) <= set(tree(folder))
+    assert {"surrogate_polynomial.json", "surrogate_errors.json", "run.json"} <= set(tree(folder))
+    assert "report.html" in outcome.json["files"]
 
 
 def test_the_onnx_file_says_what_the_surrogate_does(portable: tuple[Path, Outcome]) -> None:
@@ -71,7 +73,7 @@ def test_the_python_file_says_so_too_without_any_package(portable: tuple[Path, O
     done = subprocess.run(  # noqa: S603 - our own interpreter
         [sys.executable, "-S", "-c", code], cwd=folder, env=environment(), capture_output=True, text=True, check=True
     )
-    value = float(np.ravel(eval(done.stdout, {"__builtins__": {}}))[0])  # noqa: S307 - our own numbers
+    value = float(np.ravel(ast.literal_eval(done.stdout))[0])
     assert 1e-3 / value == pytest.approx(row["stiffness_N_per_mm"], rel=1e-5)  # six significant digits
 
 
@@ -231,7 +233,7 @@ def test_the_matrix_beside_a_row_at_which_it_would_overflow(cli: Command, tmp_pa
     description = load_description("kr60-3")
     law = LogPolynomialLaw(
         kind="log-polynomial", inputs=("q2_deg",), centre_deg=(0.0,), half_range_deg=(90.0,),
-        exponents=((0,), (6,)), coefficients=(13.0, 0.1), source="assumed",
+        exponents=((0,), (6,)), coefficients=(13.0, -0.1), source="assumed",
     )  # fmt: skip
     joints = tuple(j.model_copy(update={"stiffness": law}) if j.name == "j2" else j for j in description.joint)
     (tmp_path / "model.toml").write_text(to_toml(description.model_copy(update={"joint": joints})), encoding="utf-8")

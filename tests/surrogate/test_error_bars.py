@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 from robots import InputError, load_description
 from surrogate import scope_of, task_of, train
 from surrogate.basis import make_basis
-from surrogate.error_bars import NORMAL_95, ErrorBars, ParameterBars, learn_bars
+from surrogate.error_bars import MATTERS, NORMAL_95, ErrorBars, ParameterBars, learn_bars
 from surrogate.model import predict, predict_compliance
 from surrogate.query import query
 
@@ -127,6 +127,33 @@ def test_gradients_of_several_parameters_add_in_squares():
     np.testing.assert_allclose(bars.relative_sd(poses(5, 2), np.full(5, 10.0)), 0.5, rtol=1e-12)
 
 
+def test_what_the_readings_left_open_is_named_where_it_matters(barred):
+    basis = make_basis("polynomial", barred.lower, barred.upper, 1)
+    none = basis.expansion(np.zeros((4, 1)))
+    # Rows are 1, then the third, second and first angle: j5 matters in half of the range of the first.
+    share = basis.expansion(np.array([[0.001, MATTERS], [0.0, 0.0], [0.0, 0.0], [0.0, 0.01]]))
+    one = replace(barred, parameters=ParameterBars(none, ("j2",), undetermined=("j4", "j5"), open_share=share))
+    Q = poses(40, K, 3)
+    answer = query(one, Q)
+    middle = 0.5 * (barred.lower[0] + barred.upper[0])
+    assert answer.open == {int(i): ("j5",) for i in np.flatnonzero(Q[:, 0] > middle)}
+    assert 0 < len(answer.open) < 40
+    # Rows without a value say nothing.
+    outside = np.vstack([Q[Q[:, 0] > middle][:1], barred.upper + 0.1])
+    assert set(query(one, outside).open) == {0}
+
+
+@pytest.mark.parametrize(
+    "changes", [{"misfit": -1.0}, {"misfit": np.nan}, {"undetermined": ("j4",)}, {"open_share": "own"}]
+)
+def test_parameter_bars_that_make_no_sense_are_refused(changes):
+    scope = planar_scope(2)
+    expansion = make_basis("polynomial", scope.lower, scope.upper, 1).expansion(np.ones((3, 1)))
+    changes = {name: expansion if value == "own" else value for name, value in changes.items()}
+    with pytest.raises(InputError, match="uncertainty of parameters"):
+        ParameterBars(expansion, ("j2",), **changes)
+
+
 def calibrated(name, links, dof=1e6):
     """A robot with constant springs known to 5 %, all correlated, as a description with the table and its model."""
     import sys
@@ -142,8 +169,7 @@ def calibrated(name, links, dof=1e6):
     return um.with_table(given, um.table_of(given, names, dof=dof), links)
 
 
-@pytest.mark.parametrize("dof", [1e6, 6.0])
-@pytest.mark.parametrize(("name", "links"), [("kr60-3", "rigid"), ("xr701", "beam")])
+@pytest.mark.parametrize(("name", "links", "dof"), [("kr60-3", "rigid", 1e6), ("xr701", "beam", 6.0)])
 def test_the_calibrations_part_is_what_propagation_says(name, links, dof):
     from doe.propagation import parameter_uncertainty, propagate
     from fem import build_model

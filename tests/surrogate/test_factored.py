@@ -170,6 +170,7 @@ def test_five_inputs():
     assert off(one, task, poses(task)) < EXACT
 
 
+@pytest.mark.slow
 def test_all_six_inputs_of_a_tool_off_the_axis():
     model = sprung("tx200")
     # The force sensor's compliance is not the same about all axes, so that the last joint matters.

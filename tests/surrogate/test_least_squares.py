@@ -46,6 +46,14 @@ def test_ridge_beats_qr_where_runs_hardly_determine_the_terms(rng):
     assert fresh.shape == A.shape
 
 
+def test_ridge_hardly_penalises_what_the_runs_say_without_noise(rng):
+    A, truth = 1e3 * rng.normal(size=(80, 20)), rng.normal(size=20)
+    found = solve(A, A @ truth, "ridge")
+    # The least penalty that is tried is 1e-14 of a column's square: nothing of the coefficients is lost.
+    np.testing.assert_allclose(found.coefficients[:, 0], truth, rtol=1e-9)
+    assert found.penalty < 1e-6 * np.sum(A[:, 0] ** 2)
+
+
 @pytest.mark.parametrize("solver", ["qr", "ridge"])
 def test_more_terms_than_runs_are_refused(solver, rng):
     with pytest.raises(InputError, match=r"has 9 terms, but there are 8 runs.*add runs, lower the degree"):

@@ -10,7 +10,7 @@ from arm_cases import COUPLED, arm_compliance, few_runs, fitted, poses, sprung
 
 from fem import compliance, directional_stiffness
 from robots.errors import InputError
-from robots.singularity import NEAR_SINGULAR, singularity
+from robots.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate import compliance_matrix, full_poses, query, scope_of, task_of, train
 from surrogate.model import Quantity, predict, predict_compliance
 
@@ -167,7 +167,7 @@ def test_near_singular_poses_are_flagged(arm):
     Q[:100, 3] = 0.0  # a straight wrist
     answer = query(one, Q)
     np.testing.assert_array_equal(
-        answer.singularity, singularity(task.model.robot, full_poses(task.model.robot, one, Q))
+        answer.singularity, singularity_distance(task.model.robot, full_poses(task.model.robot, one, Q)).sigma_min
     )
     assert answer.near_singular[:100].all()
     assert answer.answered[:100].all()

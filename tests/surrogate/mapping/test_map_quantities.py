@@ -141,7 +141,17 @@ def test_many_poses_at_once_are_the_same_as_few(rng: np.random.Generator) -> Non
 def test_names_carry_units() -> None:
     shorts = {field_of(name).short for name in ("stiffness_N_per_mm", "softest_part", "uncertainty_percent")}
     assert shorts == {"stiffness", "softest", "uncertainty"}
-    assert set(available(kr60(), k_fs=True, uncertainty=True)) == set(SHORTS) - {"directions"}
+    assert set(available(kr60(), k_fs=True, uncertainty=True)) == set(SHORTS) - {"directions", "compliance"}
+
+
+def test_the_matrix_is_that_of_the_model_entry_by_entry(rng: np.random.Generator) -> None:
+    q = poses(kr60(), 20, rng)
+    found = of(kr60(), "compliance").values(q)
+    C = fem.compliance(kr60(), q)
+    assert len(found) == 21
+    names = {"compliance_x_x_m_per_N": (0, 0), "compliance_y_rz_per_N": (1, 5), "compliance_rx_rz_rad_per_Nm": (3, 5)}
+    for name, (i, j) in names.items():
+        np.testing.assert_allclose(found[name], C[:, i, j], rtol=1e-9, atol=1e-20)
 
 
 @pytest.mark.parametrize(

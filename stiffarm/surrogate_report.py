@@ -1,0 +1,213 @@
+"""report.html of a fit: which basis was taken and why, how wrong it is and where, whether its error bars hold."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stiffarm import __version__
+from stiffarm.answers import value_name
+from stiffarm.figures_surrogate import HeldOut, surrogate_quality_figure
+from stiffarm.figures_surrogate_bars import JudgedBars, chance, error_bars_figure, error_over_inputs_figure, parts
+from stiffarm.outputs import OutputFolder
+from stiffarm.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.story_blocks import Pictures, percent
+from stiffarm.surrogate_sections import answer_section, comparison_section, known_by, usage_section
+from stiffarm.surrogate_words import basis_words, choice_words, doubts, size_words
+from surrogate import Surrogate, Trained
+from surrogate.model import COMPLIANCE
+from surrogate.training import NOTHING
+
+Array = NDArray[np.float64]
+
+
+def write_report(
+    trained: Trained, content: dict[str, Any], folder: OutputFolder, *, title: str, model: str, stem: str = "surrogate"
+) -> list[str]:
+    """Draw the figures and write report.html; the names of the files that a reader opens.
+
+    Parameters
+    ----------
+    content : what ``surrogate_errors.json`` says (`payloads.trained`, with ``files`` and maybe ``comparison``)
+    title, model : of the robot, and as the command was given it
+    stem : of the surrogates' files ``<stem>_<basis>.json``, which are in the folder already
+    """
+    pictures = Pictures(folder)
+    bars = _judged(trained)
+    known = known_by(trained)
+    sections = [
+        _choice(trained, content, folder, stem),
+        _quality(trained, pictures),
+        _honesty(trained, bars, pictures),
+        _where(trained, bars, pictures),
+        answer_section(trained, known),
+        *([comparison_section(content["comparison"])] if content.get("comparison") else []),
+        usage_section(trained, content["files"], model),
+    ]
+    best = trained.best
+    lede = (
+        f"{best.quantity.label[0].upper()}{best.quantity.label[1:]} over {len(best.inputs)} joint coordinates, learned "
+        f"from {best.errors.n_train} runs of the model and judged on {len(trained.held_out.Q)} runs that neither the "
+        "fit nor the error bars have seen."
+    )
+    key = [
+        KeyFigure(best.basis, "basis taken"),
+        KeyFigure(percent(best.errors.rms_relative), "RMS relative error on runs kept out"),
+        KeyFigure(percent(best.errors.max_relative), "largest relative error there"),
+        KeyFigure(f"{100.0 * best.errors.coverage95:.1f} %", "of these runs inside the 95 % error bars"),
+    ]
+    if known is not None:
+        key.append(KeyFigure(f"± {percent(known.median)}", "by what the calibration does not know, median pose, 95 %"))
+    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
+    question = "which surrogate, and how far to trust it?"
+    folder.write_text("report.html", render(title, lede, key, sections, footer, question))
+    return ["report.html"]
+
+
+def _judged(trained: Trained) -> list[JudgedBars]:
+    """Errors and bars of every surrogate on the uniform runs kept out."""
+    held, n = trained.held_out, trained.uniform
+    out = []
+    for i, one in enumerate(trained.surrogates):
+        assert one.bars is not None  # noqa: S101 - training has judged it
+        error = np.abs(trained.predicted[one.basis][:n] / held.value[:n] - 1.0)
+        out.append(JudgedBars(one.basis, error, one.bars.half_width(held.Q[:n]), i))
+    return out
+
+
+def _choice(trained: Trained, content: dict[str, Any], folder: OutputFolder, stem: str) -> Section:
+    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst inside", "worst, limits too", "6 x 6 worst",
+               "inside bars", "condition", "file")  # fmt: skip
+    rows = tuple(_row(s, folder.path(f"{stem}_{s['basis']}.json").stat().st_size) for s in content["surrogates"])
+    rows += tuple((name, "not fitted", *("–",) * (len(columns) - 2)) for name in content["not_fitted"])
+    n, edge = trained.uniform, len(trained.held_out.Q) - trained.uniform
+    blocks: list[Block] = [
+        Text(choice_words(trained)),
+        *(Note(f"{text}.") for text in doubts(trained)),
+        Table(
+            f"Relative errors of the {content['quantity']} on runs kept out", columns, rows, text_columns=(0,), best=0
+        ),
+        Text(
+            f"RMS and “95 % below” are over {n} uniform poses and {edge} poses on the limits of the joints together; "
+            f"“worst inside” is over the uniform ones alone. “6 x 6 worst”: largest error of the whole compliance "
+            "matrix, by its Frobenius norm. “Condition”: condition number of the least squares matrix."
+        ),
+        Bullets(tuple(f"{s.basis}: {basis_words(s)}" for s in trained.surrogates)),
+    ]
+    if content["not_fitted"]:
+        blocks.append(Bullets(tuple(f"{name} was not fitted: {why}" for name, why in content["not_fitted"].items())))
+    if content["refinement"]:
+        blocks += [Text("Runs were added where the error bars are widest:"), Bullets(tuple(content["refinement"]))]
+    return Section("Which basis, and why", tuple(blocks))
+
+
+def _row(s: dict[str, Any], size: int) -> tuple[str, ...]:
+    matrix = s["matrix_max_relative_error"]
+    return (
+        s["basis"],
+        str(s["terms"]),
+        str(s["runs_fitted"]),
+        percent(s["rms_relative_error"]),
+        percent(s["p95_relative_error"]),
+        percent(s["interior_max_relative_error"]),
+        percent(s["max_relative_error"]),
+        "–" if matrix is None else percent(matrix),
+        f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %",
+        f"{s['condition_number']:.0e}",
+        size_words(size),
+    )
+
+
+def _quality(trained: Trained, pictures: Pictures) -> Section:
+    best, true = trained.best, trained.held_out.value
+    name, factor = value_name(best)
+    of_compliance = best.quantity.name == COMPLIANCE
+    unit = "N/mm" if name.endswith("_N_per_mm") else "–"
+    rows, remarks = [], []
+    for basis, y in trained.predicted.items():
+        valid = y > 0.0
+        if not valid.all():
+            remarks.append(f" {basis} gives no positive value at {np.count_nonzero(~valid)} runs, which are left out.")
+        if valid.any():
+            shown = (1.0 / true[valid], 1.0 / y[valid]) if of_compliance else (true[valid], y[valid])
+            rows.append(HeldOut(basis, factor * shown[0], factor * shown[1], of_compliance))
+    what = f"{name.removesuffix('_N_per_mm')} ({unit})"
+    caption = (
+        "Each cell counts runs; on the line the surrogate is right. The last panel tells how many runs have a larger "
+        "error than a given one: further left is better." + "".join(remarks)
+    )
+    figure = surrogate_quality_figure(rows, what, best.quantity.name)
+    return Section("Predicted against true", (pictures.add(figure, "predicted_and_true", caption),))
+
+
+def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:
+    chosen = bars[0]
+    tenths = parts(chosen)
+    low, high = min(p.inside for p in tenths), max(p.inside for p in tenths)
+    spread = chance(min(p.runs for p in tenths))
+    honest = low >= 0.95 - 2.0 * spread
+    words = (
+        f"Of {len(chosen.error)} uniform runs {100.0 * chosen.inside:.1f} % lie inside the 95 % bars of the "
+        f"{chosen.name} basis. By tenths of the runs, from its narrowest bars to its widest, {100.0 * low:.1f} to "
+        f"{100.0 * high:.1f} % do. "
+        + (
+            "They hold where they are narrow and where they are wide."
+            if honest
+            else f"Where they are narrowest {100.0 * tenths[0].inside:.1f} % do, where they are widest "
+            f"{100.0 * tenths[-1].inside:.1f} %: right over all runs, but not in each tenth alone."
+        )
+        + (" At errors below a millionth this is of no account." if _tiny(chosen) else "")
+    )
+    rows = tuple(
+        (str(i + 1), str(p.runs), percent(p.half_width), percent(p.error), f"{100.0 * p.inside:.1f} %")
+        for i, p in enumerate(tenths)
+    )
+    columns = ("tenth", "runs", "half-width, median", "error, median", "inside")
+    caption = (
+        "Left: error over the half-width of its bar; at 1 a run leaves its bar, which 5 % should do. Right: the share "
+        "inside where bars are narrow and where they are wide. The bars were learned from other runs than these."
+    )
+    blocks: tuple[Block, ...] = (
+        Text(words),
+        pictures.add(error_bars_figure(bars), "error_bars", caption),
+        Table(f"Error bars of the {chosen.name} basis by their width", columns, rows, folded=True),
+        Text(
+            "The promise is for poses drawn evenly over the domain. For poses that all lie at a limit, say, the share "
+            "may be another."
+        ),
+    )
+    return Section("Do the error bars hold", blocks)
+
+
+def _tiny(row: JudgedBars) -> bool:
+    return float(np.quantile(row.error, 0.95)) <= NOTHING
+
+
+def _where(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:
+    """Errors over the inputs, of the surrogates whose errors are worth a look."""
+    best, n = trained.best, trained.uniform
+    shown = [row for row in bars if not _tiny(row)]
+    small = [row.name for row in bars if row not in shown]
+    small_words = f"Errors of {' and '.join(small)} are below a millionth and not drawn." if small else ""
+    if not shown:
+        return Section("Where the error is large", (Text(f"Nowhere. {small_words}"),))
+    degrees = np.degrees(trained.held_out.Q[:n])
+    caption = (
+        "Runs in equal widths of one coordinate, whatever the others are. Solid: 95 % of the runs are below; dashed: "
+        f"their median. {small_words}"
+    )
+    figure = error_over_inputs_figure(shown, best.inputs, degrees)
+    blocks: list[Block] = [Bullets(tuple(_worst_words(best, row, degrees) for row in shown))]
+    return Section("Where the error is large", (*blocks, pictures.add(figure, "error_over_inputs", caption)))
+
+
+def _worst_words(best: Surrogate, row: JudgedBars, degrees: Array) -> str:
+    i = int(np.argmax(row.error))
+    pose = ", ".join(f"{n.removesuffix('_deg')} {v:.1f}" for n, v in zip(best.inputs, degrees[i], strict=True))
+    where = f"its bar there is {percent(float(row.half_width[i]))}"
+    return (
+        f"{row.name}: the largest error of the uniform runs, {percent(float(row.error[i]))}, is at {pose} deg; {where}."
+    )
