@@ -16,6 +16,7 @@ from surrogate.model import COMPLIANCE
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 # Rows whose flags the screen spells out; files have all.
 _FLAGS_SHOWN = 20
+_ROWS_SHOWN = 50
 
 
 def value_name(surrogate: Surrogate) -> tuple[str, float]:
@@ -40,14 +41,15 @@ def query_rows(
     near = result.near_singular
     rows = []
     for i, (label, row) in enumerate(zip(labels, poses_deg, strict=True)):
-        value, bar = factor * result.value[i], result.relative_error[i]
+        value, bar = float(factor * result.value[i]), float(result.relative_error[i])
         rows.append(
             {
                 "pose": label,
-                **{n: number(v) for n, v in zip(surrogate.inputs, row, strict=True)},
-                name: _finite(value),
-                "low95": _finite(value * (1.0 - bar) if bar < 1.0 else 0.0 * value),
-                "high95": _finite(value * (1.0 + bar)),
+                # In full: a bar may be far below the sixth digit.
+                **{n: float(v) for n, v in zip(surrogate.inputs, row, strict=True)},
+                name: value if np.isfinite(value) else None,
+                "low95": value * max(1.0 - bar, 0.0) if np.isfinite(bar) else None,
+                "high95": value * (1.0 + bar) if np.isfinite(bar) else None,
                 "relative_error95": _finite(bar),
                 "relative_error95_surrogate": _finite(result.model_error[i]),
                 "relative_error95_calibration": _finite(result.parameter_error[i]),
@@ -73,6 +75,10 @@ def flags(result: QueryResult, i: int) -> str:
         out.append(f"near singular ({result.singularity[i]:.2g})")
     if i in result.open:
         out.append(f"error bar is a lower bound: the calibration left {', '.join(result.open[i])} open")
+    if result.rough[i]:
+        out.append("error bar is rough: the calibration's part is too large for its linear propagation")
+    if result.answered[i] and np.isnan(result.relative_error[i]):
+        out.append("no error bar: none was learned for this load direction")
     return "; ".join(out)
 
 
@@ -92,9 +98,11 @@ def show_answers(surrogate: Surrogate, rows: Sequence[dict[str, Any]]) -> None:
                 "-" if r["relative_error95"] is None else f"{100.0 * r['relative_error95']:.2g} %",
                 "see below" if r["flags"] else "",
             ]
-            for r in rows
+            for r in rows[:_ROWS_SHOWN]
         ],
     )
+    if len(rows) > _ROWS_SHOWN:
+        say(f"(the first {_ROWS_SHOWN} of {len(rows)} rows; --out DIR or --json has all)")
     for r in rows[:_FLAGS_SHOWN]:
         if r["flags"]:
             say(f"pose {r['pose']}: {r['flags']}")

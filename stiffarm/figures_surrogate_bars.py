@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 LEVEL: Final = 0.95
 PARTS: Final = 10
+# Errors over half-widths beyond this are not drawn.
+MOST_SHOWN: Final = 6.0
 # Half-width of a normal distribution's 95 % interval, in standard deviations.
 _NORMAL_95 = 1.96
 # Widths of an input's range that errors are gathered in, and the fewest runs that a 95th percentile is taken of.
@@ -98,7 +100,7 @@ def _ratios(ax: Axes, rows: Sequence[JudgedBars]) -> None:
         lines += ax.plot(ratio, share, color=SERIES[row.colour % len(SERIES)], label=label)
     ax.set_yscale("log")
     most = max(float(np.max(row.error / np.maximum(row.half_width, 1e-300))) for row in rows)
-    ax.set_xlim(0.0, min(max(1.6, 1.05 * most), 6.0))
+    ax.set_xlim(0.0, min(max(1.6, 1.05 * most), MOST_SHOWN))
     ax.set_ylim(0.5 / max(len(row.error) for row in rows), 1.3)
     ax.axvline(1.0, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     ax.axhline(1.0 - LEVEL, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
@@ -120,7 +122,7 @@ def _shares(ax: Axes, rows: Sequence[JudgedBars]) -> None:
         least = min(least, *found)
         # Side by side: the points of several surrogates often lie on one another.
         x = np.arange(1, count + 1) + 0.12 * (i - 0.5 * (len(rows) - 1))
-        look = {"color": SERIES[row.colour % len(SERIES)], "marker": MARKERS[row.colour % len(MARKERS)]}
+        look: dict[str, Any] = {"color": SERIES[row.colour % len(SERIES)], "marker": MARKERS[row.colour % len(MARKERS)]}
         handles += ax.plot(x, found, markersize=6, linewidth=1.2, label=row.name, **look)
     spread = chance(min(len(row.error) for row in rows) // count)
     band = ax.axhspan(LEVEL - spread, min(LEVEL + spread, 1.0), color=FAINT, alpha=0.35, linewidth=0)
@@ -166,8 +168,8 @@ def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], 
         for ax in axes[len(inputs) :]:
             ax.set_axis_off()
         # Shared by all panels.
-        low, high = axes[0].get_ylim()
-        subs = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
+        bottom, top = axes[0].get_ylim()
+        subs = (1.0,) if top > 100.0 * bottom else (1.0, 2.0, 5.0)
         axes[0].yaxis.set_major_locator(LogLocator(subs=subs))
         axes[0].yaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
         axes[0].yaxis.set_minor_locator(NullLocator())

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 VERTICAL = (0.0, 0.0, -1.0)
 STIFFNESS = "stiffness"
+# A held-out RMS error that no stiffness should be trusted with.
+POOR = 0.1
 # Fixed coordinates that change the quantity by less are not worth a word.
 _WORTH_A_WORD = 1e-6
 
@@ -54,7 +56,12 @@ def index_quantity(
     def values(q: Array) -> Array:
         return evaluate(name, compliance(model, q)[:, :3, :3], normal, force)
 
-    return Quantity(name, "N/m" if index.degree else "1", f"{name}, {index.formula}"), values
+    with_what = "".join(
+        f", {need} ({', '.join(f'{v + 0.0:.6g}' for v in given)})"
+        for need, given in (("normal", normal), ("force", force))
+        if need in index.uses and given is not None
+    )
+    return Quantity(name, "N/m" if index.degree else "1", f"{name}, {index.formula}{with_what}"), values
 
 
 def learning_task(
@@ -129,6 +136,8 @@ def learn(
         f"{what}: {error.basis}, held-out relative error {error.rms_relative:.1e} RMS, {error.max_relative:.1e} worst; "
         f"{100.0 * error.coverage95:.1f} % inside the 95 % error bars"
     )
+    if error.rms_relative > POOR:
+        say(f"note: a poor surrogate: {100.0 * error.rms_relative:.3g} % RMS; take another --basis or more --runs")
     for line in (*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())):
         say(f"note: {line}")
     for name, change in trained.best.fixed_influence.items():

@@ -12,6 +12,7 @@ from fem import ArmModel, PartKind
 from fem.budget import part_kinds
 from robots import InputError, ModelDescription, content_hash, singularity_distance
 from robots.robot import Robot
+from robots.singularities import NEAR_SINGULAR
 from stiffarm import __version__
 from stiffarm.figure_parts import joint_colour, paler
 from stiffarm.maps import middle_pose
@@ -20,7 +21,6 @@ from stiffarm.picture_style import OKABE_ITO, STIFFNESS_COLOURS
 from stiffarm.robot_bodies import framed_bodies
 from stiffarm.robot_drawing import ROBOT_COLOURS
 from surrogate.mapping.data import Field, Layout, MapData
-from surrogate.mapping.quantities import NEAR_SINGULAR
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

@@ -8,7 +8,7 @@ import numpy as np
 
 from robots import InputError
 from stiffarm.outputs import OutputFolder
-from surrogate import Surrogate
+from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.portable import Link, Portable, c_header, python_snippet, write_onnx
 
@@ -85,11 +85,13 @@ def _meaning(surrogate: Surrogate, matrix: bool) -> tuple[str, ...]:
     return ()
 
 
-def write(surrogate: Surrogate, formats: tuple[str, ...], folder: OutputFolder, *, matrix: bool = False) -> list[str]:
+def write(trained: Trained, formats: tuple[str, ...], folder: OutputFolder, *, matrix: bool = False) -> list[str]:
     """Write the formats asked for; returns the names of the files."""
     if not formats:
         return []
-    content = portable(surrogate, matrix=matrix)
+    # The matrix is known to the factored basis, even where another is the best along the load.
+    known = [one for one in trained.surrogates if one.has_matrix] if matrix else [trained.best]
+    content = portable(known[0] if known else trained.best, matrix=matrix)
     for name in formats:
         if name == "onnx":
             write_onnx(content, folder.path(FORMATS[name]))

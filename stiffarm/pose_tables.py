@@ -29,10 +29,9 @@ def query_poses(learned: Surrogate, pose: list[str] | None, table: Path | None) 
         return read_pose_table(learned.inputs, learned.fixed_deg, table)
     values = [parse_pairs(text, "--pose", learned.inputs) for text in pose or ()]
     remarks = [
-        f"pose {i + 1}: {name} is not given and taken as 0"
-        for i, v in enumerate(values)
+        f"{'pose' if len(rows) == 1 else 'poses'} {', '.join(rows)}: {name} is not given and taken as 0"
         for name in learned.inputs
-        if name not in v
+        if (rows := [str(i + 1) for i, v in enumerate(values) if name not in v])
     ]
     degrees = np.array([[v.get(name, 0.0) for name in learned.inputs] for v in values])
     return degrees, [str(i + 1) for i in range(len(values))], remarks

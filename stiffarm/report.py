@@ -52,7 +52,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; columns in ``text_columns`` are left-aligned, row ``best`` is highlighted."""
+    """A table; columns in ``text_columns`` are left-aligned, row ``best`` is highlighted.
+
+    ``code_columns``: commands, written as code that never breaks.
+    """
 
     caption: str
     columns: tuple[str, ...]
@@ -60,6 +63,7 @@ class Table:
     text_columns: tuple[int, ...] = (0,)
     best: int = -1
     folded: bool = False
+    code_columns: tuple[int, ...] = ()
     kind: str = "table"
 
 

@@ -11,12 +11,20 @@ from numpy.typing import NDArray
 from stiffarm import __version__
 from stiffarm.answers import value_name
 from stiffarm.figures_surrogate import HeldOut, surrogate_quality_figure
-from stiffarm.figures_surrogate_bars import JudgedBars, chance, error_bars_figure, error_over_inputs_figure, parts
+from stiffarm.figures_surrogate_bars import (
+    LEVEL,
+    MOST_SHOWN,
+    JudgedBars,
+    chance,
+    error_bars_figure,
+    error_over_inputs_figure,
+    parts,
+)
 from stiffarm.outputs import OutputFolder
 from stiffarm.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
-from stiffarm.story_blocks import Pictures, percent
+from stiffarm.story_blocks import Pictures
 from stiffarm.surrogate_sections import answer_section, comparison_section, known_by, usage_section
-from stiffarm.surrogate_words import basis_words, choice_words, doubts, size_words
+from stiffarm.surrogate_words import basis_words, choice_words, doubts, relative, share_words, size_words
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.training import NOTHING
@@ -55,12 +63,12 @@ def write_report(
     )
     key = [
         KeyFigure(best.basis, "basis taken"),
-        KeyFigure(percent(best.errors.rms_relative), "RMS relative error on runs kept out"),
-        KeyFigure(percent(best.errors.max_relative), "largest relative error there"),
-        KeyFigure(f"{100.0 * best.errors.coverage95:.1f} %", "of these runs inside the 95 % error bars"),
+        KeyFigure(relative(best.errors.rms_relative), "RMS relative error on runs kept out"),
+        KeyFigure(relative(best.errors.max_relative), "largest relative error there"),
+        KeyFigure(share_words(best.errors.coverage95), "of these runs inside the 95 % error bars"),
     ]
     if known is not None:
-        key.append(KeyFigure(f"± {percent(known.median)}", "by what the calibration does not know, median pose, 95 %"))
+        key.append(KeyFigure(f"± {relative(known.median)}", "95 % interval by the calibration, median pose"))
     footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
     question = "which surrogate, and how far to trust it?"
     folder.write_text("report.html", render(title, lede, key, sections, footer, question))
@@ -82,7 +90,7 @@ def _choice(trained: Trained, content: dict[str, Any], folder: OutputFolder, ste
     columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst inside", "worst, limits too", "6 x 6 worst",
                "inside bars", "condition", "file")  # fmt: skip
     rows = tuple(_row(s, folder.path(f"{stem}_{s['basis']}.json").stat().st_size) for s in content["surrogates"])
-    rows += tuple((name, "not fitted", *("–",) * (len(columns) - 2)) for name in content["not_fitted"])
+    rows += tuple((name, "not\u00a0fitted", *("–",) * (len(columns) - 2)) for name in content["not_fitted"])
     n, edge = trained.uniform, len(trained.held_out.Q) - trained.uniform
     blocks: list[Block] = [
         Text(choice_words(trained)),
@@ -100,7 +108,10 @@ def _choice(trained: Trained, content: dict[str, Any], folder: OutputFolder, ste
     if content["not_fitted"]:
         blocks.append(Bullets(tuple(f"{name} was not fitted: {why}" for name, why in content["not_fitted"].items())))
     if content["refinement"]:
-        blocks += [Text("Runs were added where the error bars are widest:"), Bullets(tuple(content["refinement"]))]
+        blocks += [
+            Text("Runs were added, half of them where the error bars are widest, half all over:"),
+            Bullets(tuple(content["refinement"])),
+        ]
     return Section("Which basis, and why", tuple(blocks))
 
 
@@ -110,12 +121,12 @@ def _row(s: dict[str, Any], size: int) -> tuple[str, ...]:
         s["basis"],
         str(s["terms"]),
         str(s["runs_fitted"]),
-        percent(s["rms_relative_error"]),
-        percent(s["p95_relative_error"]),
-        percent(s["interior_max_relative_error"]),
-        percent(s["max_relative_error"]),
-        "–" if matrix is None else percent(matrix),
-        f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %",
+        relative(s["rms_relative_error"]),
+        relative(s["p95_relative_error"]),
+        relative(s["interior_max_relative_error"]),
+        relative(s["max_relative_error"]),
+        "–" if matrix is None else relative(matrix),
+        share_words(s["coverage_of_95_percent_bars"]),
         f"{s['condition_number']:.0e}",
         size_words(size),
     )
@@ -146,23 +157,23 @@ def _quality(trained: Trained, pictures: Pictures) -> Section:
 def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:
     chosen = bars[0]
     tenths = parts(chosen)
-    low, high = min(p.inside for p in tenths), max(p.inside for p in tenths)
+    low, high = (pick(range(len(tenths)), key=lambda i: tenths[i].inside) for pick in (min, max))
     spread = chance(min(p.runs for p in tenths))
-    honest = low >= 0.95 - 2.0 * spread
+    honest = tenths[low].inside >= LEVEL - 2.0 * spread
     words = (
-        f"Of {len(chosen.error)} uniform runs {100.0 * chosen.inside:.1f} % lie inside the 95 % bars of the "
-        f"{chosen.name} basis. By tenths of the runs, from its narrowest bars to its widest, {100.0 * low:.1f} to "
-        f"{100.0 * high:.1f} % do. "
+        f"Of {len(chosen.error)} uniform runs {share_words(chosen.inside)} lie inside the 95\u00a0% bars of the "
+        f"{chosen.name} basis. By tenths of the runs, from its narrowest bars (1) to its widest (10), between "
+        f"{share_words(tenths[low].inside)} (tenth {low + 1}) and {share_words(tenths[high].inside)} (tenth "
+        f"{high + 1}) do. "
         + (
             "They hold where they are narrow and where they are wide."
             if honest
-            else f"Where they are narrowest {100.0 * tenths[0].inside:.1f} % do, where they are widest "
-            f"{100.0 * tenths[-1].inside:.1f} %: right over all runs, but not in each tenth alone."
+            else f"In tenth {low + 1} they are too narrow, by more than chance."
         )
         + (" At errors below a millionth this is of no account." if _tiny(chosen) else "")
     )
     rows = tuple(
-        (str(i + 1), str(p.runs), percent(p.half_width), percent(p.error), f"{100.0 * p.inside:.1f} %")
+        (str(i + 1), str(p.runs), relative(p.half_width), relative(p.error), share_words(p.inside))
         for i, p in enumerate(tenths)
     )
     columns = ("tenth", "runs", "half-width, median", "error, median", "inside")
@@ -170,6 +181,9 @@ def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Se
         "Left: error over the half-width of its bar; at 1 a run leaves its bar, which 5 % should do. Right: the share "
         "inside where bars are narrow and where they are wide. The bars were learned from other runs than these."
     )
+    beyond = [row.name for row in bars if bool((row.error > MOST_SHOWN * row.half_width).any())]
+    if beyond:
+        caption += f" Ratios above {MOST_SHOWN:g} ({', '.join(beyond)}) are right of the axis."
     blocks: tuple[Block, ...] = (
         Text(words),
         pictures.add(error_bars_figure(bars), "error_bars", caption),
@@ -183,7 +197,7 @@ def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Se
 
 
 def _tiny(row: JudgedBars) -> bool:
-    return float(np.quantile(row.error, 0.95)) <= NOTHING
+    return float(np.max(row.error)) <= NOTHING
 
 
 def _where(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:
@@ -207,7 +221,5 @@ def _where(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Sect
 def _worst_words(best: Surrogate, row: JudgedBars, degrees: Array) -> str:
     i = int(np.argmax(row.error))
     pose = ", ".join(f"{n.removesuffix('_deg')} {v:.1f}" for n, v in zip(best.inputs, degrees[i], strict=True))
-    where = f"its bar there is {percent(float(row.half_width[i]))}"
-    return (
-        f"{row.name}: the largest error of the uniform runs, {percent(float(row.error[i]))}, is at {pose} deg; {where}."
-    )
+    error, bar = relative(float(row.error[i])), relative(float(row.half_width[i]))
+    return f"{row.name}: the largest error of the uniform runs, {error}, is at {pose} deg; its bar there is {bar}."

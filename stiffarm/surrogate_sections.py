@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from robots.singularities import NEAR_SINGULAR, singularity_distance
 from stiffarm.answers import value_name
 from stiffarm.report import Block, Bullets, Note, Section, Table, Text
-from stiffarm.story_blocks import percent
-from stiffarm.surrogate_words import size_words
+from stiffarm.surrogate_words import relative, share_words, size_words
 from surrogate import Surrogate, Trained, predict, query
 from surrogate.error_bars import MATTERS, NORMAL_95
 from surrogate.model import COMPLIANCE
 from surrogate.query import full_poses
+from surrogate.training import NOTHING
 
 Array = NDArray[np.float64]
 
@@ -88,18 +88,18 @@ def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
     named = ", ".join(p.names[:_NAMED]) + (f" and {len(p.names) - _NAMED} more" if len(p.names) > _NAMED else "")
     blocks: list[Block] = [
         Text(
-            f"The calibration's uncertainty ({named}) makes ± {percent(known.median)} of the {best.quantity.name} at "
-            f"the median pose and ± {percent(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
-            f"surrogate's own bar is ± {percent(known.own_median)} at the median pose. An answer has both parts and "
-            f"their sum of squares. Over the inputs it was learned to {percent(p.misfit)} of its largest value."
+            f"The calibration's uncertainty ({named}) makes ± {relative(known.median)} of the {best.quantity.name} at "
+            f"the median pose and ± {relative(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
+            f"surrogate's own bar is ± {relative(known.own_median)} at the median pose. An answer has both parts, and "
+            f"as its bar the root of the sum of their squares. Over the inputs it was learned to {relative(p.misfit)} of its largest value."
         )
     ]
-    open_words = [f"{name} at {percent(share)} of the poses" for name, share in known.open_share.items() if share > 0]
+    open_words = [f"{name} at {relative(share)} of the poses" for name, share in known.open_share.items() if share > 0]
     if open_words:
         blocks.append(
             Note(
                 f"The calibration left open what may change the {best.quantity.name} by more than "
-                f"{percent(MATTERS)}: {'; '.join(open_words)}. There an error bar is a lower bound, and the answer "
+                f"{relative(MATTERS)}: {'; '.join(open_words)}. There an error bar is a lower bound, and the answer "
                 "says so."
             )
         )
@@ -138,7 +138,7 @@ def _fixed(best: Surrogate) -> list[Block]:
         (
             name.removesuffix("_deg"),
             f"{value:g}",
-            percent(best.fixed_influence[name]) if name in best.fixed_influence else "not known",
+            relative(best.fixed_influence[name]) if name in best.fixed_influence else "not known",
         )
         for name, value in best.fixed_deg.items()
     )
@@ -147,7 +147,9 @@ def _fixed(best: Surrogate) -> list[Block]:
         ("coordinate", "stands at, deg", f"would change the {best.quantity.name} by up to"),
         rows,
     )
-    return [table, Text("What matters and moves should be one of --inputs.")]
+    if max(best.fixed_influence.values(), default=0.0) > NOTHING:
+        return [table, Text("Those that matter and move belong into --inputs.")]
+    return [table]
 
 
 def _flags(trained: Trained) -> str:
@@ -158,7 +160,7 @@ def _flags(trained: Trained) -> str:
     Q = trained.held_out.Q[: trained.uniform]
     sigma = singularity_distance(best.kinematics, full_poses(best.kinematics, best, Q)).sigma_min
     near = float(np.mean(sigma < NEAR_SINGULAR))
-    return f"{text}, and where it is near singular: {percent(near)} of the uniform poses."
+    return f"{text}, and where it is near singular: {relative(near)} of the uniform poses."
 
 
 def comparison_section(rows: Sequence[dict[str, Any]]) -> Section:
@@ -194,13 +196,13 @@ def comparison_section(rows: Sequence[dict[str, Any]]) -> Section:
 
 def _method(r: dict[str, Any]) -> tuple[str, ...]:
     if r["refused"]:
-        return (r["method"], "not fitted", *("–",) * 6)
+        return (r["method"], "not\u00a0fitted", *("–",) * 6)
     return (
         r["method"],
         _share(r["interior_rms"]),
         _share(r["interior_worst"]),
         _share(r["boundary_worst"]),
-        "–" if r["interior_coverage"] is None else f"{100.0 * r['interior_coverage']:.1f} %",
+        "–" if r["interior_coverage"] is None else share_words(r["interior_coverage"]),
         "–" if r["fit_s"] is None else f"{r['fit_s']:.2g}",
         "–" if r["seconds_for_1e5_queries"] is None else f"{r['seconds_for_1e5_queries']:.2g}",
         "–" if r["bytes"] is None else size_words(r["bytes"]),
@@ -208,7 +210,7 @@ def _method(r: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _share(value: float | None) -> str:
-    return "–" if value is None else percent(value)
+    return "–" if value is None else relative(value)
 
 
 def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section:
@@ -221,7 +223,9 @@ def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section
         ("a table of poses, CSV or XLSX", "stiffarm query surrogate.json poses.csv --out answers"),
     ]
     if best.has_matrix:
-        commands.append(("another load direction", f"stiffarm query surrogate.json --pose {pose} --direction 1,0,0"))
+        commands.append(
+            ("another load direction (no error bar)", f"stiffarm query surrogate.json --pose {pose} --direction 1,0,0")
+        )
         commands.append(("the 6 x 6 compliance", f"stiffarm query surrogate.json --pose {pose} --matrix"))
     if best.quantity.name == COMPLIANCE and np.allclose(best.load_direction, (0.0, 0.0, -1.0), atol=1e-9):
         commands.append(("a map over the joints", f"stiffarm map {named} --surrogate surrogate.json --out map"))
@@ -250,6 +254,6 @@ def _example(trained: Trained) -> tuple[str, str]:
     unit = " N/mm" if name.endswith("_N_per_mm") else ""
     what = name.removesuffix("_N_per_mm").replace("_", " ")
     return pose, (
-        f"The answer to the first is a {what} of {factor * found.value[0]:.5g}{unit} ± "
-        f"{percent(float(found.relative_error[0]))} (95 %)."
+        f"The answer to the first: {what} {factor * found.value[0]:.5g}{unit} ± "
+        f"{relative(float(found.relative_error[0]))} (95 %)."
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from stiffarm.figure_parts import power_of_ten
 from stiffarm.story_blocks import percent
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
@@ -34,13 +35,13 @@ def basis_words(one: Surrogate) -> str:
 def choice_words(trained: Trained) -> str:
     """Which basis was taken and why."""
     best, others = trained.best, trained.surrogates[1:]
-    rms = percent(best.errors.rms_relative)
+    rms = relative(best.errors.rms_relative)
     if not others:
         why = (
             "no other basis could be fitted" if trained.refused else "it was asked for by name, and no other was tried"
         )
         return f"The {best.basis} basis is taken: {why}. Its RMS error on runs kept out is {rms}."
-    rest = ", ".join(f"{percent(s.errors.rms_relative)} ({s.basis})" for s in others)
+    rest = ", ".join(f"{relative(s.errors.rms_relative)} ({s.basis})" for s in others)
     if any(s.errors.rms_relative <= NOTHING for s in others):
         alike = "errors below a millionth are all alike, for no arm is known so well"
         better = "it knows all load directions" if best.has_matrix else "of those it was fitted first"
@@ -61,11 +62,12 @@ def doubts(trained: Trained) -> list[str]:
     out = []
     if e.max_relative > LARGE:
         out.append(
-            f"The largest error on runs kept out is {percent(e.max_relative)}: ask for the error bar at each pose"
+            f"The largest error on runs kept out is {relative(e.max_relative)}: ask for the error bar at each pose"
         )
     if not HONEST[0] <= e.coverage95 <= HONEST[1]:
-        out.append(f"The 95 % error bars hold {100.0 * e.coverage95:.1f} % of the runs kept out")
-    out += [f"Accuracy asked for: {line}" for line in trained.rounds if "out of reach" in line or "not met" in line]
+        out.append(f"The 95 % error bars hold {share_words(e.coverage95)} of the runs kept out")
+    own = [line.removeprefix(f"{best.basis}: ") for line in trained.rounds if line.startswith(f"{best.basis}: ")]
+    out += [f"The accuracy asked for is missed: {line}" for line in own if "out of reach" in line or "not met" in line]
     if best.quantity.name == COMPLIANCE and not best.has_matrix:
         d = ", ".join(f"{v:g}" for v in best.load_direction)
         out.append(f"It knows one load direction only, {d} in base axes")
@@ -75,3 +77,13 @@ def doubts(trained: Trained) -> list[str]:
 def size_words(size: int) -> str:
     """Bytes as kB or MB (hard space)."""
     return f"{size / 1e6:.3g}\u00a0MB" if size >= 1e6 else f"{size / 1e3:.3g}\u00a0kB"
+
+
+def share_words(share: float) -> str:
+    """A share of runs in percent, to a tenth (hard space)."""
+    return f"{100.0 * share:.1f}\u00a0%"
+
+
+def relative(value: float) -> str:
+    """A relative error in percent, or as a power of ten where percent would be all zeros."""
+    return power_of_ten(float(f"{value:.0e}")) if 0.0 < value < 1e-6 else percent(value)

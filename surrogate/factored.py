@@ -64,6 +64,7 @@ def fit_factored(
     design: Callable[[int], Array],
     scope: Scope,
     solver: Solver = "qr",
+    runs: int | None = None,
 ) -> FactoredFit:
     """Learn the rows and the weights.
 
@@ -71,6 +72,7 @@ def fit_factored(
     ----------
     run : poses (n, k) rad -> the model's rows there
     design : n -> poses (n, k) rad that fill the domain
+    runs : how many, if not as many as the terms need
 
     Raises
     ------
@@ -81,7 +83,7 @@ def fit_factored(
     terms = _geometry(families)
     if len(terms) > MAX_TERMS:
         raise InputError("factored basis: terms", value=len(terms), allowed=f"at most {MAX_TERMS}")
-    Q = design(max(_FEWEST_RUNS, _RUNS_A_TERM * len(terms)))
+    Q = design(runs or max(_FEWEST_RUNS, _RUNS_A_TERM * len(terms)))
     made = run(Q)
     wanted, part = _flat(made)
     while True:
@@ -95,7 +97,9 @@ def fit_factored(
         if wider is None:
             break
         terms = wider
-        if len(Q) < _RUNS_A_TERM * len(terms):
+        if runs is not None and runs < len(terms):
+            break
+        if runs is None and len(Q) < _RUNS_A_TERM * len(terms):
             Q = design(_RUNS_A_TERM * len(terms))
             made = run(Q)
             wanted, part = _flat(made)

@@ -263,5 +263,5 @@ def refuse(surrogate: Surrogate, y: Array, bad: Flags) -> None:
         raise InputError(
             f"query of {surrogate.robot}: the fit is not valid at {count_rows(bad)}: {rows}",
             allowed=f"a positive, finite {surrogate.quantity.name}",
-            remedy="use the target 'logarithm', the factored basis, more runs or a smaller domain",
+            remedy="fit with --basis factored, with more --runs, or over a smaller domain",
         )

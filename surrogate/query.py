@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +13,13 @@ from robots import Robot
 from robots.errors import InputError
 from robots.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate.error_bars import NORMAL_95
-from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
+from surrogate.model import COMPLIANCE, Surrogate, predict, refuse, unit
 from surrogate.scope import Flags, Scope, count_rows
 
 Array = NDArray[np.float64]
 
+# Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 % (doe.propagation).
+ROUGH_95 = 0.6
 # No structure is as stiff as this, m/N; beyond, 1/c overflows.
 _STIFFEST = 1e-300
 
@@ -28,7 +32,8 @@ class QueryResult:
     ----------
     value : (n,) the quantity in SI; of a compliance its reciprocal, the stiffness in N/m. NaN where not answered
     relative_error : (n,) half-width of the 95 % interval over the value, of model and parameters together. Infinite
-        where the pose is outside of the domain or cannot be reached: nothing is known there
+        where the pose is outside of the domain or cannot be reached: nothing is known there. NaN where no error bar
+        was learned (another load direction)
     model_error, parameter_error : (n,) its two parts; the second is NaN where nothing is known of the parameters
     inside_domain : (n,) each input within the domain
     reachable : (n,) the couplings hold
@@ -53,12 +58,17 @@ class QueryResult:
         """Directional stiffness (n,), for a surrogate of the compliance."""
         return 1e-3 * self.value
 
-    @property
+    @cached_property
     def near_singular(self) -> Flags:
         """Poses near a singularity (`NEAR_SINGULAR`)."""
         return np.asarray(self.singularity < NEAR_SINGULAR)
 
-    @property
+    @cached_property
+    def rough(self) -> Flags:
+        """Poses where the calibration's part is so large that its linear propagation is rough (`ROUGH_95`)."""
+        return np.asarray(np.nan_to_num(self.parameter_error) > ROUGH_95)
+
+    @cached_property
     def answered(self) -> Flags:
         """Rows with a value."""
         return np.isfinite(self.value)
@@ -72,8 +82,8 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     Parameters
     ----------
     extrapolate : give values there too, flagged and without error bar
-    direction : (3,) another force direction, for a factored surrogate; the error bars are those of its own direction
-        and then only an indication
+    direction : (3,) another force direction, for a factored surrogate: values without error bars, which were learned
+        for its own direction
 
     Raises
     ------
@@ -93,8 +103,14 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
         )
     asked = np.ones(len(poses), dtype=np.bool_) if extrapolate else good
     value = np.full(len(poses), np.nan)
-    value[asked] = _values(surrogate, poses[asked], direction)
-    model, parameters = _bars(surrogate, poses, good)
+    value[good] = _values(surrogate, poses[good], direction)
+    value[asked & ~good] = _extrapolated(surrogate, poses[asked & ~good], direction)
+    if extrapolate and len(poses) and not np.isfinite(value).any():
+        refuse(surrogate, value, ~good)
+    known = direction is None or same_direction(direction, surrogate.load_direction)
+    judged = good & known
+    model, parameters = _bars(surrogate, poses, judged)
+    model[good & ~judged] = np.nan
     total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
     near = (
         np.full(len(poses), np.nan)
@@ -103,7 +119,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     )
     faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
     return QueryResult(
-        value, total, model, parameters, inside, reachable, near, _left_open(surrogate, poses, good), faults
+        value, total, model, parameters, inside, reachable, near, _left_open(surrogate, poses, judged), faults
     )
 
 
@@ -113,6 +129,22 @@ def _values(surrogate: Surrogate, poses: Array, direction: Array | None) -> Arra
         return y
     refuse(surrogate, y, ~(y > _STIFFEST))
     return 1.0 / y
+
+
+def _extrapolated(surrogate: Surrogate, poses: Array, direction: Array | None) -> Array:
+    """Values far outside, one by one: NaN where the fit gives none."""
+    out = np.full(len(poses), np.nan)
+    for i in range(len(poses)):
+        try:
+            out[i] = _values(surrogate, poses[i : i + 1], direction)[0]
+        except InputError:
+            continue
+    return out
+
+
+def same_direction(a: Array, b: Sequence[float]) -> bool:
+    """Whether two directions (3,) are one but for length and sign, which leave a compliance unchanged."""
+    return bool(np.linalg.norm(np.cross(unit(np.asarray(a)), unit(np.asarray(b)))) < 1e-12)
 
 
 def _bars(surrogate: Surrogate, poses: Array, good: Flags) -> tuple[Array, Array]:

@@ -295,6 +295,9 @@ def _arm(name: str, file: _Robot) -> Robot:
     arrays = {key: np.array(getattr(file, key), dtype=np.float64) for key in shapes}
     if any(arrays[key].shape != shape for key, shape in shapes.items()) or len(file.joint_names) != n:
         raise InputError("kinematics", allowed=f"arrays for {n} joints")
+    turns = np.concatenate([arrays["T_pre"][:, :3, :3], arrays["R_post"]])
+    if not np.allclose(turns @ turns.swapaxes(1, 2), np.eye(3), atol=1e-9) or not (np.abs(arrays["sign"]) == 1.0).all():
+        raise InputError("kinematics", allowed="rotations, and signs of 1 or -1")
     return Robot(
         name=name,
         coordinates=tuple(file.coordinates),
@@ -362,7 +365,8 @@ def _check_version(where: str, version: object) -> None:
         return
     family, _, own = SCHEMA.rpartition("/")
     number = str(version).removeprefix(f"{family}/")
-    newer = number != str(version) and number.isdecimal() and int(number) > int(own)
+    # Not more digits than a version has: int() refuses thousands of them.
+    newer = number != str(version) and number.isdecimal() and len(number) < 10 and int(number) > int(own)
     raise InputError(
         f"{where}: schema" + (" is newer than this program" if newer else ""),
         value=str(version),

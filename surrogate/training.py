@@ -211,7 +211,7 @@ def _learned(
 ) -> tuple[Surrogate, list[str], Runs]:
     """Fit one basis, and refine it where that is asked for."""
     if name == "factored":
-        one = _factored(ways)
+        one = _factored(ways, runs)
         missed = accuracy is not None and one.errors.rms_interior > accuracy
         return one, [f"factored: {accuracy:.1e} is out of reach of its terms"] if missed else [], training
     inputs = len(ways.task.scope.inputs)
@@ -225,18 +225,25 @@ def _learned(
     for _ in range(_ROUNDS):
         if one.errors.rms_interior <= accuracy:
             break
-        wider = _more(ways, training, _worst_poses(ways, one, len(training.Q) // 2))
+        # Half where the error is largest, half all over: with the worst alone the rest of the domain gets worse.
+        count = max(1, len(training.Q) // 4)
+        more = np.vstack([_worst_poses(ways, one, count), ways.task.design(count, "arcsine", ways.rng)])
+        wider = _more(ways, training, more)
         better = _scalar(ways, name, wider)
         before, after = one.errors.rms_interior, better.errors.rms_interior
         said.append(f"{name}: {len(wider.Q)} runs, RMS {before:.2e} -> {after:.2e}")
         if after < before:
             one, training = better, wider
-        if after > (1.0 - _GAIN) * before:
+        elif name == "adaptive":
+            training = wider
+        # Chosen terms grow in number with the runs, so one round without a gain says nothing about them.
+        if after > (1.0 - _GAIN) * before and name != "adaptive":
             said.append(f"{name}: further runs gain nothing; {accuracy:.1e} is out of reach of its terms")
             break
     else:
         if one.errors.rms_interior > accuracy:
-            said.append(f"{name}: {accuracy:.1e} not met after {_ROUNDS} rounds; the error still shrinks")
+            tried = f"{_ROUNDS} rounds, {len(training.Q)} runs"
+            said.append(f"{name}: {accuracy:.1e} not met after {tried}; start with more --runs")
     return one, said, training
 
 
@@ -276,7 +283,7 @@ def _relative(one: Surrogate, runs: Runs) -> Array:
     )
 
 
-def _factored(ways: _Ways) -> Surrogate:
+def _factored(ways: _Ways, runs: int | None) -> Surrogate:
     task, scope = ways.task, ways.task.scope
     drawn: list[Array] = []
 
@@ -284,7 +291,7 @@ def _factored(ways: _Ways) -> Surrogate:
         drawn.append(task.design(n, "arcsine", ways.rng))
         return drawn[-1]
 
-    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, scope, ways.solver)
+    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, scope, ways.solver, runs)
     alike = Fit(found.basis, "factored", found.coefficients, found.condition, found.runs)
     one = _unjudged(ways, alike, factor=found.factor)
     return _judged(ways, one, alike, drawn[-1])

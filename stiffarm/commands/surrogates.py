@@ -7,6 +7,7 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from robots import InputError
 from stiffarm import inputs, steps
@@ -23,6 +24,10 @@ from stiffarm.options import (
     output_folder,
     say_notes,
 )
+from surrogate import Surrogate
+from surrogate.model import COMPLIANCE
+
+Array = NDArray[np.float64]
 
 
 def fit(
@@ -37,9 +42,10 @@ def fit(
     ] = None,
     over: Annotated[str | None, typer.Option("--inputs", help="joint coordinates, as in q2_deg,q3real_deg")] = None,
     fixed: Annotated[
-        str | None, typer.Option(help="where the other coordinates stand, as in q5_deg=30; default: 0")
+        list[str] | None,
+        typer.Option(help="where the other coordinates stand, as in q5_deg=30; default: 0; may be repeated"),
     ] = None,
-    direction: Annotated[str, typer.Option(help="load direction in base axes")] = "0,0,-1",
+    direction: Annotated[str | None, typer.Option(help="load direction in base axes; default: 0,0,-1")] = None,
     quantity: Annotated[
         str, typer.Option(help="stiffness (with it the 6 x 6 compliance), or an index: k_fs, weakest, isotropy, ...")
     ] = "stiffness",
@@ -87,14 +93,15 @@ def fit(
         asked = portable_files.parse_formats(formats)
         if matrix and basis not in ("best", "factored"):
             raise InputError("--matrix with --basis", value=basis, allowed="factored, best", remedy="leave one out")
-        along = inputs.parse_direction(direction)
+        _refuse_conflicts(quantity, basis, matrix, asked, {"normal": normal, "force": force, "direction": direction})
+        along = inputs.parse_direction(direction or "0,0,-1")
         vectors = {
             name: None if text is None else np.array(inputs.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
         given = inputs.read_model(model, links, load_path, without="the surrogate")
         names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
-        others = inputs.fixed_coordinates(given.robot, names, fixed)
+        others = inputs.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
         scalar = None
         if quantity != learning.STIFFNESS:
             scalar = learning.index_quantity(given.model, quantity, vectors["normal"], vectors["force"])
@@ -117,7 +124,7 @@ def fit(
             )
             save_surrogate(trained.best, folder.path("surrogate.json"))
             content = payloads.trained(trained)
-            content["files"] = ["surrogate.json", *portable_files.write(trained.best, asked, folder, matrix=matrix)]
+            content["files"] = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
             if against:
                 from stiffarm import surrogate_comparison
 
@@ -141,6 +148,25 @@ def fit(
 def _choose(option: str, value: str, allowed: tuple[str, ...]) -> None:
     if value not in allowed:
         raise InputError(option, value=value, allowed=", ".join(allowed), remedy="choose one of them")
+
+
+def _refuse_conflicts(
+    quantity: str, basis: str, matrix: bool, formats: tuple[str, ...], vectors: dict[str, str | None]
+) -> None:
+    """Refuse options that would do nothing, or fail once the fit is done."""
+    stiffness = quantity == "stiffness"
+    for name, text in vectors.items():
+        if text is not None and stiffness == (name != "direction"):
+            what = "of the stiffness" if stiffness else f"of {quantity}, which has no load direction of its own"
+            raise InputError(f"--{name} for a surrogate {what}", value=text, allowed="nothing", remedy="leave it out")
+    if matrix and not formats:
+        raise InputError("--matrix without --format", allowed="onnx, c, python", remedy="add --format onnx")
+    if matrix and not stiffness:
+        raise InputError("--matrix with --quantity", value=quantity, allowed="stiffness", remedy="leave one out")
+    if basis == "factored" and not stiffness:
+        raise InputError(
+            "--basis factored with --quantity", value=quantity, allowed="stiffness", remedy="take adaptive or best"
+        )
 
 
 def query(
@@ -185,7 +211,8 @@ def query(
         content: dict[str, Any] = {
             "robot": learned.robot,
             "quantity": learned.quantity.name,
-            "load_direction": list(learned.load_direction) if along is None else along.tolist(),
+            "quantity_in_words": learned.quantity.label,
+            "load_direction": _load_direction(learned, along),
             "fixed_deg": dict(learned.fixed_deg),
             "errors": payloads.surrogate_errors(learned),
             "answers": rows,
@@ -200,9 +227,14 @@ def query(
         unanswered = int(np.count_nonzero(~result.answered))
         if unanswered:
             say(f"note: {unanswered} of {len(rows)} poses are outside of what was fitted and have no value: see flags")
-        if along is not None:
-            say("note: the error bars are those of the direction that the surrogate was judged in")
         if as_json:
             emit_json(content)
         else:
             answers.show_answers(learned, rows)
+
+
+def _load_direction(learned: Surrogate, along: Array | None) -> list[float] | None:
+    """The load direction of the answers; an index has none."""
+    if learned.quantity.name != COMPLIANCE:
+        return None
+    return list(learned.load_direction) if along is None else [float(v) for v in along]

@@ -273,7 +273,7 @@ OPTIONS = {
     "--normal in words": Case("fit xr701 --quantity k_fs --normal up --out out", ("--normal", "'up'")),
     "--basis factored of an index": Case(
         "fit xr701 --quantity k_fs --normal 0,0,1 --basis factored --out out",
-        ("--basis: got 'factored'", "adaptive", "factored is for compliance"),
+        ("--basis factored with --quantity: got 'k_fs'", "allowed: stiffness", "adaptive"),
     ),
     "--degree": Case("fit xr701 --degree 99 --out out", ("--degree", "less than or equal to 12")),
     "--basis": Case("fit xr701 --basis cubic --out out", ("--basis: got 'cubic'", "polynomial, trigonometric")),

@@ -202,7 +202,8 @@ def test_runs_are_added_where_the_bars_are_widest_until_the_accuracy_is_met(monk
     assert found.best.errors.n_train > 200
     assert len(found.rounds) == len(drawn) >= 1
     assert found.rounds[0].startswith("adaptive: 300 runs, RMS ")
-    assert [n for n, _ in drawn] == [100, 150, 225, 337, 506][: len(drawn)]
+    # A quarter of the runs where the bars are widest, and as many all over.
+    assert [n for n, _ in drawn] == [50, 75, 112, 168, 252][: len(drawn)]
     assert all(ratio > 1.0 for _, ratio in drawn)
     assert len(found.training.Q) == found.best.errors.n_train
 
@@ -220,7 +221,8 @@ def test_an_accuracy_that_only_more_rounds_would_meet_is_said():
         patch.setattr(training, "_ROUNDS", 1)
         patch.setattr(training, "_GAIN", -10.0)
         found = trained(basis="polynomial", degree=2, accuracy=1e-8)
-    assert found.rounds[-1] == "polynomial: 1.0e-08 not met after 1 rounds; the error still shrinks"
+    assert found.rounds[-1].startswith("polynomial: 1.0e-08 not met after 1 rounds, ")
+    assert found.rounds[-1].endswith(" runs; start with more --runs")
 
 
 def test_the_factored_basis_says_it_too():
