@@ -48,8 +48,7 @@ def query_rows(
                 # In full: a bar may be far below the sixth digit.
                 **{n: float(v) for n, v in zip(surrogate.inputs, row, strict=True)},
                 name: value if np.isfinite(value) else None,
-                "low95": value * max(1.0 - bar, 0.0) if np.isfinite(bar) else None,
-                "high95": value * (1.0 + bar) if np.isfinite(bar) else None,
+                **_interval(surrogate, value, bar),
                 "relative_error95": _finite(bar),
                 "relative_error95_surrogate": _finite(result.model_error[i]),
                 "relative_error95_calibration": _finite(result.parameter_error[i]),
@@ -63,6 +62,15 @@ def query_rows(
             }
         )
     return rows
+
+
+def _interval(surrogate: Surrogate, value: float, bar: float) -> dict[str, float | None]:
+    """The 95 % interval; a bar is of ``predicted / true - 1``, which a stiffness, a reciprocal, turns round."""
+    if not (np.isfinite(bar) and np.isfinite(value)):
+        return {"low95": None, "high95": None}
+    if surrogate.quantity.name == COMPLIANCE:
+        return {"low95": value * max(1.0 - bar, 0.0), "high95": value * (1.0 + bar)}
+    return {"low95": value / (1.0 + bar), "high95": value / (1.0 - bar) if bar < 1.0 else None}
 
 
 def flags(result: QueryResult, i: int) -> str:

@@ -77,7 +77,9 @@ def slice_figure(
             look_bar(figure, look, axes=axes)
         handles = category_patches(look) + _legend(data, look, shown, bool(any(bodies)))
         figure.legend(handles=handles, loc="outside lower left", ncols=2 if alone else 3)
-        headings(figure, f"{heading}, {shown[0].where}" if alone else heading, facts)
+        where, _, alike = shown[0].where.partition(" (")
+        told = "; ".join(words for words in (alike.removesuffix(")") if alone else "", facts) if words)
+        headings(figure, f"{heading}, {where}" if alone else heading, told)
     return figure
 
 
@@ -94,7 +96,7 @@ def unlike(data: MapData, look: Look, planes: Sequence[Plane]) -> list[Plane]:
         return list(planes)
     one = planes[int(np.argmin([abs(plane.at) for plane in planes]))]
     others = ", ".join(f"{plane.at:g}" for plane in planes if plane is not one).replace("-", "−")
-    return [replace(one, where=f"{one.where} (at {others} it is the same)")]
+    return [replace(one, where=f"{one.where} (at {others} the same by symmetry)")]
 
 
 def headings(figure: Figure, heading: str, facts: str) -> None:

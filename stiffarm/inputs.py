@@ -74,6 +74,22 @@ def read_model(
     return ModelInput(description, robot_from(description), model, effects, own)
 
 
+def joints_without_springs(model: ArmModel) -> tuple[str, ...]:
+    """Joints that do not give way about their axes; in a bundled robot those that nobody has calibrated."""
+    here = model.robot.limits.mean(axis=1)[None]
+    return tuple(joint.name for joint in model.joints if not joint.axial.compliance(here).any())
+
+
+def no_springs_note(model: ArmModel) -> str | None:
+    """What to know of a model none of whose joints gives way; None where some do."""
+    if len(joints_without_springs(model)) < len(model.joints):
+        return None
+    return (
+        f"no joint of {model.robot.name} has a stiffness in this model, so only its links give way: some ten times too "
+        "stiff as a rule; `stiffarm calibrate` finds the joints' from readings"
+    )
+
+
 def refuse_effects(given: ModelInput, what: str, remedy: str) -> None:
     """Refuse a model with effects where their part in the springs would be counted twice."""
     if given.description.effect:

@@ -120,20 +120,25 @@ def _cartesian(data: MapData, layout: Layout, rows: Rows, i: int, j: int, where:
         where = f"{normal} = {1e3 * float(data.points[0]['xyz'.index(normal)]):.6g} mm".replace("-", "−")
     a, b = _thinned(up.values), _thinned(right.values)
     across, height = np.meshgrid(right.values[b], up.values[a])
-    corners = np.meshgrid(edges(right.values[b]), edges(up.values[a]))
+    corners = np.meshgrid(edges(right.values[b], _step(up.values[a])), edges(up.values[a], _step(right.values[b])))
     labels = f"{right.name} (mm)", f"{up.name} (mm)"
     return Plane(
         rows[a][:, b], (across, height), (corners[0], corners[1]), labels, _UNIT[right.name], _UNIT[up.name], where
     )
 
 
+def _step(values: Array) -> float:
+    """Width (mm) of a cell across a line of points: that between them; of a single point that of a hand."""
+    return float(np.diff(values).mean()) if len(values) > 1 else 100.0
+
+
 def _thinned(values: Array) -> Rows:
     return np.arange(0, len(values), -(-len(values) // MOST_VALUES))
 
 
-def edges(values: Array) -> Array:
-    """Borders (n + 1,) of cells around n ascending values; a single value gets a cell of width 1."""
+def edges(values: Array, width: float = 1.0) -> Array:
+    """Borders (n + 1,) of cells around n ascending values; a single value gets a cell of this width."""
     if len(values) == 1:
-        return np.array([values[0] - 0.5, values[0] + 0.5])
+        return np.array([values[0] - 0.5 * width, values[0] + 0.5 * width])
     middle = 0.5 * (values[1:] + values[:-1])
     return np.concatenate([[1.5 * values[0] - 0.5 * values[1]], middle, [1.5 * values[-1] - 0.5 * values[-2]]])

@@ -10,7 +10,7 @@ import numpy as np
 
 from robots import InputError, content_hash
 from stiffarm import maps
-from stiffarm.inputs import ModelInput
+from stiffarm.inputs import ModelInput, no_springs_note
 from stiffarm.machining_options import frame_words
 from stiffarm.map_files import DRAWN_UP_TO, Files, write_files
 from stiffarm.map_findings import model_findings, payload
@@ -60,7 +60,9 @@ def make_map(
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)
     content = statistics(engine, store, data, asked)
-    content["findings"] = _findings(given, request)
+    rigid = no_springs_note(given.model)
+    content["findings"] = [] if rigid else _findings(given, request)
+    content["messages"] += [rigid] if rigid else []
     with folder.timed("files"):
         names, messages = write_files(given, data, folder, files)
     content["messages"] += messages

@@ -63,7 +63,8 @@ def viewer_page(
     ----------
     data : the map; of more than ``MOST_POINTS`` points every second, third ... along its axes is kept, and said so
     description, model : of the robot that the map was made with: its shape, and its kinematics and parts
-    relative_error : (n,) half width of the 95 % interval of the stiffness over the stiffness (0.01: +-1 %); NaN: none.
+    relative_error : (n,) half width e of the 95 % interval of the compliance over it (0.01: +-1 %; the stiffness K
+        lies between K/(1+e) and K/(1-e)); NaN: none.
         By default 1.96 times the map's own 'uncertainty_percent', if it has that
     notes : sentences that the page shows beside the map's metadata
 

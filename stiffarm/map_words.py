@@ -23,13 +23,14 @@ def show_map(content: Mapping[str, Any]) -> None:
     show_table(f"map over {content['grid']}{pose}", ["", "least", "median", "greatest"], rows)
     for line in lines:
         say(line)
-    say(f"{content['grid_points']} points, {content['points']} with a pose")
+    count = content["grid_points"]
+    say(f"{count} {'point' if count == 1 else 'points'}, {content['points']} with a pose")
     for found in content["findings"]:
         say(f"published finding, {found['claim']}: {found['verdict']}")
     check = content.get("search_check", {})
     if check.get("points"):
         say(
-            f"search: at {check['points']} points a denser one finds poses at most "
+            f"search: at {check['points']} of the points a denser one finds poses at most "
             f"{check['worst_shortfall_percent']:.2g} % better"
         )
 

@@ -55,7 +55,8 @@ def _own(one: Surrogate, seconds: float) -> OwnCandidate:
 
     def interval(fitted: Any, Q: Array) -> tuple[Array, Array]:
         c, half = predict(one, Q), bars.half_width(Q)
-        return c * (1.0 - half), c * (1.0 + half)
+        # The bars are of |predicted / true - 1|.
+        return c / (1.0 + half), np.divide(c, 1.0 - half, out=np.full_like(c, np.inf), where=half < 1.0)
 
     laws = () if one.factor is None else one.factor.weights
     return OwnCandidate(

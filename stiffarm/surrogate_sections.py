@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 _NAMED = 12
 _FILES = {
     "surrogate.json": "the surrogate taken, for query and map",
-    "surrogate.onnx": "the same as ONNX, for onnxruntime",
-    "surrogate.h": "the same as a C header without dependencies",
-    "surrogate_snippet.py": "the same as Python without packages",
+    "surrogate.onnx": "as ONNX, for onnxruntime",
+    "surrogate.h": "as a C header without dependencies",
+    "surrogate_snippet.py": "as Python without packages",
     "surrogate_comparison.csv": "the comparison with other methods",
 }
 
@@ -91,7 +91,8 @@ def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
             f"The calibration's uncertainty ({named}) makes ± {relative(known.median)} of the {best.quantity.name} at "
             f"the median pose and ± {relative(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
             f"surrogate's own bar is ± {relative(known.own_median)} at the median pose. An answer has both parts, and "
-            f"as its bar the root of the sum of their squares. Over the inputs it was learned to {relative(p.misfit)} of its largest value."
+            "as its bar the root of the sum of their squares. Over the inputs the calibration's part was learned to "
+            f"{relative(p.misfit)} of its largest value."
         )
     ]
     open_words = [f"{name} at {relative(share)} of the poses" for name, share in known.open_share.items() if share > 0]
@@ -224,13 +225,20 @@ def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section
     ]
     if best.has_matrix:
         commands.append(
-            ("another load direction (no error bar)", f"stiffarm query surrogate.json --pose {pose} --direction 1,0,0")
+            ("another load direction (no error bar)", "stiffarm query surrogate.json poses.csv --direction 1,0,0")
         )
-        commands.append(("the 6 x 6 compliance", f"stiffarm query surrogate.json --pose {pose} --matrix"))
+        commands.append(("the 6 x 6 compliance", "stiffarm query surrogate.json poses.csv --matrix"))
     if best.quantity.name == COMPLIANCE and np.allclose(best.load_direction, (0.0, 0.0, -1.0), atol=1e-9):
         commands.append(("a map over the joints", f"stiffarm map {named} --surrogate surrogate.json --out map"))
-    commands.append(("for other programs", f"stiffarm fit {named} --format onnx,c,python --out other"))
-    blocks: list[Block] = [Table("Commands", ("for", "command"), tuple(commands), text_columns=(0, 1))]
+    commands.append(
+        (
+            "for other programs, with this fit's other options",
+            f"stiffarm fit {named} --format onnx,c,python --out other",
+        )
+    )
+    blocks: list[Block] = [
+        Table("Commands", ("for", "command"), tuple(commands), text_columns=(0, 1), code_columns=(1,))
+    ]
     if answer:
         blocks.append(Text(answer))
     listed = tuple((name, _FILES.get(name, "")) for name in files)
@@ -255,5 +263,5 @@ def _example(trained: Trained) -> tuple[str, str]:
     what = name.removesuffix("_N_per_mm").replace("_", " ")
     return pose, (
         f"The answer to the first: {what} {factor * found.value[0]:.5g}{unit} ± "
-        f"{relative(float(found.relative_error[0]))} (95 %)."
+        f"{relative(float(found.relative_error[0]))} of it (95 %)."
     )

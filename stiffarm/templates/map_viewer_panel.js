@@ -145,7 +145,9 @@ function interval(i) { // The 95 % interval of the stiffness, or nothing.
   const e = relativeError ? relativeError[i] : NaN;
   if (D.error_of === null || !Number.isFinite(e) || !reached[i]) return null;
   const v = fields[D.error_of].values[i];
-  return { value: v, half: v * e, low: v * (1 - e), high: v * (1 + e), share: e };
+  // e is of the compliance, which is linear in what was calibrated; beyond 1 it leaves the stiffness no upper end.
+  const low = v / (1 + e), high = e < 1 ? v / (1 - e) : Infinity;
+  return { value: v, half: 0.5 * (high - low), low, high, share: e };
 }
 function showPicked() {
   const i = state.picked; $("pickedBody").hidden = i < 0; $("pickHint").hidden = i >= 0;
@@ -156,12 +158,14 @@ function showPicked() {
   $("flags").replaceChildren(...flags.map(([words, kind]) => make("span", { className: `flag ${kind}`, textContent: words })));
   $("headline").replaceChildren(make("small", { textContent: f.label }), make("b", { textContent: wordOf(f, i) }), ` ${f.sign}`);
   const range = interval(i);
-  $("interval").textContent = range && state.field === D.error_of ? `95 %: ${digits(range.low, 4)} to ${digits(range.high, 4)} ${f.sign} (± ${digits(100 * range.share, 2)} %)` : "";
+  $("interval").textContent = range && state.field === D.error_of ? (range.share < 1
+    ? `95 %: ${digits(range.low, 4)} to ${digits(range.high, 4)} ${f.sign} (± ${digits(100 * range.share, 2)} %)`
+    : `95 %: above ${digits(range.low, 4)} ${f.sign}; the calibration leaves its upper end open`) : "";
   $("place").replaceChildren(...["X", "Y", "Z"].map((n, k) => rowOf(n, Number.isFinite(X[k][i]) ? minusSign((1000 * X[k][i]).toFixed(1)) : "–", "mm")),
     ...(D.kind === "joints" ? [] : axes.map((a, k) => [a, k]).filter(([a]) => !["x", "y", "z"].includes(a.name)).map(([a, k]) => rowOf(a.short, minusSign(digits(a.values[indexOf(i, k)])), signOf(a.unit)))));
   $("pose").replaceChildren(...D.coordinates.map((n, k) => rowOf(n.replace(/_deg$/, ""), Number.isFinite(Q[k][i]) ? minusSign((Q[k][i] * DEG).toFixed(2)) : "–", "°")));
   $("values").replaceChildren(...fields.map((g, k) => {
-    const r = k === D.error_of ? interval(i) : null, row = rowOf(g.label, `${wordOf(g, i)}${r ? `\u00a0±\u00a0${digits(r.half, 2)}` : ""}`, g.sign);
+    const r = k === D.error_of ? interval(i) : null, row = rowOf(g.label, `${wordOf(g, i)}${r && Number.isFinite(r.half) ? `\u00a0±\u00a0${digits(r.half, 2)}` : ""}`, g.sign);
     if (k === state.field) row.setAttribute("aria-current", "true");
     return row;
   }));

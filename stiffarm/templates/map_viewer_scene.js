@@ -22,7 +22,10 @@ const box = { low: ticks.map(t => t[0]), high: ticks.map(t => t[t.length - 1]) }
 
 // Radius of a point at size 1, m: a little less than half of what lies between neighbours.
 const spacing = (() => {
+  // A line or a point has no extent some ways: there a fiftieth of the scene stands for it.
+  const whole = Math.max(...box.high.map((h, k) => h - box.low[k])), least = 0.02 * whole;
   const size = mapBounds.high.map((h, k) => Math.max(h - mapBounds.low[k], 1e-9)).sort((a, b) => b - a);
+  if (size[1] < 1e-6 * whole) return Math.max(size[0] / Math.max(1, N), least);
   const count = Math.max(1, D.kind === "joints" ? reached.reduce((n, r) => n + r, 0) : N);
   const flat = size[2] < 0.02 * size[0];
   return Math.min(0.06 * size[0], flat ? Math.sqrt(size[0] * size[1] / count) : Math.cbrt(size[0] * size[1] * size[2] / count));

@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.lib.format import open_memmap
@@ -177,7 +178,7 @@ class MapStore:
                 remedy="choose another folder, or remove this one",
             )
         for name, column in self.columns.items():
-            array = np.load(self._file(name), mmap_mode="r", allow_pickle=False)
+            array = self._opened(name)
             if array.shape != (self.n, *column.shape) or array.dtype != np.dtype(column.dtype):
                 raise InputError(f"work folder {self.folder}: {name}", value=f"{array.dtype} {array.shape}")
             self.starts[name] = array.offset
@@ -191,6 +192,17 @@ class MapStore:
         draft = self.folder / f"{_DONE}.part"
         draft.write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
         draft.replace(self.folder / _DONE)
+
+    def _opened(self, name: str) -> Any:
+        try:
+            return np.load(self._file(name), mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, EOFError) as error:
+            # NumPy's own words are about pickles, which this program never writes.
+            raise InputError(
+                f"work folder {self.folder}: {name}.npy is damaged or missing",
+                allowed="files as this program wrote them",
+                remedy="remove the folder, and make the map anew",
+            ) from error
 
     def _file(self, name: str) -> Path:
         return self.folder / f"{name}.npy"

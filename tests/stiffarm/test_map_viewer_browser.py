@@ -188,8 +188,8 @@ def test_a_sweep_of_the_joints(tmp_path: Path, where: str) -> None:
         check_panel(seen[key], data, "xr701")
         i = seen[key]["picked"]
         low, high, share = (float(x) for x in re.findall(r"[\d.]+", seen[key]["interval"])[1:4])
-        assert low == pytest.approx(stiffness[i] * (1.0 - error[i]), rel=5.1e-4)  # four digits are written
-        assert high == pytest.approx(stiffness[i] * (1.0 + error[i]), rel=5.1e-4)
+        assert low == pytest.approx(stiffness[i] / (1.0 + error[i]), rel=5.1e-4)  # four digits are written
+        assert high == pytest.approx(stiffness[i] / (1.0 - error[i]), rel=5.1e-4)
         assert share == pytest.approx(100.0 * error[i], rel=0.051)
     assert seen["hit"] == "view"
     # What was clicked is in front at that place: the point itself, or one that covers its middle.
