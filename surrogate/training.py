@@ -278,9 +278,7 @@ def _scalar(ways: _Ways, name: BasisName, training: Runs) -> Surrogate:
 def _relative(one: Surrogate, runs: Runs) -> Array:
     """Relative errors (n,), infinite where a fit gives no positive value."""
     y = predict(one, runs.Q)
-    return (
-        np.asarray(np.where(y > 0.0, y / runs.value - 1.0, np.inf)) if one.target == "direct" else y / runs.value - 1.0
-    )
+    return np.asarray(np.where(y > 0.0, y / runs.value - 1.0, np.inf))
 
 
 def _factored(ways: _Ways, runs: int | None) -> Surrogate:

@@ -463,6 +463,7 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     assert set(tree(tmp_path)) == {"file"}
 
 
+@pytest.mark.slow
 def test_bad_input_in_a_process_of_its_own(tmp_path: Path) -> None:
     """The exit code as the shell sees it, once for a message of ours and once for one of the parser's."""
     outcome = run_apart("calibrate", "xr701", "nowhere.csv", "--out", tmp_path / "out")

@@ -110,6 +110,7 @@ def test_no_number_is_given_for_a_spring_the_data_do_not_determine(cli: Command,
     assert result["k3_Nm_per_rad"] > 0.0
 
 
+@pytest.mark.slow
 def test_staged_calibration_in_a_process_of_its_own(data_file: Path) -> None:
     outcome = run_apart("calibrate", "xr701", data_file, "--scheme", "staged", "--json")
     assert outcome.code == 0
@@ -166,6 +167,7 @@ def test_a_calibration_keeps_the_links_it_was_made_with(cli: Command, tmp_path: 
     assert cli("simulate", "out/model.toml", "--links", "beam", "--json").json["links"] == "beam"
 
 
+@pytest.mark.slow
 def test_a_second_calibration_into_the_folder_keeps_the_first(cli: Command, tmp_path: Path) -> None:
     cli("calibrate", "xr701", "--scheme", "global", "--out", "out")
     (tmp_path / "out" / "mine.txt").write_text("not stiffarm's", encoding="utf-8")
@@ -287,6 +289,7 @@ def test_fit_writes_the_best_of_three_surrogates(fitted: Path) -> None:
     assert json.loads((fitted / "run.json").read_text(encoding="utf-8"))["seed"] == 0
 
 
+@pytest.mark.slow
 def test_the_seed_decides_the_surrogate(cli: Command, tmp_path: Path) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
         options = ("--runs", "300", "--basis", "polynomial", "--degree", "3", "--seed", seed)
@@ -483,6 +486,7 @@ def test_a_full_disk_behind_stdout_is_named() -> None:
     assert len(err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_plain_ascii_terminal_can_show_everything(calibrated: Path) -> None:
     env = environment(PYTHONIOENCODING="ascii")
     outcome = run_apart("simulate", calibrated / "model.toml", env=env)

@@ -202,7 +202,11 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 @pytest.mark.parametrize(
     ("number", "stage"),
-    [(signal.SIGINT, "calibration"), (signal.SIGTERM, "calibration"), (signal.SIGINT, "pictures")],
+    [
+        (signal.SIGINT, "calibration"),
+        pytest.param(signal.SIGTERM, "calibration", marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, "pictures", marks=pytest.mark.slow),
+    ],
 )
 def test_a_run_that_is_stopped_leaves_the_earlier_results(tmp_path: Path, number: signal.Signals, stage: str) -> None:
     """While VTK draws, a KeyboardInterrupt would be printed and forgotten, or crash it."""

@@ -104,6 +104,7 @@ def test_one_kind_of_coordinates_is_written_if_asked(cli: Command, files: tuple[
     assert outcome.json["gamma_deg"] == [-30.0, -30.0]
 
 
+@pytest.mark.slow
 def test_compensation_moves_the_path_by_what_it_says(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     cell, cls = files
     plain, moved = tmp_path / "plain", tmp_path / "moved"
@@ -178,6 +179,7 @@ def test_targets() -> None:
     assert [t.folder for t in parse_targets("val3", "cartesian")] == ["val3_cartesian"]
 
 
+@pytest.mark.slow
 def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     """Axes, gamma and branch of a placement file stand in the program; one of another path is refused."""
     cell, cls = files

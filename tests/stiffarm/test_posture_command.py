@@ -178,6 +178,7 @@ diameter_mm = 8
 """
 
 
+@pytest.mark.slow
 def test_a_post_beside_the_part_is_kept_clear_of(cli: Command, dome: Path, tmp_path: Path) -> None:
     """The cell's tool, part, speeds and obstacles are taken; without the post the course is another one."""
     cell, free = tmp_path / "cell.toml", tmp_path / "free.toml"

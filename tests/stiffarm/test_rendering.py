@@ -100,6 +100,7 @@ def test_fallback_picture_shows_robot_and_points(view, fallback):
     check_picture(picture.path)
 
 
+@pytest.mark.slow
 def test_pyvista_and_fallback_agree(scene, fallback, tmp_path):
     works, message = gl_available()
     if not works:
@@ -129,6 +130,7 @@ def check_picture(path):
     assert (plot.min(axis=2) > 0.99).mean() > 0.3
 
 
+@pytest.mark.slow
 def test_cut_hides_only_the_nearer_half(scene, tmp_path):
     x, z = np.meshgrid(np.arange(-0.4, 0.6, 0.045), np.arange(0.0, 1.0, 0.045))
     screens = [np.stack([x.ravel(), np.full(x.size, y), z.ravel()], axis=1) for y in (-0.8, 0.8)]

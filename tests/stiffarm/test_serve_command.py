@@ -37,6 +37,7 @@ def start(*arguments: str | Path) -> subprocess.Popen[bytes]:
     )
 
 
+@pytest.mark.slow
 def test_a_conversation() -> None:
     """Answers go out at once, faults do not end it, the end of input does; stdout holds nothing but answers."""
     process = start("kr60-3", "--tool", "0,0,200", "--links", "rigid", "--line-limit", "1")
