@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import Final
 
 import numpy as np
@@ -27,6 +28,9 @@ def parse_formats(text: str | None) -> tuple[str, ...]:
     for name in names:
         if name not in FORMATS:
             raise InputError("--format", value=name, allowed=", ".join(FORMATS), remedy="separate them by commas")
+    # Before the fit, which takes a while.
+    if "onnx" in names and importlib.util.find_spec("onnx") is None:
+        raise InputError("--format onnx: the package onnx is missing", remedy="pip install 'stiffarm[onnx]'")
     return names
 
 
