@@ -17,11 +17,11 @@ from robots import InputError, ModelDescription, content_hash
 from stiffarm.console import progress, say
 from stiffarm.maps import middle_pose
 from stiffarm.outputs import OutputFolder
+from stiffarm.steps import VERTICAL
 from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
 
 Array = NDArray[np.float64]
 
-VERTICAL = (0.0, 0.0, -1.0)
 STIFFNESS = "stiffness"
 # A held-out RMS error that no stiffness should be trusted with.
 POOR = 0.1

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from robots import InputError, Robot
 from surrogate.designs import space_filling_design
+from surrogate.expansion import TURN
 from surrogate.scope import Couplings, Scope
 
 Array = NDArray[np.float64]
 
-TURN = 2.0 * np.pi
 # Poses by which whole turns and the influence of fixed coordinates are judged.
 _PROBES = 256
 # Relative change that is rounding, in numbers that went through some hundred operations.

@@ -109,7 +109,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
         refuse(surrogate, value, ~good)
     known = direction is None or same_direction(direction, surrogate.load_direction)
     judged = good & known
-    model, parameters = _bars(surrogate, poses, judged)
+    model, parameters = _bars(surrogate, poses, value, judged)
     model[good & ~judged] = np.nan
     total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
     near = (
@@ -147,7 +147,7 @@ def same_direction(a: Array, b: Sequence[float]) -> bool:
     return bool(np.linalg.norm(np.cross(unit(np.asarray(a)), unit(np.asarray(b)))) < 1e-12)
 
 
-def _bars(surrogate: Surrogate, poses: Array, good: Flags) -> tuple[Array, Array]:
+def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Flags) -> tuple[Array, Array]:
     """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known."""
     model = np.full(len(poses), np.inf)
     parameters = np.full(len(poses), np.nan)
@@ -156,7 +156,7 @@ def _bars(surrogate: Surrogate, poses: Array, good: Flags) -> tuple[Array, Array
     else:
         model[good] = surrogate.bars.half_width(poses[good])
     if surrogate.parameters is not None:
-        own = predict(surrogate, poses[good])
+        own = 1.0 / value[good] if surrogate.quantity.name == COMPLIANCE else value[good]
         parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
     return model, parameters
 
