@@ -36,7 +36,8 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Told:
-    """What readings tell: ``scatter``, what the nearest passive arm leaves of them, over their RMS (NaN: none spare).
+    """What readings tell: ``scatter``, what the nearest passive arm leaves of them, over their RMS, at most 1 (NaN: none
+    spare).
 
     ``by_sign``, ``by_order``: share of the draws with random signs, and with rows exchanged, that follow the arm
     better than the readings as they stand; NaN where it was not asked.
@@ -51,10 +52,10 @@ class Told:
     @property
     def words(self) -> str:
         """Why the readings tell nothing, in a phrase."""
-        drawn = max((self.by_sign, "with signs drawn at random"), (self.by_order, "exchanged at random"))
+        share, drawn = max((self.by_sign, "with signs drawn at random"), (self.by_order, "in another order of the rows"))
         return (
-            f"the passive arm that comes nearest to these readings leaves {100.0 * self.scatter:.0f} % of them, and "
-            f"the same readings {drawn[1]} come nearer in {100.0 * drawn[0]:.0f} of 100 draws"
+            f"the springs that fit them best leave {100.0 * self.scatter:.0f} % of their size (RMS) unexplained, and in "
+            f"{100.0 * share:.0f} of 100 trials the same readings {drawn} fit better"
         )
 
 
@@ -71,7 +72,8 @@ def told_by(p: Problem) -> Told:
         return Told(True, len(f))
     energy = float(scaled.value @ scaled.value)
     left = float(np.sum((scaled.value - f) ** 2))
-    scatter = math.sqrt(left / spare / energy * len(f)) if energy > 0.0 else math.inf
+    # With many numbers for few readings the estimate can exceed all that was read, which is not possible.
+    scatter = min(math.sqrt(left / spare * len(f) / energy), 1.0) if energy > 0.0 else 1.0
     if scatter <= NOISY:
         return Told(True, len(f), scatter)
     by_sign, by_order = _by_chance(scaled, energy - left)
@@ -91,7 +93,7 @@ def refuse_telling_nothing(p: Problem, source: str) -> None:
         return
     raise InputError(
         f"{source}: these {told.readings} readings tell nothing about the arm: {told.words}",
-        allowed=f"scatter below {100.0 * NOISY:g} % of the readings, or fewer than {100.0 * LEVEL:g} of 100 draws",
+        allowed=f"at most {100.0 * NOISY:g} % unexplained, or {100.0 * LEVEL:g} of 100 such trials that fit better",
         remedy="check signs, the order of the rows, which column is which, loads and joint angles; "
         "else measure again with larger loads",
     )
