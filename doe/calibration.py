@@ -18,7 +18,7 @@ from doe.lack_of_fit import LackOfFit, lack_of_fit
 from doe.level_study import LevelStudy, level_study
 from doe.load_history import history_of
 from doe.measurements import Measurements
-from doe.noise import Noise
+from doe.noise import Noise, within_readings
 from doe.problem import Problem, problem
 from doe.readings import check_poses, rms_mm, select_loads
 from doe.uncertainty import Certainty, blind_directions, certainty
@@ -205,7 +205,7 @@ def _run_stage(
         found = estimate(p, gauge, robust=robust)
     else:
         study = level_study(p, stage.levels, refine=stage.refine)
-        found = estimate_at(p, study.u, Noise(white=_scatter(p, study.u, gauge)), np.ones(len(p)), settled=True)
+        found = estimate_at(p, study.u, _scatter(p, study.u, gauge), np.ones(len(p)), settled=True)
     if store is not None and kept is None and study is None and found.settled:
         noise = found.noise
         numbers = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
@@ -227,13 +227,14 @@ def readings_of(data: Measurements, stage: Stage) -> Measurements:
     return used
 
 
-def _scatter(p: Problem, u: Array, gauge: tuple[float, float]) -> tuple[float, float]:
+def _scatter(p: Problem, u: Array, gauge: tuple[float, float]) -> Noise:
     """Standard deviations of what a study leaves, never below the gauge's."""
-    residual = p.value - p.evaluate(u)[0]
+    f = p.evaluate(u)[0]
+    residual = p.value - f
     spare = max(len(p) - len(u), 1)
     turn = p.component >= 3
     parts = [float(np.sqrt(np.sum(residual[mask] ** 2) / spare)) for mask in (~turn, turn)]
-    return max(parts[0], gauge[0]), max(parts[1], gauge[1])
+    return within_readings(p, f, Noise(white=(parts[0], parts[1])), gauge)
 
 
 def _noise(numbers: Array) -> Noise:
