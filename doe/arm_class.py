@@ -21,7 +21,7 @@ from robots import ModelDescription, Robot
 Array = NDArray[np.float64]
 
 # The reference class: 180 kg payload, 1200 kg mass, 2.7 m from axis 1.
-REFERENCE_TORQUE_Nm = STANDARD_GRAVITY * 2.7 * (180.0 + 0.15 * 1200.0)  # noqa: N816 - the unit's letters
+REFERENCE_TORQUE_Nm = STANDARD_GRAVITY * 2.7 * (180.0 + 0.15 * 1200.0)
 MAIN_Nm_per_rad = (4e5, 4e6)
 WRIST_Nm_per_rad = (2e4, 3e6)
 # Joints that carry the arm; the others carry the tool.

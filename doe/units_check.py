@@ -30,7 +30,7 @@ from doe.readings import equations
 from doe.uncertainty import certainty
 from fem import ArmModel
 from fem.parameters import parameter
-from robots import ModelDescription
+from robots import InputError, ModelDescription
 
 Array = NDArray[np.float64]
 
@@ -158,7 +158,7 @@ class Misfits:
     @cached_property
     def _square(self) -> tuple[Array, Array]:
         whole = np.linalg.qr(np.column_stack([self.A, self.links, self.y]), mode="r")
-        return whole[:, :-1], whole[:, -1]
+        return np.asarray(whole[:, :-1]), np.asarray(whole[:, -1])
 
     @property
     def typical(self) -> float:
@@ -196,6 +196,33 @@ def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: boo
     # Wrist joints may be rigid: their share is small, and many arms give way there too little to be read.
     soft, stiff = 1.0 / low, np.where(np.arange(model.robot.dof) < MAIN_JOINTS, 1.0 / high, 0.0)
     return Misfits(e.influence / size[:, None], e.rest / size, e.value / size, size / load, stiff, soft, setups)
+
+
+def check_units(
+    description: ModelDescription, model: ArmModel, data: Measurements, *, confirm_units: bool = False
+) -> tuple[str, ...]:
+    """Refuse a table that looks like other units; with ``confirm_units`` return what there is to remark instead.
+
+    Raises
+    ------
+    InputError
+        No arm of this class gives such readings as they are typed, but it would in other units.
+    """
+    found = suspicions(description, model, data)
+    if found and not confirm_units:
+        first = found[0]
+        alike = " or ".join(first.looks_like)
+        raise InputError(
+            f"{data.source}: {f'these look like {alike}' if alike else 'these are no known units'}: {first.found}",
+            allowed=first.allowed,
+            remedy="correct the column (loads N and N m, deflections mm and mrad, angles deg), or confirm with "
+            "--confirm-units that the table is right as it is",
+        )
+    return tuple(
+        f"{data.source} is taken as it is, though it looks like {' or '.join(s.looks_like) or 'no known units'}: "
+        f"{s.found}; expected {s.allowed}"
+        for s in found
+    )
 
 
 def suspicions(description: ModelDescription, model: ArmModel, data: Measurements) -> tuple[Suspicion, ...]:

@@ -47,7 +47,8 @@ def _described(rng: np.random.Generator, reach: float) -> ModelDescription:
     dof = int(rng.choice([4, 5, 6, 6, 6, 6, 7]))
     usual = rng.uniform() < 0.6
     share = np.array([0.0, 0.12, 0.38, 0.05, 0.38, 0.05, 0.02])[:dof] * rng.uniform(0.5, 1.5, dof)
-    a, d = (share, np.zeros(dof)) if not usual else (share * [1, 1, 1, 1, 0, 0, 0][:dof], share * [1, 0, 0, 0, 1, 1, 1][:dof])
+    along_x, along_z = np.array([[1, 1, 1, 1, 0, 0, 0], [1, 0, 0, 0, 1, 1, 1]])[:, :dof]
+    a, d = (share * along_x, share * along_z) if usual else (share, np.zeros(dof))
     alpha = np.array([0.0, -90.0, 0.0, -90.0, 90.0, -90.0, 90.0])[:dof]
     if not usual:
         alpha[1:] = rng.choice([0.0, 90.0, -90.0, 30.0], dof - 1, p=[0.25, 0.35, 0.35, 0.05])
@@ -77,29 +78,19 @@ def _described(rng: np.random.Generator, reach: float) -> ModelDescription:
     if rng.uniform() < 0.5:
         width = 0.14 * scale
         box = {"kind": "box", "width": _value(width, "m"), "height": _value(width, "m"), "wall": _value(5, "mm")}
+        robot = robot_from(ModelDescription.model_validate(plain))
         plain["link"] = [
-            {"name": f"link{k}", "body": f"j{k}", "material": "steel", "section": box, "beam_up": _up(robot_of(plain), k)}
-            for k in (2, 3) if _length(robot_of(plain), k) > 0.05
-        ]  # fmt: skip
+            {"name": f"link{k}", "body": f"j{k}", "material": "steel", "section": box, "beam_up": _across(robot, k)}
+            for k in (2, 3)
+            if k < dof and np.linalg.norm(robot.T_pre[k][:3, 3]) > 0.05
+        ]
     return ModelDescription.model_validate(plain)
 
 
-def robot_of(plain: dict[str, object]) -> Robot:
-    return robot_from(ModelDescription.model_validate({k: v for k, v in plain.items() if k != "link"}))
-
-
-def _along(robot: Robot, body: int) -> Array:
-    return robot.T_pre[body][:3, 3]
-
-
-def _length(robot: Robot, body: int) -> float:
-    return float(np.linalg.norm(_along(robot, body))) if body < robot.dof else 0.0
-
-
-def _up(robot: Robot, body: int) -> list[float]:
+def _across(robot: Robot, body: int) -> list[float]:
     """A direction across the link."""
-    along = np.abs(_along(robot, body))
-    return np.eye(3)[int(np.argmin(along))].tolist()
+    along = np.abs(robot.T_pre[body][:3, 3])
+    return [float(v) for v in np.eye(3)[int(np.argmin(along))]]
 
 
 def _readings(rng: np.random.Generator, robot: Robot, true: ArmModel) -> Measurements:
