@@ -20,7 +20,7 @@ from doe.load_history import history_of
 from doe.measurements import Measurements
 from doe.noise import Noise
 from doe.problem import Problem, problem
-from doe.readings import check_poses, rms_mm, select_loads
+from doe.readings import check_poses, points_of, rms_mm, select_loads
 from doe.uncertainty import Certainty, blind_directions, certainty
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
@@ -125,7 +125,9 @@ def run_campaign(
     for number, stage in enumerate(stages):
         result = _run_stage(description, (model, effects, history), data, campaign, stage, store, f"{key}:{number}")
         done.append(result)
-        description = apply_estimates(description, result.certainty.estimates, result.laws)
+        description = apply_estimates(
+            description, result.certainty.estimates, result.laws, points=points_of(readings_of(data, stage))
+        )
         model = build(description)
         effects = _effects(description, model, own)
         if progress is not None:
