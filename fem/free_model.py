@@ -202,7 +202,7 @@ class FreeModel:
         return placed(arm.robot, read, self.model.load_offset + offset, self.model.load_tilt + tilt)
 
     def _turned(self, u: Array, at: LoadedPoses) -> LoadedPoses:
-        """Loaded poses turned by zero errors of their own (n, p): the same arm where nothing goes by the coordinates."""
+        """Loaded poses turned by their own zero errors (n, p): the same where nothing goes by the coordinates."""
         more = self._shift(u, "zero", self.model.robot.dof)
         return replace(at, q=at.q + more) if more.any() else at
 

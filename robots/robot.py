@@ -160,7 +160,7 @@ def _offset(joint: Joint) -> float:
 
 
 def with_zero_errors(robot: Robot, more: Array) -> Robot:
-    """The robot whose joints stand ``more`` (dof,) rad further than their coordinates say, beside its own zero errors."""
+    """The robot with ``more`` (dof,) rad added to its joints' zero errors."""
     return replace(robot, offset=robot.offset + robot.sign * more)
 
 
