@@ -22,6 +22,7 @@ from doe.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimate import estimate
 from doe.joined_measurements import files_of
 from doe.lack_of_fit import downweighted
+from doe.load_history import history_of_part
 from doe.measurement_checks import refuse_seen
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
@@ -151,13 +152,16 @@ def calibrate(
     used = select_loads(table, request.loads)
     refuse_useless(given, table, used)
     build = _builder(given)
-    found = run_campaign(given.description, build, used, request.campaign, store=store, progress=say, own=given.own)
+    history = history_of_part(table, lambda whole: select_loads(whole, request.loads))
+    found = run_campaign(
+        given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history
+    )
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
     if _all_at_once(found):
         error, skipped = stages[0].left_out, stages[0].skipped
     else:
-        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own)
+        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own, history)
     remarks = words.remarks(found.stages, request.expected)
     return Calibrated(
         request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements, select_loads
+from doe.calibration import refuse_cut_cycles
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.holdout import HeldOutReadings, hold_out
@@ -19,9 +20,9 @@ from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.frozen_readings import refuse_frozen
-from doe.load_history import history_of
+from doe.load_history import history_of, history_of_part
 from doe.measurement_checks import refuse_seen
-from fem.effects import LOAD_PATH, PlacedEffect, build_plain, described_effects
+from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
 from robots import InputError
 from robots.quantities import RotationalStiffness
 from stiffarm.inputs import ModelInput
@@ -118,11 +119,12 @@ def diagnose(
     """
     if holdout is not None:
         refuse_seen(table, holdout)
+    refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
     refuse_few_poses(used)
     refuse_frozen(given.model, table)
     remarks = _remarks(given, request)
-    s = _setting(given, used, request)
+    s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)
@@ -169,16 +171,16 @@ def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | N
         return None
 
 
-def _setting(given: ModelInput, used: Measurements, request: Request) -> Setting:
+def _setting(given: ModelInput, used: Measurements, request: Request, history: History) -> Setting:
     """Readings and arm; effects that the model has already are taken as there, their numbers free to follow."""
     description = given.description
     if not description.effect:
-        return setting_of(description, given.model, used, own=given.own, free=request.free)
-    plain = build_plain(description, given.model.link_kind)
+        return setting_of(description, given.model, used, own=given.own, free=request.free, history=history)
+    plain = build_plain(description, given.model.link_kind, given.model.load_path)
     has: list[PlacedEffect] = [
         e for e in described_effects(description, plain, given.own) if e.effect.code != LOAD_PATH
     ]
-    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free)
+    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free, history=history)
 
 
 def refuse_few_poses(data: Measurements) -> None:
