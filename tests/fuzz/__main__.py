@@ -66,11 +66,16 @@ def attack(a: argparse.Namespace) -> int:
 
 def save(finding: workers.Finding, out: Path) -> None:
     """Keep a failing input, smaller where it fails the same, and say how to see it again."""
-    folder = out / finding.reader.replace(" ", "_").replace("/", "_")
+    folder = out / folder_of(finding.reader)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{finding.signature}{finding.suffix}"
     path.write_bytes(finding.data)
     print(f"FAILED {finding.words}\n  again: {sys.executable} -m tests.fuzz --replay {path}")
+
+
+def folder_of(reader: str) -> str:
+    """The folder of a reader's saved inputs and cases."""
+    return reader.replace(": ", "-").replace(" ", "_")
 
 
 def replay(paths: list[Path]) -> int:
@@ -81,7 +86,7 @@ def replay(paths: list[Path]) -> int:
     from .samples import Sample
     from .trial import attempt
 
-    table = {name.replace(" ", "_").replace("/", "_"): name for name in readers()}
+    table = {folder_of(name): name for name in readers()}
     failed = 0
     for path in paths:
         name = table[path.parent.name]

@@ -172,9 +172,9 @@ def _campaign(path: Path) -> object:
 
 READERS: dict[str, Reader] = {
     "measurement file": Reader(_tables, _measurements, TABLE, cost=2.0),
-    "measurement workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
-    "joint twists": Reader(lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0),
-    "joint twists workbook": Reader(lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0),
+    "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
+    "measurement file: joint twists": Reader(lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0),
+    "measurement file: workbook of joint twists": Reader(lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0),
     "scheme file": Reader(lambda: [Sample(".toml", (ROOT / "doe/schemes/xr701.toml").read_bytes())], _scheme, (TOML,)),
     "calibration file": Reader(lambda: [Sample(".toml", CAMPAIGN), Sample(".toml", POLYNOMIAL)], _campaign, (TOML,)),
 }

@@ -348,11 +348,11 @@ APT_WORDS, GCODE_WORDS = words(APT), words(GCODE)
 PROGRAM: tuple[Mutation, ...] = (words((b"END", b"ENDPROC", b"LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}", b"MoveL [[1,2,3],[1,0,0,0]]", b"PTP {A1 0}", b"G1 A1=1e308")),)
 
 READERS: dict[str, Reader] = {
-    "APT file": Reader(lambda: texts(*(SAMPLES / n for n in ("autodesk.apt", "catia.aptsource", "creo.ncl", "nx.cls"))), _toolpath, (APT_WORDS,)),
-    "G-code file": Reader(lambda: texts(SAMPLES / "mill.nc", SAMPLES / "five_axis.nc"), _toolpath, (GCODE_WORDS,)),
-    "motions": Reader(lambda: [_neutral()], _motions, TABLE),
-    "tool path": Reader(lambda: [Sample(".csv", CURVE), Sample(".csv", CURVE.replace(b";", b","))], _path, TABLE),
-    "tool path of any kind": Reader(lambda: [Sample(".csv", CURVE.replace(b";", b",")), _neutral()], _toolpath, TABLE),
+    "tool path file: APT": Reader(lambda: texts(*(SAMPLES / n for n in ("autodesk.apt", "catia.aptsource", "creo.ncl", "nx.cls"))), _toolpath, (APT_WORDS,)),
+    "tool path file: G-code": Reader(lambda: texts(SAMPLES / "mill.nc", SAMPLES / "five_axis.nc"), _toolpath, (GCODE_WORDS,)),
+    "tool path file: motions": Reader(lambda: [_neutral()], _motions, TABLE),
+    "tool path file": Reader(lambda: [Sample(".csv", CURVE), Sample(".csv", CURVE.replace(b";", b","))], _path, TABLE),
+    "tool path file: any": Reader(lambda: [Sample(".csv", CURVE.replace(b";", b",")), _neutral()], _toolpath, TABLE),
     "cell file": Reader(lambda: [Sample(".toml", CELL), *texts(EXAMPLES / "tx200_wing/cell.toml")], _cell, (TOML,), cost=2.0),
     "milling file": Reader(lambda: [Sample(".toml", MILLING), *texts(EXAMPLES / "kr60_posture/milling.toml")], _milling, (TOML,)),
     "placement": Reader(_placements, _placement, (JSON,)),

@@ -1,4 +1,4 @@
-"""Every reader of the project, by the words with which it asks for a file: how it is called, fed and checked.
+"""Every reader of the project, by the kind of file that it asks :mod:`robots.files` for: how it is called, fed and checked.
 
 A reader that is not here fails ``test_reader_registry.py``: whoever adds one adds its row, and the attack covers it.
 """
@@ -49,7 +49,7 @@ class Reader:
 
 
 def readers() -> dict[str, Reader]:
-    """All readers by kind. Imported late: some take their time to load."""
+    """All readers by kind; where a kind has several, what it holds follows after a colon. Imported late: they are slow."""
     from . import readers_arm, readers_data, readers_shop
 
     return {**readers_arm.READERS, **readers_data.READERS, **readers_shop.READERS}
