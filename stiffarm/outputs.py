@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from robots import InputError
+from robots.files import read_bytes, recorded
 from stiffarm.interruption import tidied_by, undisturbed
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
@@ -110,6 +111,7 @@ class OutputFolder:
             "versions": {name: _version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "platform": f"{sys.platform} {platform.machine()}",
             "inputs_sha256": {name: _digest(item) for name, item in self._inputs.items()},
+            "files_read_sha256": {} if (ledger := recorded()) is None else ledger.sha256,
             "seed": self._seed,
             "timings_s": self._timings | {"total": round(time.monotonic() - self._started, 3)},
         }
@@ -190,8 +192,12 @@ def _free_name(folder: Path, stem: str) -> Path:
 
 
 def _digest(item: Path | str) -> str:
-    """SHA-256 of a file; a text that is a hash already stays as it is."""
-    return hashlib.sha256(item.read_bytes()).hexdigest() if isinstance(item, Path) else item
+    """SHA-256 of a file as it was read in this command; a text that is a hash already stays as it is."""
+    if not isinstance(item, Path):
+        return item
+    ledger = recorded()
+    found = None if ledger is None else ledger.of(item)
+    return hashlib.sha256(read_bytes(item, "input file")).hexdigest() if found is None else found
 
 
 def _version(package: str) -> str:
