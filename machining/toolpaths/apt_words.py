@@ -55,7 +55,7 @@ def items(rest: str) -> list[str]:
 
 
 def as_number(text: str) -> float | None:
-    """Number up to :data:`LARGEST`, or None. Fortran exponents (1.5D+02) are read, Python's forms (1_0, nan) are not."""
+    """Number up to :data:`LARGEST`, or None. Fortran exponents (1.5D+02) are read, Python's forms (1_0) are not."""
     if not text or text[0] not in "+-.0123456789" or "_" in text:
         return None
     try:
