@@ -23,11 +23,8 @@ from doe.measurement_checks import (
 )
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
 from robots import InputError, Robot
-<<<<<<< HEAD
 from robots.errors import line_ranges, listed
-=======
 from robots.written import written_whole
->>>>>>> main
 
 
 @dataclass(frozen=True, eq=False)

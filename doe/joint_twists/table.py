@@ -17,11 +17,8 @@ from doe.joint_twists.reflector_table import assemble_reflectors
 from doe.measurement_checks import joint_keys
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import Robot, forward_kinematics
-<<<<<<< HEAD
 from robots.errors import listed
-=======
 from robots.written import written_whole
->>>>>>> main
 
 Array = NDArray[np.float64]
 
