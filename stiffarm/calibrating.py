@@ -36,6 +36,7 @@ from robots.schema import Calibration as Origin
 from stiffarm import calibration_words as words
 from stiffarm.inputs import ModelInput
 from stiffarm.predicting import Count, Holdout, held_out, left_out
+from stiffarm.useless_readings import refuse_useless
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
@@ -135,8 +136,8 @@ def calibrate(
     Raises
     ------
     InputError
-        The campaign does not fit model or readings, there are too few readings, or ``holdout`` has poses that the
-        calibration has seen.
+        The campaign does not fit model or readings, the readings tell nothing or are too few, or ``holdout`` has
+        poses that the calibration has seen.
     """
     if request.campaign.robot != given.robot.name:
         raise InputError(
@@ -149,6 +150,7 @@ def calibrate(
         refuse_seen(table, holdout, "the calibration")
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
+    refuse_useless(given, table, used)
     build = _builder(given)
     history = history_of_part(table, lambda whole: select_loads(whole, request.loads))
     found = run_campaign(

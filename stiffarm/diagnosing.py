@@ -19,6 +19,7 @@ from doe.diagnosis.outset import setting_of
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
+from doe.frozen_readings import refuse_frozen
 from doe.load_history import history_of, history_of_part
 from doe.measurement_checks import refuse_seen
 from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
@@ -69,6 +70,11 @@ class Diagnosed:
     proposal: NextReadings | None = None
 
     @property
+    def tells(self) -> bool:
+        """Whether the readings tell anything about the arm."""
+        return self.found.verdict != "uninformative"
+
+    @property
     def in_model(self) -> tuple[Found, ...]:
         """Effects of the new model: those accepted, and those that are provisional."""
         return (*self.found.effects, *self.found.provisional)
@@ -82,6 +88,8 @@ class Diagnosed:
     @property
     def credible(self) -> tuple[str, ...]:
         """Codes that together hold 95 % of the probability, of every look that found something."""
+        if not self.tells:
+            return ()
         looks = self.found.rankings[: max(len(self.in_model), 1)]
         accepted = [f.code for f in self.found.effects]
         return tuple(dict.fromkeys([*accepted, *(code for r in looks for code in r.credible())]))
@@ -106,14 +114,15 @@ def diagnose(
     Raises
     ------
     InputError
-        Readings of one pose only, poses held out that are in the table, or fewer readings than
-        springs.
+        Readings of one pose only, a gauge that stood still, poses held out that are in the table, or fewer readings
+        than springs.
     """
     if holdout is not None:
         refuse_seen(table, holdout)
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
     refuse_few_poses(used)
+    refuse_frozen(given.model, table)
     remarks = _remarks(given, request)
     s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
@@ -139,6 +148,8 @@ def diagnose(
 
 def _asked(found: Diagnosis) -> list[str]:
     """Codes whose twins matter: what was found; where it is not settled, the rivals; else the most probable ones."""
+    if found.verdict == "uninformative":
+        return []
     taken = [f.code for f in (*found.effects, *found.provisional)]
     if found.verdict != "named":
         codes = [h.code for h in found.rankings[max(len(taken) - 1, 0)].hypotheses if h.code not in (NONE, UNKNOWN)]
@@ -148,7 +159,7 @@ def _asked(found: Diagnosis) -> list[str]:
 
 def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | None) -> NextReadings | None:
     """Set-ups that would settle what is open; None where nothing is."""
-    if found.verdict == "named" or request.next_poses == 0:
+    if found.verdict in ("named", "uninformative") or request.next_poses == 0:
         return None
     try:
         if say is not None:

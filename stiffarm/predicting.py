@@ -110,5 +110,4 @@ def held_out(found: Calibration, data: Measurements) -> Holdout:
             error[system.pose == k] = np.nan
     noise = found.stages[-1].estimate.noise
     f = system.evaluate(np.zeros(0))[0]
-    expected = np.sqrt(noise.variance(system, f) + np.sum(noise.common(system, f) ** 2, axis=1))
-    return Holdout(data, system, error, expected, blind)
+    return Holdout(data, system, error, noise.spread(system, f), blind)
