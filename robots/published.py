@@ -30,11 +30,6 @@ from typing import Any
 from robots.errors import InputError
 from robots.written import settle, write_whole, written_whole
 
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
-
 JOURNAL = ".publishing.json"
 FORM = "stiffarm-publishing/1"
 # Results lie at most so many folders below the one that they were published into.
@@ -166,7 +161,7 @@ class _Moves:
 
     def back(self) -> None:
         """Put back all that has moved, and take the journal away."""
-        for name, sha256 in reversed(self.sha256.items()):
+        for name, sha256 in reversed(list(self.sha256.items())):
             new, place, kept = self._paths(name)
             if not os.path.lexists(new) and place.is_file() and _digest(place) == sha256:
                 new.parent.mkdir(parents=True, exist_ok=True)
@@ -340,12 +335,12 @@ def _alone(folder: Path) -> Iterator[None]:
 
 def _locked(folder: Path, *, wait: bool = True) -> int | None:
     """The lock of a folder as an open descriptor; None if somebody else has it (without ``wait``), or without locks."""
-    if fcntl is None:
-        return None
     try:
         descriptor = os.open(folder, os.O_RDONLY)
-    except OSError:
+    except OSError:  # no access; and Windows opens no folders
         return None
+    import fcntl  # which Windows does not have either
+
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except OSError:

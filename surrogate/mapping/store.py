@@ -124,7 +124,7 @@ class MapStore:
         arrays = {name: np.ascontiguousarray(block[name]) for name in self.columns}
         for name, values in arrays.items():
             self._put(name, rows.start, values)
-        sha256 = self._sha256(number, {name: values.tobytes() for name, values in arrays.items()})
+        sha256 = self._sha256(number, {name: memoryview(values.tobytes()) for name, values in arrays.items()})
         with (self.folder / _DONE).open("a", encoding="ascii") as file:
             file.write(f"{number} {sha256}\n")
             file.flush()
@@ -173,7 +173,7 @@ class MapStore:
             )  # fmt: skip
         return spoilt
 
-    def _sha256(self, number: int, arrays: Mapping[str, bytes]) -> str:
+    def _sha256(self, number: int, arrays: Mapping[str, memoryview]) -> str:
         """Hash of a block's arrays, and of whose they are."""
         digest = hashlib.sha256(f"{self.key} {number}\n".encode())
         for name in sorted(arrays):
@@ -181,14 +181,14 @@ class MapStore:
             digest.update(arrays[name])
         return digest.hexdigest()
 
-    def _read(self, number: int) -> dict[str, bytes]:
+    def _read(self, number: int) -> dict[str, memoryview]:
         """The bytes of a block as they are on the disk."""
-        rows, out = self.rows(number), {}
+        rows, out = self.rows(number), dict[str, memoryview]()
         for name, column in self.columns.items():
             itemsize = np.dtype(column.dtype).itemsize * int(np.prod(column.shape))
             with self._file(name).open("rb") as file:
                 file.seek(self.starts[name] + rows.start * itemsize)
-                out[name] = file.read((rows.stop - rows.start) * itemsize)
+                out[name] = memoryview(file.read((rows.stop - rows.start) * itemsize))
         return out
 
     def _put(self, name: str, row: int, values: Array) -> None:
