@@ -17,7 +17,7 @@ from fem.law_bases import Basis, FourierBasis, TableBasis
 from fem.laws import FreeLaw, law_parameters, polynomial_basis
 from fem.parameters import Parameter, parameter
 from robots import InputError, InputErrors
-from robots.library import parse_toml, read_text
+from robots.files import parse_toml, read_text
 
 SCHEMA: Literal["stiffarm-calibration/1"] = "stiffarm-calibration/1"
 # With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.

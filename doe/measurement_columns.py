@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from robots import InputError, InputErrors, Robot
+from robots.files import read_bytes
 from robots.units import factor
 
 Array = NDArray[np.float64]
@@ -90,16 +91,10 @@ def read_table(path: Path) -> RawTable:
         No such file, not a file, other suffix, empty, header only, or not readable as its suffix says.
     """
     allowed = f"a file ending in {' or '.join(SUFFIXES)}"
-    if not path.is_file():
-        what = "measurement path is not a file" if path.exists() else "measurement file does not exist"
-        raise InputError(what, value=str(path), allowed=allowed, remedy="check the path")
+    data = read_bytes(path, "measurement file")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError("measurement file", value=str(path), allowed=allowed, remedy="save it as one of these")
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"measurement file {path} cannot be read ({error})") from error
     remedy = "the first line holds the column names, each further line one reading"
     if not data.strip():
         raise InputError(f"measurement file {path} is empty", remedy=remedy)

@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
 from robots import InputError, InputErrors, Robot
-from robots.library import parse_toml, read_text
+from robots.files import parse_toml, read_text
 
 # With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
 FEWEST_LEVELS = 4

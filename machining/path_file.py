@@ -10,6 +10,7 @@ import numpy as np
 
 from machining.task import REPEATED, Array, ToolPath
 from robots import InputError, InputErrors
+from robots.files import read_text
 
 POINT = ("x_mm", "y_mm", "z_mm")
 NORMAL = ("nx", "ny", "nz")
@@ -65,12 +66,7 @@ def read_path(path: str | Path) -> ToolPath:
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    if not path.is_file():
-        raise InputError("tool path file does not exist", value=str(path), remedy="check the path")
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"tool path {path} cannot be read ({error})", remedy="save it as 'CSV UTF-8'") from error
+    text = read_text(path, "tool path file")
     head = text.split("\n", 1)[0]
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=";" if ";" in head and "," not in head else ",")
     try:

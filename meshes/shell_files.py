@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from meshes.npz import from_npz, to_npz
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
+from robots.files import read_bytes
 from robots.written import write_whole
 
 SCHEMA = "stiffarm-shell/1"
@@ -68,11 +69,7 @@ def load_shell(path: Path | str, sha256: str | None = None, name: str | None = N
         version, or holds no valid mesh.
     """
     where = f"shell file {path}"
-    try:
-        content = Path(path).read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: no path at all, as with a null character in it
-        reason = error.strerror if isinstance(error, OSError) else None
-        raise InputError(f"{where} cannot be read ({reason or error})", remedy=_REMEDY) from error
+    content = read_bytes(path, "shell file", remedy=_REMEDY)
     found = hashlib.sha256(content).hexdigest()
     if sha256 is not None and found != sha256.lower():
         raise InputError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import tomlkit
 from pydantic import ValidationError
 
 from robots.errors import InputError, InputErrors
+from robots.files import parse_toml, read_text, recording
 from robots.robot import Robot, robot_from
 from robots.schema import ModelDescription, ReferenceFaults
 from robots.surface_files import SurfaceCopies, with_absolute_surfaces
@@ -33,6 +33,7 @@ def bundled_names() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
 
 
+@recording()
 def load_description(model: str | Path) -> ModelDescription:
     """Read a model by bundled name, from a TOML file, or from a URDF (see :func:`robots.urdf.read_urdf`).
 
@@ -48,7 +49,7 @@ def load_description(model: str | Path) -> ModelDescription:
         text = resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
         return parse_description(text, f"bundled robot {name}")
     path = Path(model)
-    if not path.is_file():
+    if not _is_file(path):
         raise InputError(
             "model",
             value=name,
@@ -61,20 +62,11 @@ def load_description(model: str | Path) -> ModelDescription:
     return with_absolute_surfaces(description, path.resolve().parent)
 
 
-def read_text(path: Path, kind: str) -> str:
-    """Text of a UTF-8 file; raises InputError if it cannot be read, naming the ``kind`` of file."""
+def _is_file(path: Path) -> bool:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{kind} {path} cannot be read ({error})") from error
-
-
-def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Parse TOML; raises InputError with the place of a syntax error, ``where`` naming the file."""
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+        return path.exists() and not path.is_dir()
+    except ValueError:  # a null character in it
+        return False
 
 
 def parse_description(text: str, where: str) -> ModelDescription:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
-import hashlib
 import json
 import logging
 import os
@@ -28,7 +27,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from robots.errors import InputError
-from robots.written import settle, write_whole, written_whole
+from robots.written import settle, sha256_of, write_whole, written_whole
 
 JOURNAL = ".publishing.json"
 FORM = "stiffarm-publishing/1"
@@ -163,7 +162,7 @@ class _Moves:
         """Put back all that has moved, and take the journal away."""
         for name, sha256 in reversed(list(self.sha256.items())):
             new, place, kept = self._paths(name)
-            if not os.path.lexists(new) and place.is_file() and _digest(place) == sha256:
+            if not os.path.lexists(new) and place.is_file() and sha256_of(place) == sha256:
                 new.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(place, new)
             if os.path.lexists(kept):
@@ -180,7 +179,7 @@ class _Moves:
     def astray(self) -> list[str]:
         """Names whose place does not hold the file that belongs there."""
         places = ((name, self.target / name) for name in self.sha256)
-        return [name for name, place in places if not place.is_file() or _digest(place) != self.sha256[name]]
+        return [name for name, place in places if not place.is_file() or sha256_of(place) != self.sha256[name]]
 
     def _paths(self, name: str) -> tuple[Path, Path, Path]:
         return self.target / self.stage / name, self.target / name, self.target / self.backup / name
@@ -276,11 +275,6 @@ def _files_named_in(path: Path) -> list[Path]:
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):  # somebody's own file
         return []
     return [f for f in files if not f.is_absolute() and ".." not in f.parts and (path.parent / f).is_file()]
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _beside(target: Path) -> str:

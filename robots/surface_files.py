@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from robots.errors import InputError
+from robots.files import read_bytes
 from robots.schema import ModelDescription, Surface
 from robots.written import written_whole
 
@@ -109,10 +110,5 @@ def _with_files(description: ModelDescription, name: Callable[[str, Surface], st
 
 
 def _digest(link: str, path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(
-            f"surface file of link {link}, {path}, cannot be read ({error.strerror or error})",
-            remedy="put it back beside the model file, or import the link again",
-        ) from error
+    remedy = f"put it back beside the model file, or import the link again ({link})"
+    return hashlib.sha256(read_bytes(path, "surface file", remedy=remedy)).hexdigest()

@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robots import InputError
+from robots.files import recording
 from stiffarm.interruption import EXIT_STOPPED, stoppable
 
 EXIT_BAD_INPUT = 2
@@ -74,8 +75,11 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def user_errors(debug: bool) -> Iterator[None]:
-    """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too."""
-    with stoppable():
+    """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too.
+
+    Every input file of the command is read once in here, and its hash kept for run.json.
+    """
+    with stoppable(), recording():
         try:
             yield
         except InputError as error:

@@ -16,8 +16,10 @@ from types import TracebackType
 from typing import Any, Self
 
 from robots import InputError
+from robots.files import read_bytes, recorded
 from robots.published import Stage
 from robots.unfinished import tidied_by
+from robots.written import sha256_of
 from stiffarm.interruption import undisturbed
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
@@ -72,7 +74,7 @@ class OutputFolder:
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
                 with undisturbed():
-                    self._publish(outputs | {"run.json": _digest(self.stage / "run.json")})
+                    self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
         finally:
             self._close()
 
@@ -112,6 +114,7 @@ class OutputFolder:
             "versions": {name: _version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "platform": f"{sys.platform} {platform.machine()}",
             "inputs_sha256": {name: _digest(item) for name, item in self._inputs.items()},
+            "files_read_sha256": {} if (ledger := recorded()) is None else ledger.sha256,
             "seed": self._seed,
             "timings_s": self._timings | {"total": round(time.monotonic() - self._started, 3)},
         }
@@ -119,7 +122,7 @@ class OutputFolder:
     def _outputs(self) -> dict[str, str]:
         """SHA-256 of the results as they lie in the hidden folder, by name."""
         names = sorted(p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file())
-        return {name: _digest(self.stage / name) for name in names}
+        return {name: sha256_of(self.stage / name) for name in names}
 
     def _publish(self, sha256: Mapping[str, str]) -> None:
         assert self._stage is not None  # noqa: S101 - it has been entered
@@ -145,11 +148,12 @@ class OutputFolder:
 
 
 def _digest(item: Path | str) -> str:
-    """SHA-256 of a file; a text that is a hash already stays as it is."""
+    """SHA-256 of a file as it was read in this command; a text that is a hash already stays as it is."""
     if not isinstance(item, Path):
         return item
-    with item.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    ledger = recorded()
+    found = None if ledger is None else ledger.of(item)
+    return hashlib.sha256(read_bytes(item, "input file")).hexdigest() if found is None else found
 
 
 def _version(package: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +35,7 @@ from fem import ArmModel, LinkKind, directional_stiffness
 from fem.effects import History, PlacedEffect, observed
 from fem.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
+from robots.files import read_bytes
 from stiffarm.inputs import ModelInput
 from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
 from surrogate.model import predict_compliance
@@ -184,7 +184,7 @@ def calibrate_constant(
 def bundled_sha256(robot: str) -> str | None:
     """Hash of the measurement table bundled with a robot, or None."""
     try:
-        return hashlib.sha256(Path(bundled_data(robot)).read_bytes()).hexdigest()
+        return hashlib.sha256(read_bytes(bundled_data(robot), "measurement file")).hexdigest()
     except InputError:
         return None
 

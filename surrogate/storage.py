@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from robots import Robot
 from robots.errors import InputError, InputErrors
+from robots.files import parse_json, read_text
 from robots.written import write_whole
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion, Family
@@ -164,12 +165,7 @@ def load_surrogate(path: str | Path) -> Surrogate:
         NaN or infinite numbers, counts that do not fit together, or content that was changed by hand.
     """
     where = f"surrogate file {path}"
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_constant)
-    except OSError as error:
-        raise InputError(f"{where} cannot be read ({error})", remedy="check the path") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where} is not valid JSON ({error})", remedy=_REFIT) from error
+    data = parse_json(read_text(path, "surrogate file"), where, remedy=_REFIT)
     if not isinstance(data, dict):
         raise InputError(f"{where}", value=type(data).__name__, allowed="a JSON object", remedy=_REFIT)
     _check_version(where, data.get("schema"))

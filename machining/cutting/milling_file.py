@@ -14,7 +14,7 @@ from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotti
 from machining.cutting.force import ASSUMED_SD, MillingForce
 from machining.cutting.tool_bending import ToolBending
 from robots import InputError, InputErrors
-from robots.library import parse_toml, read_text
+from robots.files import parse_toml, read_text
 
 SCHEMA = "stiffarm-milling/1"
 

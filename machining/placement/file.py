@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.files import parse_json, read_text
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -89,10 +89,7 @@ def read_placement(path: str | Path) -> Placement:
         numbers that are not finite.
     """
     file = Path(path)
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"placement {file} cannot be read ({error})", remedy=REMEDY) from error
+    content = parse_json(read_text(file, "placement", remedy=REMEDY), f"placement {file}", remedy=REMEDY)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise InputError(f"schema of placement {file.name}", value=found, allowed=SCHEMA, remedy=REMEDY)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from machining.programs.orientation import framed, from_quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Event, Motions, Note, Tool
 from robots import InputError, Robot
+from robots.files import parse_json
 
 Array = NDArray[np.float64]
 
@@ -99,10 +99,7 @@ def moves_from_csv(text: str, dof: int, linear: int, where: str = "program") -> 
 
 
 def _object(text: str, where: str) -> Mapping[str, Any]:
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where} is not valid JSON ({error})") from error
+    data = parse_json(text, where, remedy="write the file again")
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         found = data.get("schema") if isinstance(data, dict) else type(data).__name__
         raise InputError(f"{where}, schema", value=str(found)[:80], allowed=SCHEMA)

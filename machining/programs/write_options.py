@@ -7,7 +7,6 @@ only for moves whose sweep was checked by other means. The first move has no sta
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -16,8 +15,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, ValidationError, fi
 
 from machining.cell.schema import Strict
 from machining.programs.convention import ConventionTable, fault, tuples
-from robots import InputError
-from robots.library import parse_toml, read_text
+from robots.files import parse_json, parse_toml, read_text
 
 SCHEMA: Literal["stiffarm-post/1"] = "stiffarm-post/1"
 
@@ -141,11 +139,7 @@ def read_options(path: str | Path) -> WriteOptions:
     text = read_text(file, "options")
     if file.suffix.lower() != ".json":
         return parse_options(parse_toml(text, str(file)), str(file))
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{file} is not valid JSON ({error})", remedy="mend the file at that place") from error
-    return parse_options(data, str(file))
+    return parse_options(parse_json(text, str(file)), str(file))
 
 
 def parse_options(data: object, where: str) -> WriteOptions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from array import array
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from machining.toolpaths.motions import Motions, Note, Tool
-from machining.toolpaths.source import check_size
+from machining.toolpaths.source import content
 from robots import InputError, InputErrors
 from robots.written import written_whole
 
@@ -70,13 +71,13 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
         Bad rows, at most twenty of them and the number of the rest.
     """
     path = Path(path)
-    check_size(path, max_bytes)
     tools: list[Tool] = []
     operations: list[str] = []
     table = [array("d") for _ in COLUMNS]
     errors: list[InputError] = []
     faults = 0
-    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+    data = io.BytesIO(content(path, max_bytes))
+    with io.TextIOWrapper(data, encoding="utf-8", errors="replace", newline="") as file:
         reader = csv.reader(file)
         try:
             if next(reader, None) != [MARK]:

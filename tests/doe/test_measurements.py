@@ -304,7 +304,7 @@ def test_files_that_cannot_be_read(name: str, content: bytes | None, words: str,
 def test_a_folder_is_not_a_file(tmp_path: Path, xr701: Robot) -> None:
     folder = tmp_path / "data.csv"
     folder.mkdir()
-    with pytest.raises(InputError, match="not a file"):
+    with pytest.raises(InputError, match="it is a folder"):
         read_measurements(folder, xr701)
 
 

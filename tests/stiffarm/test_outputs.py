@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import signal
@@ -16,6 +17,7 @@ import pytest
 from cli_runs import Command, environment, heed_ctrl_c, run_here, start, tree
 
 from robots import InputError
+from robots.files import read_bytes, recording
 from stiffarm import console, interruption, outputs, steps
 from stiffarm.outputs import OutputFolder
 
@@ -357,3 +359,21 @@ def test_a_failure_takes_the_copies_for_the_backup_away_again(tmp_path: Path) ->
         out.write_text("model.toml", "")
         out.write_text("z/picture.png", "")
     assert tree(tmp_path) == before
+
+
+def test_inputs_are_recorded_as_they_were_read(tmp_path: Path) -> None:
+    """A file that changes during the run is recorded as read; one that is gone at the end takes no results with it."""
+    changed, gone = tmp_path / "changed.toml", tmp_path / "gone.csv"
+    for file in (changed, gone):
+        file.write_bytes(b"as read")
+    expected = hashlib.sha256(b"as read").hexdigest()
+    with recording(), OutputFolder(tmp_path / "out", ["stiffarm"], {"model": changed, "data": gone}, None) as folder:
+        for file in (changed, gone):
+            read_bytes(file, "input")
+        changed.write_bytes(b"changed")
+        gone.unlink()
+        folder.write_text("result.txt", "kept")
+    run = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
+    assert run["inputs_sha256"] == {"model": expected, "data": expected}
+    assert run["files_read_sha256"] == {str(changed): expected, str(gone): expected}
+    assert (tmp_path / "out" / "result.txt").read_text(encoding="utf-8") == "kept"
