@@ -84,7 +84,9 @@ class Stage:
         with _alone(self.target):
             _heal(self.target)
             moves = _planned(self.target, self.path.name, sha256)
-            write_whole(self.target / JOURNAL, moves.text())
+            write_whole(self.path / JOURNAL, moves.text())
+            os.replace(self.path / JOURNAL, self.target / JOURNAL)
+            settle(self.target)
             try:
                 moves.forward()
             except BaseException:
@@ -256,8 +258,11 @@ def _keep(place: Path, kept: Path) -> None:
         # Those that are replaced themselves come there by themselves.
         if not copy.exists():
             copy.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(copy) as draft:
-                shutil.copy2(place.parent / file, draft)
+            try:
+                os.link(place.parent / file, copy)
+            except OSError:
+                with written_whole(copy) as draft:
+                    shutil.copy2(place.parent / file, draft)
     kept.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(place, kept, follow_symlinks=False)
