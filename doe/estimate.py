@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from doe.blocks import Blocks, Covariance
 from doe.least_squares import BLIND, minimise, prior_residual
-from doe.noise import Noise, fit_noise, shrink_common, terms_of
+from doe.noise import Noise, fit_noise, shrink_common, terms_of, within_readings
 from doe.problem import Problem
 from robots import InputError
 
@@ -122,6 +122,8 @@ def estimate(
             followed = np.sqrt(1.0 - len(u) / len(p))
             middle = float(np.median(np.abs(own))) / (MEDIAN * followed) if turn == 0 else 1.0
             weight = outlier_weight(own / min(max(middle, 1e-3), 1.0))
+    if fixed_noise is None:
+        noise = within_readings(p, f, noise, gauge)
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
 
 

@@ -153,6 +153,8 @@ def content_hash(description: ModelDescription) -> str:
         del data["effect"]  # models of the time before effects keep their hash
     if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
         del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
+    if data["load"] is not None and data["load"]["point"] is None:
+        del data["load"]["point"]  # and those of the time before points could be off
     for link in data["link"]:
         if link["surface"] is not None:
             del link["surface"]["file"]  # its sha256 stays
