@@ -13,6 +13,7 @@ import numpy as np
 from machining.toolpaths.motions import Motions, Note, Tool
 from machining.toolpaths.source import content
 from robots import InputError, InputErrors
+from robots.written import written_whole
 
 MARK = "# stiffarm motions 1"
 COLUMNS = (
@@ -30,7 +31,7 @@ def write_motions(path: str | Path, motions: Motions) -> None:
 
     Every number has the digits that make it come back within a rounding error (coordinates within 1e-9 m and better).
     """
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with written_whole(Path(path)) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow([MARK])
         for tool in motions.tools:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 from cli_runs import ROOT, Command, run_here, tree
 from small_robot import write_urdf
@@ -274,7 +275,7 @@ def test_a_worker_builds_the_model_from_the_text_and_makes_a_block() -> None:
 
 @pytest.mark.slow
 def test_a_cluster_writes_the_same_files(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed")
+    distributed = oracles.load("distributed")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     options = ("--grid", "slice", "--x", "1000:2200:300", "--z", "400:1600:300", "--no-pictures")
     assert cli("map", "xr701", *options, "--out", "here").code == 0
