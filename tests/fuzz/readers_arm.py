@@ -23,6 +23,7 @@ from meshes.shell_mesh import ShellMesh
 from meshes.surface_reading import read_surface
 from robots import forward_kinematics, load_description, load_robot, read_urdf
 from robots.library import parse_description, to_toml
+from robots.published import FORM, JOURNAL, heal
 from robots.robot import Robot, robot_from
 from stiffarm.calibrating import Request, calibrate
 from stiffarm.inputs import ModelInput, read_model
@@ -332,6 +333,35 @@ def _map_work(path: Path) -> object:
 
 
 OBJ = words((b"f 1 2 3", b"f 1 2 99999", b"f 0 0 0", b"v nan 0 0", b"v 1e308 1e308 1e308", b"f -9 -8 -7", b"l 1 2"))
+
+
+def _journals() -> list[Sample]:
+    names = {name: hashlib.sha256(content).hexdigest() for name, content in _NEW.items()}
+    content = {"schema": FORM, "stage": _STAGE, "backup": "previous/20261122-101112", "made": ["sub"], "sha256": names}
+    return [Sample(".json", json.dumps(content, indent=1).encode())]
+
+
+_STAGE, _NEW = ".partial-0123456789ab", {"a.txt": b"new a", "sub/b.txt": b"new b"}
+
+
+def _journal(path: Path) -> object:
+    """A run killed while its results moved, and a journal that says anything: nothing is lost, nothing gets out."""
+    folder, beside = path.parent / "published", path.parent / "beside.txt"
+    shutil.rmtree(folder, ignore_errors=True)
+    for name, content in {"a.txt": b"old a", **{f"{_STAGE}/{name}": new for name, new in _NEW.items()}}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    beside.write_bytes(b"somebody else's")
+    shutil.copyfile(path, folder / JOURNAL)
+    try:
+        heal(folder)
+    finally:
+        require(beside.read_bytes() == b"somebody else's", "journal: a file outside of the folder has changed")
+        kept = [p.read_bytes() for p in folder.rglob("*") if p.is_file()]
+        require(b"old a" in kept, "journal: the result before is lost")
+    return None
+
+
 SURFACE: tuple[Mutation, ...] = (OBJ, binary_stl, xml)
 
 READERS: dict[str, Reader] = {
@@ -347,5 +377,6 @@ READERS: dict[str, Reader] = {
     "array cache": Reader(_kept, _cached, (arrays,)),
     "surrogate file": Reader(_surrogates, _surrogate, (JSON,), _seal_json, cost=2.0),
     "map request": Reader(lambda: [Sample(".json", _request().text.encode())], _map_request, (JSON,), cost=4.0),
+    "journal of results": Reader(_journals, _journal, (JSON,), cost=6.0),
     "map work": Reader(_work_files, _map_work, (JSON,), cost=2.0),
 }

@@ -34,7 +34,11 @@ ELSEWHERE = {
     "meshes/surface_wrap.py _alpha_wrapped": "what a process of its own has just written",
     "robots/urdf_xml.py _yourdfpy_robot": "from memory",
     "stiffarm/console.py emit_json": "the null device",
-    "stiffarm/outputs.py _files_named_in": "a model that was just written",
+    "robots/published.py _heal": "fuzzed as `journal of results`",
+    "robots/published.py _files_named_in": "a model that makes room for a result; what it refers to moves with it",
+    "robots/published.py _digest": "whether a result is the one that moved",
+    "robots/published.py _locked": "folders, to lock them",
+    "robots/written.py settle": "to wait for the disk",
     "stiffarm/post_run.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
