@@ -15,12 +15,13 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --max
 # The stamps below share one environment: two pips at once would spoil it.
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help run test test-all lint bench clean .make-venv
+.PHONY: help run test test-all fuzz lint bench clean .make-venv
 
 help:
 	@echo "make run       calibrate the xr701 from its measurements; results in out/"
 	@echo "make test      the tests, without the slow ones"
 	@echo "make test-all  all tests"
+	@echo "make fuzz      mutated files through every reader, and kills: FUZZ_COUNT=100000 FUZZ_SECONDS=600 FUZZ_SEED=... FUZZ_KILLS=100"
 	@echo "make lint      ruff, mypy and the import contract"
 	@echo "make bench     benchmarks"
 	@echo "make clean     remove the environment and caches (results in out/ stay)"
@@ -33,6 +34,10 @@ test: $(VENV)/.installed-test
 
 test-all: $(VENV)/.installed-test
 	$(PYTEST)
+
+fuzz: $(VENV)/.installed-test
+	$(BIN)/python -m tests.fuzz $(if $(FUZZ_COUNT),--count $(FUZZ_COUNT)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS)) \
+	  $(if $(FUZZ_SEED),--seed $(FUZZ_SEED)) $(if $(FUZZ_KILLS),--kills $(FUZZ_KILLS))
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -6,6 +6,7 @@ Surfaces are arrays: corners (n, 3) and faces (m, 3), the outward sense of a fac
 from __future__ import annotations
 
 import importlib.util
+import io
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.files import read_bytes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -42,8 +44,6 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"surface {path.name}", value=path.suffix, allowed=", ".join(SUFFIXES))
-    if not path.is_file():
-        raise InputError("surface file not found", value=str(path), remedy="check the path")
     if scale is not None and not 0.0 < scale < np.inf:
         raise InputError("scale (m for one unit of the file)", value=scale, allowed="greater than 0")
     if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
@@ -51,8 +51,10 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
             f"surface {path.name}: DAE files need the package pycollada",
             remedy="install pycollada, or convert the file to STL",
         )
+    data = read_bytes(path, "surface file")
     try:
-        mesh = trimesh.load_mesh(path, process=False)
+        # From the bytes: a mesh that names other files (materials, pictures) gets none of them opened.
+        mesh = trimesh.load_mesh(io.BytesIO(data), file_type=path.suffix.lower().removeprefix("."), process=False)
         nodes = np.asarray(mesh.vertices, dtype=np.float64)
         faces = np.asarray(mesh.faces, dtype=np.int64)
     except Exception as error:  # the readers raise whatever their parsers do
@@ -64,7 +66,7 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     if not np.isfinite(nodes).all():
         raise InputError(f"surface {path.name}: corners that are not finite numbers", remedy="export it again")
     notes = [f"read {len(faces)} triangles from {path.name}"]
-    up = _up_axis(path)
+    up = _up_axis(path, data)
     if up in UP:
         if heed_up_axis:
             nodes = nodes @ UP[up].T
@@ -77,12 +79,11 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     return nodes * scale, faces, notes
 
 
-def _up_axis(path: Path) -> str:
+def _up_axis(path: Path, data: bytes) -> str:
     """What a DAE file says of its up axis; empty for other files and where it says nothing."""
     if path.suffix.lower() != ".dae":
         return ""
-    with path.open("rb") as file:
-        found = re.search(rb"<up_axis>\s*([XYZ]_UP)\s*</up_axis>", file.read(_HEAD_BYTES))
+    found = re.search(rb"<up_axis>\s*([XYZ]_UP)\s*</up_axis>", data[:_HEAD_BYTES])
     return found.group(1).decode() if found else ""
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,11 +12,13 @@ import tomlkit
 from pydantic import ValidationError
 
 from robots.errors import InputError, InputErrors
+from robots.files import parse_toml, read_text, recording
 from robots.robot import Robot, robot_from
 from robots.schema import ModelDescription, ReferenceFaults
 from robots.surface_files import SurfaceCopies, with_absolute_surfaces
 from robots.urdf import read_urdf
 from robots.urdf_xml import is_xml
+from robots.written import write_whole
 
 # pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
 _WORDS = {
@@ -33,6 +33,7 @@ def bundled_names() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
 
 
+@recording()
 def load_description(model: str | Path) -> ModelDescription:
     """Read a model by bundled name, from a TOML file, or from a URDF (see :func:`robots.urdf.read_urdf`).
 
@@ -48,7 +49,7 @@ def load_description(model: str | Path) -> ModelDescription:
         text = resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
         return parse_description(text, f"bundled robot {name}")
     path = Path(model)
-    if not path.is_file():
+    if not _is_file(path):
         raise InputError(
             "model",
             value=name,
@@ -61,20 +62,11 @@ def load_description(model: str | Path) -> ModelDescription:
     return with_absolute_surfaces(description, path.resolve().parent)
 
 
-def read_text(path: Path, kind: str) -> str:
-    """Text of a UTF-8 file; raises InputError if it cannot be read, naming the ``kind`` of file."""
+def _is_file(path: Path) -> bool:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{kind} {path} cannot be read ({error})") from error
-
-
-def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Parse TOML; raises InputError with the place of a syntax error, ``where`` naming the file."""
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where} is not valid TOML ({error})", remedy="mend the file at that line") from error
+        return path.exists() and not path.is_dir()
+    except ValueError:  # a null character in it
+        return False
 
 
 def parse_description(text: str, where: str) -> ModelDescription:
@@ -130,7 +122,7 @@ def to_toml(description: ModelDescription) -> str:
 
 
 def save_description(description: ModelDescription, path: Path) -> None:
-    """Write a model TOML under a temporary name, then rename. Never over an existing file.
+    """Write a model TOML, whole or not at all. Never over an existing file.
 
     The surface files of its links are copied into ``meshes/`` beside it, so that model and meshes travel
     together; a file with the same content that is there already is shared.
@@ -146,13 +138,8 @@ def save_description(description: ModelDescription, path: Path) -> None:
         )
     if not path.parent.is_dir():
         raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with SurfaceCopies(path.parent) as copies:
-        try:
-            temporary.write_text(to_toml(copies.of(description)), encoding="utf-8")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_whole(path, to_toml(copies.of(description)))
 
 
 def content_hash(description: ModelDescription) -> str:
@@ -166,6 +153,8 @@ def content_hash(description: ModelDescription) -> str:
         del data["effect"]  # models of the time before effects keep their hash
     if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
         del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
+    if data["load"] is not None and data["load"]["point"] is None:
+        del data["load"]["point"]  # and those of the time before points could be off
     for link in data["link"]:
         if link["surface"] is not None:
             del link["surface"]["file"]  # its sha256 stays

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import re
 import shutil
 from collections.abc import Callable
@@ -13,7 +12,9 @@ from types import TracebackType
 from typing import Self
 
 from robots.errors import InputError
+from robots.files import read_bytes
 from robots.schema import ModelDescription, Surface
+from robots.written import written_whole
 
 FOLDER = "meshes"
 _SUFFIX = ".npz"
@@ -81,20 +82,17 @@ class SurfaceCopies:
                 f"surface file {target} of link {link} exists with other content",
                 remedy="move it away, or choose another folder",
             )
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         try:
             if not target.parent.is_dir():
                 target.parent.mkdir()
                 self._made.append(target.parent)
-            shutil.copyfile(source, temporary)
-            temporary.replace(target)
+            with written_whole(target) as draft:
+                shutil.copyfile(source, draft)
         except OSError as error:
             raise InputError(
                 f"surface file {target} of link {link} cannot be written ({error.strerror or error})",
                 remedy="choose another folder",
             ) from error
-        finally:
-            temporary.unlink(missing_ok=True)
         self._made.append(target)
 
 
@@ -112,10 +110,5 @@ def _with_files(description: ModelDescription, name: Callable[[str, Surface], st
 
 
 def _digest(link: str, path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(
-            f"surface file of link {link}, {path}, cannot be read ({error.strerror or error})",
-            remedy="put it back beside the model file, or import the link again",
-        ) from error
+    remedy = f"put it back beside the model file, or import the link again ({link})"
+    return hashlib.sha256(read_bytes(path, "surface file", remedy=remedy)).hexdigest()

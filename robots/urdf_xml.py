@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robots.errors import InputError, InputErrors
+from robots.files import read_bytes
 
 JOINT_TYPES = ("revolute", "continuous", "fixed", "prismatic", "floating", "planar")
 # Element -> attribute -> how many numbers it may hold.
@@ -52,11 +53,7 @@ def is_xml(path: Path) -> bool:
     """Whether a file is named or begins like a URDF (or another XML file)."""
     if path.suffix.lower() in (".urdf", ".xacro"):
         return True
-    try:
-        with path.open("rb") as file:
-            start = file.read(256)
-    except OSError:  # whoever reads it next will say so
-        return False
+    start = read_bytes(path, "model file")[:256]
     return start.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
 
 
@@ -69,10 +66,7 @@ def read_urdf_text(path: Path) -> UrdfText:
         Unreadable file, no XML, a document type declaration, another root than ``robot``, a xacro file, and
         all faults of links and joints at once.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"URDF {path} cannot be read ({error.strerror})", remedy="check the path") from error
+    data = read_bytes(path, "URDF")
     root = _root(path, data)
     _refuse_xacro(path, root)
     notes: list[str] = []

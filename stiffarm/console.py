@@ -17,7 +17,8 @@ from rich.table import Table
 from rich.text import Text
 
 from robots import InputError
-from stiffarm.interruption import stoppable
+from robots.files import recording
+from stiffarm.interruption import EXIT_STOPPED, stoppable
 
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
@@ -74,8 +75,11 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def user_errors(debug: bool) -> Iterator[None]:
-    """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too."""
-    with stoppable():
+    """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too.
+
+    Every input file of the command is read once in here, and its hash kept for run.json.
+    """
+    with stoppable(), recording():
         try:
             yield
         except InputError as error:
@@ -85,7 +89,7 @@ def user_errors(debug: bool) -> Iterator[None]:
             raise typer.Exit(EXIT_BAD_INPUT) from None
         except KeyboardInterrupt:  # only where Ctrl-C is not ours to handle
             say("stiffarm: stopped by the user; no half-written files are left")
-            raise typer.Exit(EXIT_OTHER) from None
+            raise typer.Exit(EXIT_STOPPED) from None
         except (typer.Exit, typer.Abort):
             raise
         except Exception as error:  # the last line of defence: a user never sees a traceback unasked

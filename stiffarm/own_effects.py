@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import importlib.machinery
 import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from fem.effects import Maker, checked_maker
 from robots import InputError
+from robots.files import read_bytes
 
 
 def own_effects(files: Sequence[Path] | None) -> tuple[Maker, ...]:
@@ -33,15 +36,31 @@ def own_files(files: Sequence[Path] | None) -> dict[str, Path | str]:
     return {"effect" if k == 1 else f"effect_{k}": file for k, file in enumerate(files or (), start=1)}
 
 
+class _AsRead(importlib.machinery.SourceFileLoader):
+    """Executes the bytes that were hashed; a compiled copy beside the file is neither believed nor written."""
+
+    source: bytes
+
+    def get_data(self, path: str) -> bytes:
+        if path != self.path:
+            raise OSError(path)
+        return self.source
+
+    def set_data(self, path: str, data: Any, *, _mode: int = 0) -> None:
+        pass
+
+
 def _maker(file: Path) -> Maker:
     if not file.is_file() or file.suffix != ".py":
         raise InputError("--effect", value=str(file), allowed="an existing Python file (.py)", remedy="check the path")
-    spec = importlib.util.spec_from_file_location(f"stiffarm_own_effect_{file.stem}", file)
-    if spec is None or spec.loader is None:
+    loader = _AsRead(f"stiffarm_own_effect_{file.stem}", str(file))
+    loader.source = read_bytes(file, "effect file")
+    spec = importlib.util.spec_from_loader(loader.name, loader)
+    if spec is None:
         raise InputError("--effect", value=str(file), allowed="a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except (Exception, SystemExit) as error:  # what the file does is the user's affair
         raise InputError(
             f"--effect {file}: the file fails ({type(error).__name__}: {error})", remedy="mend the file"

@@ -16,6 +16,7 @@ from machining.placement import Goal, How, Placed, Problem, Survey, place, space
 from machining.task import ToolPath
 from machining.toolpaths import read_toolpath, to_tool_path
 from machining.toolpaths.neutral import MARK
+from machining.toolpaths.source import content
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -136,9 +137,4 @@ def place_along(
 
 
 def _is_motions(file: Path) -> bool:
-    try:
-        with file.open("rb") as stream:
-            return stream.read(len(MARK)) == MARK.encode()
-    except OSError:
-        # Whoever reads it says what is wrong.
-        return False
+    return content(file).startswith(MARK.encode())

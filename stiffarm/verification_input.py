@@ -15,7 +15,7 @@ from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Motions
 from robots import InputError, ModelDescription, Robot, load_description, read_urdf
 from robots.branches import BRANCH_NAMES
-from robots.library import read_text
+from robots.files import read_text
 from robots.singularities import branch_of
 from robots.spherical_wrist import why_not_spherical
 from robots.urdf_xml import is_xml

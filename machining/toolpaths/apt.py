@@ -15,7 +15,8 @@ from machining.toolpaths.apt_state import Handler
 from machining.toolpaths.apt_units import split_word
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.source import check_size, lines, readable
+from machining.toolpaths.source import lines, readable
+from robots.files import recording
 
 # Words kept as events without a remark; display words are dropped.
 KEPT = (
@@ -75,6 +76,7 @@ DROPPED = ("PAINT", "DISPLY", "LABEL", "CNTRL", "KNOT")
 STATEMENT_LIMIT = 65536
 
 
+@recording()
 def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read an APT or CLSF file.
 
@@ -89,9 +91,8 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
         Faults of lines, all of them.
     """
     options = options or ReadOptions()
-    check_size(path, options.max_bytes)
     reader = _Reader(path, options)
-    reader.read(lines(path))
+    reader.read(lines(path, options.max_bytes))
     return reader.recorder.motions()
 
 

@@ -22,7 +22,7 @@ def split_word(text: str) -> tuple[str, str]:
 def length_unit(path: Path, options: ReadOptions, recorder: Recorder) -> float:
     """Metres in the unit of length: that of ``UNITS/`` before motion, else the option, else that of the feeds."""
     fed = moved = False
-    for number, raw in enumerate(lines(path), start=1):
+    for number, raw in enumerate(lines(path, options.max_bytes), start=1):
         text = raw.lstrip()
         if text.startswith("GOTO"):
             moved = True

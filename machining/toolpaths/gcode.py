@@ -11,9 +11,11 @@ from machining.toolpaths.gcode_motion import GcodeMotion
 from machining.toolpaths.gcode_words import MOTION_WORDS, QUIET, Block, block
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.source import check_size, lines, readable
+from machining.toolpaths.source import lines, readable
+from robots.files import recording
 
 
+@recording()
 def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read a G-code program.
 
@@ -29,9 +31,8 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
         Faults of lines, all of them: variables, macros, subprograms, codes that move the tool and are not read.
     """
     options = options or ReadOptions()
-    check_size(path, options.max_bytes)
     reader = _Reader(path, options)
-    reader.read(lines(path))
+    reader.read(lines(path, options.max_bytes))
     return reader.recorder.motions()
 
 

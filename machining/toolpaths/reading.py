@@ -15,8 +15,9 @@ from machining.toolpaths.gcode import read_gcode
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.neutral import MARK, read_motions
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.source import check_size, lines
+from machining.toolpaths.source import content, lines
 from robots import InputError
+from robots.files import recording
 
 SUFFIXES = {
     "apt": (".apt", ".aptsource", ".cls", ".clsf", ".ncl", ".cl", ".cld", ".cldata"),
@@ -34,6 +35,7 @@ _HEIDENHAIN = re.compile(r"^\s*\d*\s*BEGIN PGM", re.I)
 _SAMPLE = 400
 
 
+@recording()
 def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOptions | None = None) -> Motions:
     """Read an APT, CLSF or G-code file, a path in CSV (:func:`machining.read_path`), or motions in CSV.
 
@@ -52,17 +54,13 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     path, options = Path(path), options or ReadOptions()
     if kind is not None and kind not in KINDS:
         raise InputError("kind of the tool path", value=kind, allowed=", ".join(KINDS))
-    if not path.is_file():
-        raise InputError("tool path file does not exist", value=str(path), remedy="check the path")
-    check_size(path, options.max_bytes)
+    data = content(path, options.max_bytes)
     kind = kind or _kind(path)
     if kind == "apt":
         return read_apt(path, options)
     if kind == "gcode":
         return read_gcode(path, options)
-    with path.open("rb") as file:
-        marked = file.read(len(MARK)) == MARK.encode()
-    return read_motions(path, options.max_bytes) if marked else _path(path)
+    return read_motions(path, options.max_bytes) if data.startswith(MARK.encode()) else _path(path)
 
 
 def _kind(path: Path) -> str:

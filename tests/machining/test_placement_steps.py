@@ -329,7 +329,7 @@ def test_bad_files_are_refused(tmp_path: Path, change: dict[str, Any], words: st
     with pytest.raises(InputError, match=words):
         read_placement(file)
     file.write_text("{", encoding="utf-8")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="not valid JSON"):
         read_placement(file)
     with pytest.raises(InputError, match="cannot be read"):
         read_placement(tmp_path / "none.json")

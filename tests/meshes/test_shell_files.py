@@ -105,7 +105,7 @@ def _refused(path: Path, *words: str, sha256: str | None = None) -> None:
 
 
 def test_missing_files(tmp_path: Path) -> None:
-    _refused(tmp_path / "gone.npz", "cannot be read", "No such file", "import the link's surface again")
+    _refused(tmp_path / "gone.npz", "cannot be read", "does not exist", "import the link's surface again")
     _refused(tmp_path, "cannot be read")
     _refused(Path("a\0b"), "cannot be read", "null")
 

@@ -241,7 +241,7 @@ def test_bad_numbers_name_themselves(tmp_path: Path) -> None:
 
 
 def test_bad_files_name_themselves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    refused(tmp_path / "none.stl", tmp_path, "not found")
+    refused(tmp_path / "none.stl", tmp_path, "does not exist")
     refused(tmp_path / "link.step", tmp_path, "surface link.step")
     broken = tmp_path / "broken.ply"
     broken.write_text("not a surface")

@@ -493,7 +493,7 @@ def test_a_xacro_file_is_refused_by_its_name(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    assert "cannot be read (No such file or directory)" in str(refused(tmp_path / "none.urdf"))
+    assert "cannot be read (it does not exist)" in str(refused(tmp_path / "none.urdf"))
 
 
 def test_all_faults_come_at_once(tmp_path: Path) -> None:

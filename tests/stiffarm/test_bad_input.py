@@ -97,8 +97,8 @@ TABLES = {
     "binary CSV": Case("calibrate xr701 FILE --out out", ("not UTF-8", "save it as"), BINARY),
     "binary XLSX": Case("calibrate xr701 FILE --out out", ("not a readable XLSX", "save it"), BINARY, ".xlsx"),
     "other suffix": Case("calibrate xr701 FILE --out out", (".csv or .xlsx",), DATA, ".txt"),
-    "missing": Case("calibrate xr701 nowhere.csv --out out", ("does not exist", "'nowhere.csv'", "check the path")),
-    "folder": Case("calibrate xr701 OTHER --out out", ("not a file",)),
+    "missing": Case("calibrate xr701 nowhere.csv --out out", ("does not exist", "nowhere.csv", "check the path")),
+    "folder": Case("calibrate xr701 OTHER --out out", ("it is a folder",)),
     "none bundled": Case("calibrate kr60-3 --scheme global --out out", ("no measurements are bundled", "DATA")),
     "too few readings": Case(
         "calibrate xr701 FILE --scheme global --out out",
@@ -298,7 +298,7 @@ SURROGATES = {
     "missing": Case("query nowhere.json --pose q2_deg=5 --out out", ("nowhere.json", "check the path")),
     "folder": Case("query OTHER --pose q2_deg=5 --out out", ("cannot be read", "check the path")),
     "empty": Case("query FILE --pose q2_deg=5 --out out", ("not valid JSON",), "", ".json"),
-    "binary": Case("query FILE --pose q2_deg=5 --out out", ("not valid JSON",), BINARY, ".json"),
+    "binary": Case("query FILE --pose q2_deg=5 --out out", ("UTF-8",), BINARY, ".json"),
     "cut short": Case(
         "query FILE --pose q2_deg=5 --out out",
         ("not valid JSON", "fit the surrogate again"),

@@ -69,7 +69,7 @@ def test_ctrl_c_ends_it_quietly() -> None:
     process.stdout.readline()
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert out == b""
     assert "Traceback" not in err.decode()
     assert "stopped by the user" in err.decode()
