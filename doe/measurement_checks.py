@@ -13,10 +13,6 @@ from robots import InputError, Robot
 if TYPE_CHECKING:
     from doe.measurements import Measurements
 
-# Beyond these an arm is hardly a robot: the units are more likely wrong than the arm.
-LARGEST_DEFLECTION_M = 0.1
-STIFFNESS_N_PER_MM = (1.0, 1e6)
-
 
 def joint_keys(q: Array) -> list[tuple[float, ...]]:
     """Poses (n,) that can be compared: angles to 1e-9 rad."""
@@ -93,20 +89,12 @@ def check_limits(m: Measurements, robot: Robot, faults: Faults) -> None:
 
 
 def plausibility_notes(m: Measurements) -> Iterator[str]:
-    """Say what looks like other units or a wrong sign."""
+    """Say what looks like a wrong sign (units are judged by the class of arm: :mod:`doe.units_check`)."""
     force, moved = m.wrench[:, :3], m.displacement[:, :3]
-    read = moved[~np.isnan(moved)]
-    if read.size and np.all(np.abs(read) > LARGEST_DEFLECTION_M):
-        yield f"every deflection is larger than {LARGEST_DEFLECTION_M * 1e3:g} mm: are the units right?"
     loaded = force != 0.0
     # Only where every loaded direction was read is the directional stiffness known.
     work = np.where(loaded, force * moved, 0.0).sum(axis=1)
     known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
-    stiffness, (lower, upper) = 1e-3 * m.loads_N[known] ** 2 / np.abs(work[known]), STIFFNESS_N_PER_MM
-    odd = np.flatnonzero(known)[(stiffness < lower) | (stiffness > upper)]
-    if odd.size:
-        rows = ", ".join(str(m.row_numbers[i]) for i in odd[:10]) + (" ..." if odd.size > 10 else "")
-        yield f"{odd.size} reading(s), stiffness outside {lower:g} to {upper:g} N/mm: the units? Rows {rows}"
     against = int((work[known] < 0.0).sum())
     if 2 * against > int(known.sum()):
         yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from importlib import resources
@@ -25,6 +24,7 @@ from doe.measurement_checks import (
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
 from robots import InputError, Robot
 from robots.errors import line_ranges, listed
+from robots.written import written_whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,7 @@ def _unread_notes(m: Measurements, unread: NDArray[np.bool_]) -> Iterator[str]:
 
 
 def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fill: tuple[str, ...] = ()) -> None:
-    """Write the CSV contract, under a temporary name first; an existing file is replaced.
+    """Write the CSV contract, whole or not at all; an existing file is replaced.
 
     All joint and load columns are written, of the others those that hold something, and ``to_fill``: displacement
     columns of a sheet that is still empty. Numbers carry 15 significant digits in the file's units, so what was
@@ -201,15 +201,10 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fi
     if m.q.shape[1] != robot.dof:
         raise InputError("measurements: joints", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
     columns = _text_columns(m, robot, to_fill)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*columns.values(), strict=True))
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
 
 
 def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements, Scheme, read_measurements
+from doe import Measurements, Scheme
 from doe.campaign import Campaign, NoiseChoice, load_campaign
 from meshes.array_cache import user_cache
 from robots import InputError, save_description
@@ -16,8 +16,8 @@ from stiffarm import calibrating, calibration_payload, steps
 from stiffarm.calibrating import Calibrated, Request
 from stiffarm.console import progress, say
 from stiffarm.inputs import ModelInput
-from stiffarm.options import say_notes
 from stiffarm.outputs import OutputFolder
+from stiffarm.reading_checks import read_held_out
 
 MOST_DRAWS = 10_000
 
@@ -36,6 +36,7 @@ class Options:
     robust: bool = True
     bootstrap: int = 0
     seed: int = 0
+    confirm_units: bool = False
 
 
 def run(given: ModelInput, table: Measurements, plan: Scheme | None, options: Options) -> Calibrated:
@@ -43,8 +44,7 @@ def run(given: ModelInput, table: Measurements, plan: Scheme | None, options: Op
     request = request_of(given, table, plan, options)
     holdout = None
     if options.holdout is not None:
-        holdout = read_measurements(options.holdout, given.robot)
-        say_notes(tuple(f"{holdout.source}: {note}" for note in holdout.notes))
+        holdout = read_held_out(given, options.holdout, confirm_units=options.confirm_units)
     with progress("poses left out, draws") as bar:
         return calibrating.calibrate(given, table, request, holdout=holdout, store=user_cache(), say=say, count=bar)
 

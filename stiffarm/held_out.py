@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements, read_measurements
+from doe import Measurements
 from doe.measurement_checks import refuse_seen
 from doe.readings import rms_mm
-from robots import Robot
 from stiffarm.console import say
-from stiffarm.options import say_notes
+from stiffarm.inputs import ModelInput
 from stiffarm.payloads import number
 from stiffarm.predicting import prediction_error
+from stiffarm.reading_checks import read_held_out
 from stiffarm.steps import Variant
 
 # Angles this far (deg) beyond a law's range are beyond it, less is rounding.
@@ -32,16 +32,15 @@ class HeldOut:
     beyond: Mapping[str, tuple[str, ...]]
 
 
-def read(file: Path, robot: Robot, seen: Measurements) -> Measurements:
+def read(file: Path, given: ModelInput, seen: Measurements, *, confirm_units: bool = False) -> Measurements:
     """Read the table held out.
 
     Raises
     ------
     InputError
-        It does not fit the robot, or has poses that are among those ``seen``.
+        It does not fit the robot, looks like other units, or has poses that are among those ``seen``.
     """
-    data = read_measurements(file, robot)
-    say_notes(tuple(f"{data.source}: {note}" for note in data.notes))
+    data = read_held_out(given, file, confirm_units=confirm_units)
     refuse_seen(seen, data, "the calibration")
     return data
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +17,7 @@ from stiffarm import inputs
 from stiffarm.console import say
 from stiffarm.inputs import ModelInput
 from stiffarm.outputs import OutputFolder
+from stiffarm.reading_checks import check_readings
 
 ModelArg = Annotated[
     str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`), a model TOML or a URDF")
@@ -42,6 +43,10 @@ Links = Annotated[
     ),
 ]
 LoadPathOpt = Annotated[str | None, typer.Option("--load-path", help="parallelogram or serial; default: the model's")]
+ConfirmUnits = Annotated[
+    bool,
+    typer.Option("--confirm-units", help="the table's units have been checked: take it though they look like others"),
+]
 Out = Annotated[Path | None, typer.Option("--out", help="folder for results")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 Debug = Annotated[bool, typer.Option("--debug", help="show tracebacks")]
@@ -86,7 +91,13 @@ def folder_if(
 
 
 def open_measured(
-    model: str, data: Path | None, links: str | None, load_path: str | None, *, without: str | None = None
+    model: str,
+    data: Path | None,
+    links: str | None,
+    load_path: str | None,
+    *,
+    without: str | None = None,
+    confirm_units: bool = False,
 ) -> tuple[ModelInput, Measurements, dict[str, Path | str]]:
     """What commands that calibrate do first: model, table with remarks, and the hashes of both for run.json.
 
@@ -94,15 +105,14 @@ def open_measured(
     """
     given = inputs.read_model(model, links, load_path, without=without)
     files: dict[str, Path | str] = {"model": model_hash(given)}
-    return given, open_table(given, model, data, files), files
+    return given, open_table(given, model, data, files, confirm_units=confirm_units), files
 
 
-def open_table(given: ModelInput, model: str, data: Path | None, files: dict[str, Path | str]) -> Measurements:
-    """The measurement table of a model; its remarks are said, its hash joins ``files``."""
-    table = inputs.read_data(given.robot, model, data)
-    say_notes(table.notes)
-    files["data"] = table.sha256
-    return table
+def open_table(
+    given: ModelInput, model: str, data: Path | None, files: dict[str, Path | str], *, confirm_units: bool = False
+) -> Measurements:
+    """The measurement table of a model, checked; its remarks are said, its hash joins ``files``."""
+    return open_tables(given, model, () if data is None else (data,), files, confirm_units=confirm_units)
 
 
 def open_tables(
@@ -111,16 +121,16 @@ def open_tables(
     data: Sequence[Path],
     files: dict[str, Path | str],
     *,
-    check: Callable[[Measurements], None] = lambda _: None,
+    confirm_units: bool = False,
 ) -> Measurements:
-    """One or more measurement tables of a model as one, each by itself put to ``check``; none: the bundled one."""
+    """One or more measurement tables of a model as one, each checked by itself; none: the bundled one."""
     named = [None if str(file) == BUNDLED else file for file in data or (None,)]
     tables = [inputs.read_data(given.robot, model, file) for file in named]
     table = join(tables)
     say_notes(table.notes)
     for number, one in enumerate(tables, start=1):
         files["data" if number == 1 else f"data_{number}"] = one.sha256
-        check(one)
+        check_readings(given, one, confirm_units=confirm_units)
     return table
 
 

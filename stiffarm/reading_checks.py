@@ -1,47 +1,77 @@
-"""Tables that no calibration should be made from: readings against the load, units out by a thousand."""
+"""What every command asks of a measurement table before it takes it: signs, and the units for this class of arm."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Measurements
+from doe import Measurements, read_measurements
+from doe.units_check import check_units
+from fem.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
 from stiffarm.console import say
+from stiffarm.inputs import ModelInput
 
 Array = NDArray[np.float64]
 
-# Stiffness at an arm's tool, N/mm: small cobots some ten, the largest arms some thousand. A thousand times off lies
-# outside, a good robot in a stiff pose does not.
-PLAUSIBLE_N_PER_MM = (1.0, 5e4)
 FEWEST, LISTED = 3, 10
+# A reading against its load by less than this (m/N) is noise about zero; arms give 20 times as much and more.
+STILL = 2e-8
 
 
-def refuse_implausible(data: Measurements) -> None:
-    """Raise InputError if most readings move against their load, or give a stiffness that no arm has.
+def check_readings(given: ModelInput, data: Measurements, *, confirm_units: bool = False) -> None:
+    """Refuse a table that no arm like this gives as it is typed; remark on readings against their load.
+
+    ``confirm_units``: the user has checked the units; what looks like others is remarked on.
+
+    Raises
+    ------
+    InputError
+        Most readings move against their load, look like other units, or are beyond small displacements.
+    """
+    refuse_against_load(data)
+    notes = check_units(given.description, given.model, data, confirm_units=confirm_units)
+    refuse_large(given, data)
+    for remark in (against_load(data), *notes):
+        if remark is not None:
+            say(f"note: {remark}")
+
+
+def read_held_out(given: ModelInput, file: Path, *, confirm_units: bool = False) -> Measurements:
+    """Read a table held out, with remarks and checks as any other."""
+    if not file.is_file():
+        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
+    data = read_measurements(file, given.robot)
+    for note in data.notes:
+        say(f"note: {data.source}: {note}")
+    check_readings(given, data, confirm_units=confirm_units)
+    return data
+
+
+def refuse_against_load(data: Measurements) -> None:
+    """Raise InputError if most readings move against their load.
 
     Only readings in every direction that is loaded tell: the work of the load is known there. A passive arm never
     moves against a load as a whole, so a calibration would drive every spring to its rigid end and look calm.
     """
-    work, force, _ = _work(data)
-    if len(work) < FEWEST:
-        return
+    work, _, _ = _work(data)
     against = int((work < 0.0).sum())
-    if 2 * against > len(work):
+    if len(work) >= FEWEST and 2 * against > len(work):
         raise InputError(
             f"{data.source}: {against} of {len(work)} readings move against the load",
             allowed="deflections along the load, as those of every passive arm",
             remedy="check the sign of the load and reading columns (a downward load has fz_N < 0 and gives dz_mm < 0)",
         )
-    stiffness = 1e-3 * force**2 / np.maximum(np.abs(work), 1e-300)
-    typical, (low, high) = float(np.median(stiffness)), PLAUSIBLE_N_PER_MM
-    if not low <= typical <= high:
-        raise InputError(
-            f"{data.source}: stiffness at the tool, median of the readings (N/mm)",
-            value=f"{typical:.3g}",
-            allowed=f"{low:g} to {high:g}, as arms have",
-            remedy="check the units: loads in N, deflections in mm",
-        )
+
+
+def refuse_large(given: ModelInput, data: Measurements) -> None:
+    """Raise InputError if most readings are beyond small displacements: nothing linear can be told from them."""
+    turned = turn(given.robot, data.displacement)
+    if len(turned) and np.median(turned) > LIMIT:
+        middle = np.argsort(turned)[len(turned) // 2 :][:1]
+        refuse_beyond(given.robot, data.displacement[middle], f"{data.source}, row {data.row_numbers[middle[0]]}")
 
 
 def against_load(data: Measurements) -> str | None:
@@ -50,7 +80,7 @@ def against_load(data: Measurements) -> str | None:
     Few of them may be slips of the pen; a calibration gives them little weight if it can.
     """
     work, force, told = _work(data)
-    odd = np.flatnonzero(told)[(work < 0.0) & (1e-3 * force**2 <= PLAUSIBLE_N_PER_MM[1] * np.abs(work))]
+    odd = np.flatnonzero(told)[(work < 0.0) & (np.abs(work) >= STILL * force**2)]
     if not odd.size:
         return None
     rows = ", ".join(str(data.row_numbers[i]) for i in odd[:LISTED]) + (" ..." if odd.size > LISTED else "")
@@ -63,11 +93,3 @@ def _work(data: Measurements) -> tuple[Array, Array, NDArray[np.bool_]]:
     work = np.where(force != 0.0, force * data.displacement[:, :3], 0.0).sum(axis=1)
     told = (force != 0.0).any(axis=1) & np.isfinite(work) & (work != 0.0)
     return work[told], data.loads_N[told], told
-
-
-def check_readings(data: Measurements) -> None:
-    """Refuse what :func:`refuse_implausible` does, and remark on readings against their load."""
-    refuse_implausible(data)
-    remark = against_load(data)
-    if remark is not None:
-        say(f"note: {remark}")

@@ -67,18 +67,21 @@ def run_all(
     seed: int,
     command: list[str],
     holdout: Path | None = None,
+    *,
+    confirm_units: bool = False,
 ) -> dict[str, Any]:
     """Run every step and write models, surrogates, maps, pictures and the report into ``out``.
 
-    ``holdout``: table of poses that no calibration sees, to judge the variants by.
+    ``holdout``: table of poses that no calibration sees, to judge the variants by;
+    ``confirm_units``: tables are right though they look like other units.
     """
-    given, table, files = open_measured(model, data, links, None)
+    given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
     scheme = inputs.read_scheme(given.robot, scheme_file)
     if scheme_file is not None:
         files["scheme"] = scheme_file
-    kept = None if holdout is None else held_out.read(holdout, given.robot, table)
+    kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
     if holdout is not None:
         files["holdout"] = holdout
     with OutputFolder(out, command, files, seed) as folder:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -19,6 +18,7 @@ from doe.measurement_checks import joint_keys
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import Robot, forward_kinematics
 from robots.errors import listed
+from robots.written import written_whole
 
 Array = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def _notes(table: RawTable, columns: Columns, robot: Robot, synthetic: bool) -> 
 
 
 def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
-    """Write a table that :func:`read_twists` reads back the same, under a temporary name first.
+    """Write a table that :func:`read_twists` reads back the same, whole or not at all.
 
     A synthetic table says so in the column ``origin`` of every row.
     """
@@ -142,12 +142,7 @@ def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
             columns[name] = cells
     if t.synthetic:
         columns["origin"] = ["synthetic"] * t.n
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*columns.values(), strict=True))
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))

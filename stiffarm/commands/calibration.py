@@ -16,6 +16,7 @@ from stiffarm.console import emit_json, say, user_errors
 from stiffarm.effect_words import history_notes
 from stiffarm.general_calibration import MOST_DRAWS, Options
 from stiffarm.options import (
+    ConfirmUnits,
     Debug,
     EffectFile,
     Joints,
@@ -36,7 +37,6 @@ from stiffarm.options import (
 from stiffarm.outputs import OutputFolder
 from stiffarm.own_effects import own_effects, own_files
 from stiffarm.plan_options import parse_parameters
-from stiffarm.reading_checks import check_readings
 
 Free = Annotated[
     str | None,
@@ -76,6 +76,7 @@ def calibrate(
         int, typer.Option("--bootstrap", help="draws of poses with replacement (global)", min=0, max=MOST_DRAWS)
     ] = 0,
     seed: Seed = 0,
+    confirm_units: ConfirmUnits = False,
     scheme_file: SchemeFile = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -98,7 +99,7 @@ def calibrate(
         own, files = own_effects(effect), own_files(effect)
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
-        table = open_tables(given, model, data or (), files, check=check_readings)
+        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
         staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
         if staged:
             inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
@@ -114,7 +115,17 @@ def calibrate(
         if chosen_loads is None:
             chosen_loads = plan.loads_N if plan is not None and campaign is None else ()
         options = Options(
-            names, parse_parameters(free), campaign, chosen_loads, low, high, holdout, robust, bootstrap, seed
+            names,
+            parse_parameters(free),
+            campaign,
+            chosen_loads,
+            low,
+            high,
+            holdout,
+            robust,
+            bootstrap,
+            seed,
+            confirm_units,
         )
         with folder_if(out, files, seed if bootstrap else None) as folder:
             say(f"loads used: {', '.join(f'{v:g} N' for v in chosen_loads) or 'all'}")

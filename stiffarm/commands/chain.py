@@ -9,6 +9,7 @@ import typer
 
 from stiffarm.console import emit_json, user_errors
 from stiffarm.options import (
+    ConfirmUnits,
     DataArg,
     Debug,
     Json,
@@ -26,6 +27,7 @@ def run(
     holdout: Annotated[
         Path | None, typer.Option("--holdout", help="table of other poses, to judge every variant's prediction")
     ] = None,
+    confirm_units: ConfirmUnits = False,
     links: Links = None,
     out: Annotated[Path, typer.Option("--out", help="folder for results")] = Path("out"),
     points: Annotated[int, typer.Option(help="values of each swept coordinate of the map", min=2, max=200)] = 21,
@@ -37,6 +39,8 @@ def run(
     with user_errors(debug):
         from stiffarm.workflow import run_all
 
-        content = run_all(model, data, scheme_file, links, out, points, seed, command_line(), holdout)
+        content = run_all(
+            model, data, scheme_file, links, out, points, seed, command_line(), holdout, confirm_units=confirm_units
+        )
         if as_json:
             emit_json(content)

@@ -7,15 +7,16 @@ from typing import Annotated, Any
 
 import typer
 
-from doe import Measurements, read_measurements, write_measurements
+from doe import Measurements, write_measurements
 from doe.diagnosis.next_readings import as_measurements, columns_to_fill
 from doe.diagnosis.scatter import SETUP
-from robots import InputError, save_description
+from robots import save_description
 from stiffarm import diagnosing, diagnosis_payload, diagnosis_words, inputs
 from stiffarm.console import emit_json, say, show_table, user_errors
 from stiffarm.diagnosed_model import described
 from stiffarm.diagnosing import Diagnosed, Request
 from stiffarm.options import (
+    ConfirmUnits,
     Debug,
     EffectFile,
     Json,
@@ -33,7 +34,7 @@ from stiffarm.options import (
 )
 from stiffarm.outputs import OutputFolder
 from stiffarm.own_effects import own_effects, own_files
-from stiffarm.reading_checks import check_readings
+from stiffarm.reading_checks import read_held_out
 
 
 def diagnose(
@@ -62,6 +63,7 @@ def diagnose(
     ] = 100.0 * SETUP,
     seed: Seed = 0,
     loads: Loads = None,
+    confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
     out: Out = None,
@@ -78,8 +80,10 @@ def diagnose(
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
         names = inputs.parse_names(free, given.robot.joint_names, "--free")
-        table = open_tables(given, model, data or (), files, check=check_readings)
-        other = None if holdout is None else _held_out(given, holdout, files)
+        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
+        other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
+        if other is not None:
+            files["holdout"] = other.sha256
         with folder_if(out, files, seed) as folder:
             found = _run(
                 given, table, Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0), other, folder
@@ -88,20 +92,12 @@ def diagnose(
             if folder is not None:
                 _write(found, content, folder)
         if out is not None:
-            say(f"written: {out / 'report.html'}, {out / 'model.toml'}, {out / 'diagnosis.json'}")
+            names = ("report.html", *(("model.toml",) if found.tells else ()), "diagnosis.json")
+            say(f"written: {', '.join(str(out / name) for name in names)}")
         if as_json:
             emit_json(content)
         else:
             _show(found)
-
-
-def _held_out(given: inputs.ModelInput, file: Path, files: dict[str, Path | str]) -> Measurements:
-    if not file.is_file():
-        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
-    data = read_measurements(file, given.robot)
-    say_notes(tuple(f"{data.source}: {note}" for note in data.notes))
-    files["holdout"] = data.sha256
-    return data
 
 
 def _run(
@@ -118,11 +114,12 @@ def _run(
 
 
 def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> None:
-    """diagnosis.json, model.toml, pictures and report.html."""
+    """diagnosis.json, pictures, report.html, and model.toml where the readings tell anything about the arm."""
     from stiffarm.diagnosis_report import write_report
 
     folder.write_json("diagnosis.json", content)
-    save_description(described(found), folder.path("model.toml"))
+    if found.tells:
+        save_description(described(found), folder.path("model.toml"))
     if found.proposal is not None:
         sheet, robot = as_measurements(found.proposal), found.given.robot
         write_measurements(sheet, folder.path("next_readings.csv"), robot, to_fill=columns_to_fill(found.proposal))
@@ -133,6 +130,8 @@ def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> N
 def _show(found: Diagnosed) -> None:
     for line in diagnosis_words.summary(found):
         say(line)
+    if not found.tells:
+        return
     rows = [
         [h.code, f"{100.0 * h.probability:.1f} %", f"{h.log_evidence:.1f}", f"{h.lopo_rms_mm:.4f}"]
         for h in found.found.ranking.hypotheses[:8]

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from doe import Measurements, read_measurements
+from doe import Measurements
 from doe.joint_twists import LAWS, LawKind, TwistReadings, write_twists
 from doe.joint_twists.cycles import Branches
 from doe.joint_twists.synthetic import Campaign, draw_truth, make_readings, truth_table
@@ -18,8 +18,20 @@ from robots import InputError, save_description
 from stiffarm import inputs, joint_twist_payload, joint_twist_run
 from stiffarm.console import emit_json, say, show_table, user_errors
 from stiffarm.joint_twist_run import JointTwists, Request
-from stiffarm.options import Debug, Json, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash, say_notes
+from stiffarm.options import (
+    ConfirmUnits,
+    Debug,
+    Json,
+    LoadPathOpt,
+    ModelArg,
+    Out,
+    Seed,
+    folder_if,
+    model_hash,
+    say_notes,
+)
 from stiffarm.outputs import OutputFolder
+from stiffarm.reading_checks import read_held_out
 
 SYNTHETIC = "synthetic_joint_twists.csv"
 DEFAULT_WINDOW = ",".join(f"{1e3 * v:g}" for v in (*ORIGIN_M, *SIZE_M))
@@ -59,6 +71,7 @@ def identify(
     synthetic: Annotated[
         bool, typer.Option("--synthetic", help="make up a campaign for this model and identify from that; needs --out")
     ] = False,
+    confirm_units: ConfirmUnits = False,
     seed: Seed = 0,
     load_path: LoadPathOpt = None,
     out: Out = None,
@@ -76,7 +89,9 @@ def identify(
         given = inputs.read_model(model, "rigid", load_path)
         inputs.refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
         files: dict[str, Path | str] = {"model": model_hash(given)}
-        other = _held_out(given, holdout, files)
+        other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
+        if other is not None:
+            files["holdout"] = other.sha256
         data = None if synthetic else joint_twist_run.read_tables(given, tables or ())
         if data is not None:
             for number, table in enumerate(tables or (), start=1):
@@ -130,17 +145,6 @@ def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: boo
             "TABLE", value="none", allowed="one or more tables of joint twists, CSV or XLSX",
             remedy="give your readings, or try --synthetic, which makes some up",
         )  # fmt: skip
-
-
-def _held_out(given: inputs.ModelInput, file: Path | None, files: dict[str, Path | str]) -> Measurements | None:
-    if file is None:
-        return None
-    if not file.is_file():
-        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
-    data = read_measurements(file, given.robot)
-    say_notes(tuple(f"{data.source}: {note}" for note in data.notes))
-    files["holdout"] = data.sha256
-    return data
 
 
 def _make_up(given: inputs.ModelInput, seed: int, folder: OutputFolder | None) -> TwistReadings:

@@ -12,6 +12,7 @@ from robots.robot import robot_from
 from stiffarm import inputs, tables
 from stiffarm.console import emit_json, show_table, user_errors
 from stiffarm.options import (
+    ConfirmUnits,
     DataArg,
     Debug,
     EffectFile,
@@ -102,6 +103,7 @@ def simulate(
         float | None,
         typer.Option("--scale", help="with --field: draw motion so many times; 1 is true size; default: automatic"),
     ] = None,
+    confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
     out: Out = None,
@@ -121,7 +123,7 @@ def simulate(
             q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
             before = None if unload_from is None else inputs.parse_load(unload_from, "--unload-from")
         else:
-            table = open_table(given, model, data, files)
+            table = open_table(given, model, data, files, confirm_units=confirm_units)
         with folder_if(out, files) as folder:
             result = (
                 simulation.of_table(given, table, rigid_joints)

@@ -15,6 +15,7 @@ from robots import InputError, Robot
 from stiffarm import inputs, iso9283, plan_options, plan_results, sheets
 from stiffarm.console import emit_json, progress, say, user_errors
 from stiffarm.options import (
+    ConfirmUnits,
     DataArg,
     Debug,
     Json,
@@ -107,6 +108,7 @@ def plan(
     gauge_turn: GaugeTurn = 0.01,
     pose: IsoPose = None,
     rated: Rated = None,
+    confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
     out: Out = None,
@@ -134,7 +136,7 @@ def plan(
             vary=inputs.parse_names(vary, given.robot.coordinates, "--vary"), hold_deg=_held(given.robot, hold),
             zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
         )  # fmt: skip
-        table = None if without_data else _readings(given, model, data, files)
+        table = None if without_data else _readings(given, model, data, files, confirm_units)
         _plan(given, table, wanted, out, files, as_json)
 
 
@@ -253,7 +255,7 @@ def _gauges(length: float, turn: float) -> tuple[float, float]:
 
 
 def _readings(
-    given: inputs.ModelInput, model: str, data: Path | None, files: dict[str, Path | str]
+    given: inputs.ModelInput, model: str, data: Path | None, files: dict[str, Path | str], confirm_units: bool
 ) -> Measurements | None:
     """The table given, else the bundled one, else none: a first campaign."""
     if data is None:
@@ -261,4 +263,4 @@ def _readings(
             bundled_data(given.robot.name)
         except InputError:
             return None
-    return open_table(given, model, data, files)
+    return open_table(given, model, data, files, confirm_units=confirm_units)

@@ -16,6 +16,7 @@ from stiffarm import inputs, payloads, screenings, steps, tables
 from stiffarm.console import emit_json, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
 from stiffarm.options import (
+    ConfirmUnits,
     DataArg,
     Debug,
     Joints,
@@ -65,6 +66,7 @@ def sensitivity(
     low: Annotated[float, typer.Option(help="low level of joint springs, N m/rad")] = 1e5,
     high: Annotated[float, typer.Option(help="high level of joint springs, N m/rad")] = 1e6,
     seed: Seed = 0,
+    confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
     out: Out = None,
@@ -84,7 +86,9 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parse_parameters(free)
-        given, table, files = open_measured(model, data, links, load_path, without="the sensitivities")
+        given, table, files = open_measured(
+            model, data, links, load_path, without="the sensitivities", confirm_units=confirm_units
+        )
         if campaign is not None and campaign.is_file():
             files["campaign"] = campaign
         scheme = bundled_scheme(given.robot.name)
