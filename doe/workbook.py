@@ -1,8 +1,8 @@
 """The first sheet of an XLSX workbook as text, read only if each of its cells holds what a person sees in it.
 
-A workbook is a ZIP archive of XML files. What openpyxl would expand is measured first (:class:`_Scan`): a small file can
-hold billions of cells. What openpyxl passes over in silence is refused: a formula without a stored value (programs write
-such files), cells merged into one, rows that a filter hides.
+A workbook is a ZIP archive of XML files. What openpyxl would expand is measured first (:class:`_Scan`): a small file
+can hold billions of cells. What openpyxl passes over in silence is refused: a formula without a stored value (programs
+write such files), cells merged into one, rows that a filter hides.
 """
 
 from __future__ import annotations

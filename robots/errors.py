@@ -8,8 +8,9 @@ from collections.abc import Iterable, Sequence
 FAULTS_SHOWN = 20
 # Names that a message lists.
 NAMES_SHOWN = 12
-# Characters of one value, and of one name or sentence, that a message repeats: enough to find it in the file again.
-_LONGEST_VALUE, _LONGEST_TEXT = 500, 2000
+# Characters of one value, of one name or sentence, and of one of several faults that a message repeats: enough to find
+# it in the file again.
+_LONGEST_VALUE, _LONGEST_TEXT, _LONGEST_OF_SEVERAL = 500, 2000, 1000
 
 
 def one_line(text: str) -> str:
@@ -24,8 +25,9 @@ def one_line(text: str) -> str:
 
 
 def shortened(text: str, longest: int = _LONGEST_TEXT) -> str:
-    """The text, or its beginning and how long it is."""
-    return text if len(text) <= longest else f"{text[:longest]}... ({len(text)} characters)"
+    """The text as one line, or its beginning and how long it is."""
+    line = one_line(text[: longest + 1])
+    return line if len(line) <= longest else f"{line[:longest]}... ({len(text)} characters)"
 
 
 def listed(names: Iterable[object], shown: int = NAMES_SHOWN) -> str:
@@ -68,7 +70,7 @@ class InputError(ValueError):
             text += f"; allowed: {shortened(allowed)}"
         if remedy is not None:
             text += f". To fix it: {shortened(remedy)}"
-        super().__init__(one_line(text))
+        super().__init__(text)
 
 
 class InputErrors(InputError):  # noqa: N818 - the plural of InputError
@@ -81,20 +83,22 @@ class InputErrors(InputError):  # noqa: N818 - the plural of InputError
         super().__init__(what)
         self.errors = tuple(errors)
         self.count = len(self.errors) if count is None else count
-        lines = [f"  - {error}" for error in self.errors[:FAULTS_SHOWN]]
+        lines = [f"  - {_among_several(error)}" for error in self.errors[:FAULTS_SHOWN]]
         if self.count > len(lines):
             lines.append(f"  ... and {self.count - len(lines)} more")
         self.args = ("\n".join([f"{self}: {self.count} problem(s)", *lines]),)
 
 
+def _among_several(error: InputError) -> str:
+    return str(error) if isinstance(error, InputErrors) else shortened(str(error), _LONGEST_OF_SEVERAL)
+
+
 def _shown(value: object) -> str:
-    if isinstance(value, str):
-        return (
-            repr(value)
-            if len(value) <= _LONGEST_VALUE
-            else shortened(repr(value[: 2 * _LONGEST_VALUE]), _LONGEST_VALUE)
-        )
     try:
-        return shortened(str(value), _LONGEST_VALUE)
+        # What is cut off is not written out first: a cell can have megabytes.
+        text = repr(value[: _LONGEST_VALUE + 1]) if isinstance(value, str) else str(value)
     except ValueError:  # Python refuses to write whole numbers of thousands of digits out
         return "a whole number of thousands of digits"
+    if len(text) <= _LONGEST_VALUE:
+        return text
+    return f"{one_line(text[:_LONGEST_VALUE])}... ({len(value if isinstance(value, str) else text)} characters)"
