@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.readings import PointOf
 from doe.uncertainty import ParameterEstimate
 from fem.law_bases import FourierBasis, PolynomialBasis, TableBasis
 from fem.laws import FreeLaw
 from fem.ports import ROWS
+from fem.walls import WALLS
 from robots import InputError, ModelDescription
 from robots.schema import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw
 from robots.units import UNITS, factor
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 
 # Entries off the diagonal have a unit for each pair of kinds of rows.
 ENTRY_UNITS = ("m/N", "rad/N", "rad/(N m)")
+# Table and key of the model file that hold where a reading's point is.
+POINTS: dict[PointOf, tuple[str, str]] = {"tool": ("tool", "xyz"), "table": ("load", "point")}
 
 
 def apply_estimates(
@@ -28,8 +32,12 @@ def apply_estimates(
     estimates: Sequence[ParameterEstimate],
     laws: Sequence[FreeLaw] = (),
     source: str = "calibrated",
+    points: Sequence[PointOf] = ("tool",),
 ) -> ModelDescription:
     """The description with the estimated numbers; one that no reading moves keeps what it had.
+
+    ``points``: whose points the readings were taken at (:func:`doe.readings.points_of`): a shift of the point goes
+    where the model holds these, to the tool point and to what points of a table are off by.
 
     Every figure carries ``source`` (a key of the description's sources, or to be added) and a note with its status
     and interval. Reading the result back and building it gives the calibrated model.
@@ -42,9 +50,10 @@ def apply_estimates(
     data: dict[str, Any] = description.model_dump(by_alias=True)
     for e in estimates:
         if e.parameter.kind != "law" and not math.isnan(e.value):
-            _put(data, description, e, source)
+            _put(data, description, e, source, points)
     for law in laws:
-        values = [e.value for e in estimates if e.parameter.kind == "law" and e.parameter.place == law.joint]
+        mine = [e for e in estimates if e.parameter.kind == "law" and e.parameter.place == law.joint]
+        values = [e.parameter.value if math.isnan(e.value) else e.value for e in mine]
         _joint(data, law.joint)["stiffness"] = _law(description, law, values, source).model_dump()
     data["sources"] = {source: "calibration", **data["sources"]}
     applied = ModelDescription.model_validate(data)
@@ -68,7 +77,9 @@ def _figure(e: ParameterEstimate, value: float, unit: str, source: str) -> dict[
     return {"value": float(value), "unit": unit, "source": source, "note": note_of(e)}
 
 
-def _put(data: dict[str, Any], description: ModelDescription, e: ParameterEstimate, source: str) -> None:
+def _put(
+    data: dict[str, Any], description: ModelDescription, e: ParameterEstimate, source: str, points: Sequence[PointOf]
+) -> None:
     p = e.parameter
     if p.kind == "stiffness" and p.place == "bar":
         data["parallelogram"]["bar_stiffness"] = _figure(e, e.value, "N/m", source)
@@ -90,7 +101,8 @@ def _put(data: dict[str, Any], description: ModelDescription, e: ParameterEstima
     elif p.kind == "effect":
         _put_effect(data, e, source)
     elif p.kind == "point":
-        _shift(data, ("tool", "xyz"), e, source)
+        for whose in points:
+            _shift(data, POINTS[whose], e, source)
     elif p.kind == "load":
         _shift(data, ("load", "offset"), e, source)
     else:
@@ -152,7 +164,7 @@ def _put_effect(data: dict[str, Any], e: ParameterEstimate, source: str) -> None
 
 def _scale_walls(link: dict[str, Any], e: ParameterEstimate, source: str) -> None:
     ratio = e.value / e.parameter.value
-    for key in ("section", "section_end"):
+    for key in WALLS:
         if link.get(key) is not None:
             wall = link[key]["wall"]
             link[key]["wall"] = {**_figure(e, wall["value"] * ratio, wall["unit"], source)}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from doe.blocks import Blocks, Covariance
 from doe.least_squares import BLIND, minimise, prior_residual
-from doe.noise import Noise, fit_noise, shrink_common, terms_of
+from doe.noise import Noise, fit_noise, shrink_common, terms_of, within_readings
 from doe.problem import Problem
 from robots import InputError
 
@@ -115,14 +115,53 @@ def estimate(
             names = terms_of(p, f) if turn in CHOOSING else names
             noise = fit_noise(p, f, J, error, noise, gauge, weight, names=names, blocks=blocks)
         if robust and len(p) > len(u) + 3:
-            own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
+            own = _own(p, blocks, noise, f, weight, error)
             # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
             # Residuals are smaller than the noise by what the parameters follow: without that, a few good readings
             # beside almost as many parameters would lose weight, and intervals come out too narrow.
             followed = np.sqrt(1.0 - len(u) / len(p))
             middle = float(np.median(np.abs(own))) / (MEDIAN * followed) if turn == 0 else 1.0
             weight = outlier_weight(own / min(max(middle, 1e-3), 1.0))
+    if fixed_noise is None:
+        noise = within_readings(p, f, noise, gauge)
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
+
+
+def _own(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
+    """Errors (m,) without what their set-up has in common, over the readings' own standard deviations."""
+    return (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
+
+
+def unrest(
+    p: Problem, gauge: tuple[float, float], u: Array, noise: Noise, weight: Array, *, robust: bool
+) -> tuple[float, float, float]:
+    """How far one more round of :func:`estimate` would go from variables, noise and weights that it ended with.
+
+    Returns
+    -------
+    The largest move of a prediction (or from a prior) in standard deviations, the largest change of a reading's
+    standard deviation as a share of it, and the largest change of a weight. Infinite where the numbers cannot be an
+    end at all.
+    """
+    low, high = p.bounds
+    given = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
+    if (u < low).any() or (u > high).any() or (given < 0.0).any() or (weight <= 0.0).any() or (weight > 1.0).any():
+        return np.inf, np.inf, np.inf
+    blocks = Blocks.of(p)
+    f, J = p.evaluate(u)
+    unmoved = ~J.any(axis=0) & np.array([q.prior is None for q in p.parameters], dtype=bool)
+    if not (noise.variance(p, f) > 0.0).all() or (u != p.free.start)[unmoved].any():
+        return np.inf, np.inf, np.inf
+    error, there = p.value - f, solve(p, blocks, noise, f, weight, u)
+    moved, off = p.predict(there) - f, prior_residual(p, there)[0] - prior_residual(p, u)[0]
+    found = fit_noise(p, f, J, error, noise, gauge, weight, blocks=blocks)
+    before, after = (np.sqrt(n.variance(p, f) + np.sum(n.common(p, f) ** 2, axis=1)) for n in (noise, found))
+    judged = outlier_weight(_own(p, blocks, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
+    return (
+        float(np.max(np.abs(np.concatenate([moved / before, off])), initial=0.0)),
+        float(np.max(np.abs(after / before - 1.0), initial=0.0)),
+        float(np.max(np.abs(judged - weight), initial=0.0)),
+    )
 
 
 def outlier_weight(own: Array) -> Array:
@@ -155,7 +194,7 @@ def estimate_at(
     blocks = blocks or Blocks.of(p)
     f, J = p.evaluate(u)
     error, variance = p.value - f, noise.variance(p, f)
-    own = (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(variance)
+    own = _own(p, blocks, noise, f, weight, error)
     V = blocks.covariance(variance / weight, noise.common(p, f))
     white = V.whiten(np.column_stack([error, J]))
     square = float(white[:, 0] @ white[:, 0]) + float(np.sum(prior_residual(p, u)[0] ** 2))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +38,18 @@ def history_of(data: Measurements) -> History:
             cycle[rows], order[rows] = count, ordered
             count += 1
     return History(cycle, order, _clock(data, cycle), known and data.n > 0)
+
+
+def history_of_part(
+    data: Measurements, part: Callable[[Measurements], Measurements], history: History | None = None
+) -> History:
+    """History of the readings that ``part`` keeps of a table, at their places in the whole of it.
+
+    In a table of their own another clock would start, and other readings would be the first under load. ``history``
+    of all readings, by default what the table says.
+    """
+    rows = part(replace(data, row_numbers=tuple(range(data.n)))).row_numbers
+    return (history or history_of(data)).take(np.array(rows, dtype=np.intp))
 
 
 def _size(data: Measurements) -> Array:

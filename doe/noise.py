@@ -6,11 +6,15 @@ set-up have in common, with standard deviations ``pose`` (m or rad) and ``pose_s
 therefore not independent, and intervals that ignore it are too narrow. The covariance is made of one small block
 for each pose and component (:mod:`doe.blocks`). Variances: :mod:`doe.restricted_likelihood`, which does not take the
 fitted parameters' share of the scatter for noise.
+
+What scatters can be no larger than what was read (:func:`within_readings`), and only repeats tell it from what the
+model misses (:func:`origin`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +23,21 @@ from doe.blocks import Blocks
 from doe.problem import Problem
 from doe.restricted_likelihood import Likelihood, Term, maximise
 
-__all__ = ["Blocks", "Noise", "estimable", "fit_noise", "likelihood", "shrink_common", "terms_of"]
+__all__ = [
+    "Blocks",
+    "Noise",
+    "Origin",
+    "estimable",
+    "fit_noise",
+    "likelihood",
+    "origin",
+    "shrink_common",
+    "terms_of",
+    "within_readings",
+]
 
 Array = NDArray[np.float64]
+Origin = Literal["given", "repeats", "residual"]
 
 # Fewer poses or readings than these say nothing about a variance beside the parameters.
 FEWEST_POSES, FEWEST_READINGS = 6, 16
@@ -29,6 +45,12 @@ FEWEST_POSES, FEWEST_READINGS = 6, 16
 SHARE_SPAN = 1.8
 WHITE = ("white0", "white1")
 OTHERS = ("share", "pose_share", "pose0", "pose1")
+SHARES = ("share", "pose_share")
+# Scatter of more than this share of the deflection is no share of it: where hardly any deflection is predicted, any
+# residual is a large multiple of it, and what is predicted elsewhere would be given that multiple as its noise.
+MOST_SHARE = 1.0
+# Repeats to spare from which they tell the noise: with fewer their scatter is not known to within a factor of two.
+FEWEST_REPEATS = 3
 
 
 @dataclass(frozen=True)
@@ -50,6 +72,10 @@ class Noise:
         """Columns (m, 2) of what a set-up's readings have in common, times its standard deviation."""
         kind = (p.component >= 3).astype(int)
         return np.stack([np.array(self.pose)[kind], self.pose_share * f], axis=1)
+
+    def spread(self, p: Problem, f: Array) -> Array:
+        """Standard deviation (m,) of each reading at predictions f (m,), its set-up's scatter included."""
+        return np.asarray(np.sqrt(self.variance(p, f) + np.sum(self.common(p, f) ** 2, axis=1)))
 
     @property
     def has_common(self) -> bool:
@@ -73,6 +99,42 @@ class Noise:
             pose=(given.get("pose0", self.pose[0]), given.get("pose1", self.pose[1])),
             pose_share=given.get("pose_share", self.pose_share),
         )
+
+
+def origin(p: Problem, *, given: bool = False) -> Origin:
+    """Where a noise is from: ``given`` with the readings, told by their repeats, or else the residual of the model.
+
+    Without repeats what is estimated is what the model leaves of the readings, be it noise or what the model misses.
+    """
+    if given or not np.isnan(p.sigma).any():
+        return "given"
+    return "repeats" if len(p) - len(np.unique(p.replicate)) >= FEWEST_REPEATS else "residual"
+
+
+def within_readings(p: Problem, f: Array, noise: Noise, floor: tuple[float, float] = (0.0, 0.0)) -> Noise:
+    """The noise, with no more of it than the readings can hold: over all of them its RMS is at most theirs.
+
+    A reading is a deflection and its noise, so on average its square holds that of the noise. An estimate passes this
+    where the parameters explain less of the readings than as many numbers drawn at random would. Sigmas that readings
+    bring with them are left alone, and white noise never falls below ``floor``. ``f`` (m,): predictions.
+    """
+    own, factor = np.isnan(p.sigma), np.ones(2)
+    square = (
+        np.where(own, np.array(noise.white)[(p.component >= 3).astype(int)], 0.0) ** 2
+        + (noise.share * f) ** 2
+        + np.sum(noise.common(p, f) ** 2, axis=1)
+    )
+    for kind, mine in enumerate((p.component < 3, p.component >= 3)):
+        held, found = float(np.sum(p.value[mine] ** 2)), float(np.sum(square[mine]))
+        factor[kind] = np.sqrt(held / found) if found > held else 1.0
+    white, pose = factor * np.array(noise.white), factor * np.array(noise.pose)
+    least = float(factor.min())
+    return Noise(
+        (max(float(white[0]), floor[0]), max(float(white[1]), floor[1])),
+        least * noise.share,
+        (float(pose[0]), float(pose[1])),
+        least * noise.pose_share,
+    )
 
 
 def shrink_common(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
@@ -136,15 +198,21 @@ def fit_noise(
     """Variances by restricted likelihood from residuals ``error`` (m,) = read - f, with derivatives J (m, k).
 
     All terms that the readings can tell are estimated together (``names``: only these); what the likelihood does not
-    ask for ends at zero. ``weight`` (m,) divides the white variance of outliers. White noise never falls below
-    ``floor``.
+    ask for ends at zero, and so does a share of more than all (:data:`MOST_SHARE`). ``weight`` (m,) divides the white
+    variance of outliers. White noise never falls below ``floor``, and all of it stays within the readings.
     """
     names = terms_of(p, f) if names is None else names
-    if not names:
-        return start
-    of = likelihood(p, blocks or Blocks.of(p), names, start, f, J, error, weight)
-    low = np.array([floor[int(n[-1])] ** 2 if n in WHITE else 0.0 for n in names])
-    return start.with_variances(names, maximise(of, start.variances(names), low))
+    blocks = blocks or Blocks.of(p)
+    while names:
+        of = likelihood(p, blocks, names, start, f, J, error, weight)
+        low = np.array([floor[int(n[-1])] ** 2 if n in WHITE else 0.0 for n in names])
+        found = start.with_variances(names, maximise(of, start.variances(names), low))
+        absurd = tuple(n for n in names if n in SHARES and getattr(found, n) > MOST_SHARE)
+        if not absurd:
+            return within_readings(p, f, found, floor)
+        start = start.with_variances(absurd, np.zeros(len(absurd)))
+        names = tuple(n for n in names if n not in absurd)
+    return start
 
 
 def _independent(J: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.estimate import BLIND, Estimate, estimate, prior_residual, step_sizes
-from doe.noise import Blocks, Noise
+from doe.noise import Blocks, Noise, Origin, origin
 from doe.problem import Problem
 from doe.uncertainty import Certainty, ParameterEstimate, certainty
 from fem import ArmModel
@@ -31,8 +31,9 @@ class Outset:
 
     ``free``: the model and its parameters; ``u`` (p,): estimator's variables at which the plan is made;
     ``known`` (p, p): information so far about ln value (positive ones) or the value, a vague prior included;
-    ``noise``: expected of the new readings; ``found``: what the readings so far say, empty if they cannot say;
-    ``readings``: how many there are; ``best`` (p,): the estimate itself, None before any reading.
+    ``noise``: expected of the new readings, ``noise_origin``: where it is from; ``found``: what the readings so far
+    say, empty if they cannot say; ``readings``: how many there are; ``best`` (p,): the estimate itself, None before any
+    reading.
     """
 
     free: FreeModel
@@ -42,6 +43,7 @@ class Outset:
     found: tuple[ParameterEstimate, ...] = ()
     readings: int = 0
     best: Array | None = None
+    noise_origin: Origin = "given"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -95,7 +97,8 @@ def _own(q: Parameter) -> float:
 def outset(e: Estimate, c: Certainty) -> Outset:
     """After readings that were estimated from; their noise is expected of the new ones too."""
     u = design_point(e, c)
-    return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u)
+    return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u,
+                   origin(e.problem, given=not e.estimated))  # fmt: skip
 
 
 def outset_of(p: Problem, gauge: tuple[float, float]) -> Outset:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from fem.loads import as_loaded
 from robots import InputError
 
 Array = NDArray[np.float64]
+# Whose point a reading was taken at: the model's tool point, or one of its own (px_mm, py_mm, pz_mm).
+PointOf = Literal["tool", "table"]
 
 COMPONENTS = ("dx", "dy", "dz", "rx", "ry", "rz")
 
@@ -77,9 +80,19 @@ def model_compliances(model: ArmModel, q: Array) -> Array:
 
 
 def loaded_points(model: ArmModel, data: Measurements) -> Array:
-    """Loaded and measured points (n, 3) m in the flange frame: the reading's own, else the model's tool point."""
+    """Loaded and measured points (n, 3) m in the flange frame: the reading's own, else the model's tool point.
+
+    Own points are off by what the model says of them (``ArmModel.load_point``).
+    """
     tool = np.broadcast_to(model.robot.T_flange_tool[:3, 3], (data.n, 3))
-    return np.where(np.isnan(data.point), tool, data.point)
+    return np.where(np.isnan(data.point), tool, data.point + model.load_point)
+
+
+def points_of(data: Measurements) -> tuple[PointOf, ...]:
+    """Whose points these readings have: the model's tool point, the table's own ones, or both."""
+    own = ~np.isnan(data.point).any(axis=1)
+    every: tuple[PointOf, ...] = ("tool", "table")
+    return tuple(whose for whose, some in zip(every, (not own.all(), bool(own.any())), strict=True) if some)
 
 
 def equations(model: ArmModel, data: Measurements, gauge_m: float) -> Equations:

@@ -79,11 +79,16 @@ def solve_positive_definite(K: sp.csc_array, b: Array) -> Array:
         except ImportError:
             continue
         break
-    # Against K x term by term, so that a stiff system's large forces from rounded displacements do not count.
-    scale = abs(K).sum(axis=0).max() * np.abs(x).max(axis=0) + np.abs(b).max(axis=0)
-    if not (np.abs(K @ x - b).max(axis=0) <= RESIDUAL * scale).all():
+    if not is_solution(K, x, b):
         raise ArithmeticError("the stiffness matrix is singular to working precision")
     return x
+
+
+def is_solution(K: sp.csc_array, x: Array, b: Array) -> bool:
+    """Whether ``K x = b`` (n, r) holds to what a backward stable solver leaves."""
+    # Against K x term by term, so that a stiff system's large forces from rounded displacements do not count.
+    scale = abs(K).sum(axis=0).max() * np.abs(x).max(axis=0) + np.abs(b).max(axis=0)
+    return bool((np.abs(K @ x - b).max(axis=0) <= RESIDUAL * scale).all())
 
 
 def _pardiso(K: sp.csc_array, b: Array) -> Array:

@@ -1,7 +1,9 @@
 """A model with numbers set free: displacements and their exact derivatives, for all loaded poses at once.
 
-Stiffnesses, moduli and laws act at ports (:mod:`fem.ports`), where derivatives are exact; angles and points move
-the poses and loads themselves, and their derivatives are central differences of the same formula (1e-9).
+Stiffnesses, moduli and laws act at ports (:mod:`fem.ports`), where derivatives are exact; zero errors change the
+robot, points and loads change the loaded poses, and their derivatives are central differences of the same formula
+(1e-9). Each number acts as the model file that holds it will: laws over angles go by the coordinates, whatever the
+zero errors, and tilts and offsets are added to those that the model has.
 """
 
 from __future__ import annotations
@@ -19,12 +21,14 @@ from fem.effects.observed import observed
 from fem.effects.situation import Situation
 from fem.free_effects import changed_effects, changed_model, step_of
 from fem.laws import FreeLaw
-from fem.loads import LoadedPoses, placed
+from fem.loads import LoadedPoses, as_read, placed
 from fem.model import ArmModel
-from fem.parameters import GEOMETRIC, Parameter, own_compliance
+from fem.parameters import GEOMETRIC, Kind, Parameter, own_compliance
 from fem.ports import Port, port_of, ports
+from fem.springs import ConstantSpring, SpringLaw, SumSpring
 from fem.statics import deflection
 from robots import InputError
+from robots.robot import with_zero_errors
 
 __all__ = ["FreeModel", "LoadedPoses"]
 
@@ -41,7 +45,8 @@ STEP = {"zero": 1e-4, "tilt": 1e-4, "load": 1e-4, "point": 1e-4}
 class FreeModel:
     """A model, the numbers set free, and the loaded poses at which it is asked.
 
-    ``laws``: springs over angles whose coefficients are among the parameters. ``walls``: by link, the link's
+    ``at``: loads as the model says that they act. ``laws``: springs over angles whose coefficients are among the
+    parameters. ``walls``: by link, the link's
     flexibility and its derivative with ln(wall) as functions of the wall (m). ``effects``: what the arm has beyond
     the model, none of it in ``model`` yet; ``history`` of the loaded poses, by default each a loading from zero.
     """
@@ -89,11 +94,11 @@ class FreeModel:
         if self.effects:
             value = self._observed(u)
             return value, self._differences(u, value)
-        value, J = self._at_ports(u, self.moved(u))
+        value, J = self._placed(u)
         for k, p in enumerate(self.parameters):
             if p.kind in GEOMETRIC:
                 h = STEP[p.kind]
-                ends = [self._at_ports(_stepped(u, k, s * h), self.moved(_stepped(u, k, s * h)))[0] for s in (1, -1)]
+                ends = [self._placed(_stepped(u, k, s * h))[0] for s in (1, -1)]
                 J[:, :, k] = (ends[0] - ends[1]) / (2.0 * h)
         return value, J
 
@@ -101,11 +106,11 @@ class FreeModel:
         """Displacements (n, 6) alone, at a fraction of the work where angles or points are free."""
         if self.effects:
             return self._observed(u)
-        return self._at_ports(u, self.moved(u))[0]
+        return self._placed(u)[0]
 
     def displacements(self, u: Array) -> Array:
         """Displacements (r, n, 6) for many sets of variables u (r, p): as many at once as memory serves best."""
-        if self.effects or any(p.kind == "wall" for p in self.parameters):
+        if self.effects or self._one_at_a_time:
             return np.array([self.displacement(one) for one in u]).reshape(len(u), len(self.at), 6)
         out, at = np.empty((len(u), len(self.at), 6)), self.at
         step = max(ROWS // max(len(at), 1), 1)
@@ -113,7 +118,7 @@ class FreeModel:
             some = u[first : first + step]
             each, times = np.repeat(some, len(at), axis=0), (len(some), 1)
             tiled = LoadedPoses(np.tile(at.q, times), np.tile(at.wrench, times), np.tile(at.point, times))
-            value = self._at_ports(each, self._moved(each, tiled))[0]
+            value = self._at_ports(each, self._turned(each, self._moved(each, tiled, self.model)), self.model)[0]
             out[first : first + step] = value.reshape(len(some), len(at), 6)
         return out
 
@@ -136,10 +141,11 @@ class FreeModel:
 
     def _observed(self, u: Array) -> Array:
         """Displacements (n, 6) with effects."""
-        model = changed_model(self.model, self.parameters, self.laws, self.walls, u)
+        arm = self._arm(u)
+        model = changed_model(arm, self.parameters, self.laws, self.walls, u)
         effects = changed_effects(self.effects, self.parameters, u)
-        moved = self.moved(u)
-        start = self._start if moved is self.at else None
+        moved = self._moved(u, self.at, arm)
+        start = self._start if moved is self.at and arm is self.model else None
         return observed(model, moved, effects, self.history or plain_history(len(self.at)), start)
 
     @cached_property
@@ -168,34 +174,59 @@ class FreeModel:
             J[:, :, k] = (ends[1] - ends[0]) / (high - low)
         return J
 
-    def moved(self, u: Array) -> LoadedPoses:
-        """The loaded poses with angles, points and loads as the parameters say."""
-        return self._moved(u, self.at)
+    def _placed(self, u: Array) -> tuple[Array, Array]:
+        """Displacements and derivatives as :meth:`_at_ports`, of the arm and loads that the variables u (p,) say."""
+        arm = self._arm(u)
+        return self._at_ports(u, self._moved(u, self.at, arm), arm)
 
-    def _moved(self, u: Array, at: LoadedPoses) -> LoadedPoses:
-        """The same of any loaded poses (n), for variables (p,) or one set of them for each pose (n, p)."""
-        shift = {kind: np.zeros((*u.shape[:-1], at.q.shape[1] if kind == "zero" else 3)) for kind in GEOMETRIC}
+    def _arm(self, u: Array) -> ArmModel:
+        """The model whose joints' zeros are where the variables u (p,) say."""
+        more = self._shift(u, "zero", self.model.robot.dof)
+        return replace(self.model, robot=with_zero_errors(self.model.robot, more)) if more.any() else self.model
+
+    def _shift(self, u: Array, kind: Kind, size: int = 3) -> Array:
+        """What the variables u (p,) or (n, p) add to the model's own zero errors, point, load offset or tilt."""
+        shift = np.zeros((*u.shape[:-1], size))
         for k, p in enumerate(self.parameters):
-            if p.kind in GEOMETRIC:
-                shift[p.kind][..., p.index[0]] += u[..., k]
-        if not any(s.any() for s in shift.values()):
+            if p.kind == kind:
+                shift[..., p.index[0]] += u[..., k]
+        return shift
+
+    def _moved(self, u: Array, at: LoadedPoses, arm: ArmModel) -> LoadedPoses:
+        """Loaded poses (n) with points and loads as variables (p,), or a set of them for each pose (n, p), say."""
+        point, offset, tilt = (self._shift(u, kind) for kind in ("point", "load", "tilt"))
+        if arm is self.model and not (point.any() or offset.any() or tilt.any()):
             return at
-        moved = LoadedPoses(at.q + shift["zero"], at.wrench, at.point + shift["point"])
-        return placed(self.model.robot, moved, shift["load"], shift["tilt"])
+        read = as_read(self.model, at)
+        read = replace(read, point=read.point + point)
+        return placed(arm.robot, read, self.model.load_offset + offset, self.model.load_tilt + tilt)
+
+    def _turned(self, u: Array, at: LoadedPoses) -> LoadedPoses:
+        """Loaded poses turned by their own zero errors (n, p): the same where nothing goes by the coordinates."""
+        more = self._shift(u, "zero", self.model.robot.dof)
+        return replace(at, q=at.q + more) if more.any() else at
+
+    @cached_property
+    def _one_at_a_time(self) -> bool:
+        """Whether sets of variables make arms that differ by more than what acts at the ports."""
+        kinds = {p.kind for p in self.parameters}
+        loaded = bool(self.model.load_offset.any() or {"load", "tilt"} & kinds)
+        return "wall" in kinds or ("zero" in kinds and (loaded or bool(self.laws) or _varies(self.model)))
 
     @cached_property
     def _unmoved(self) -> tuple[dict[str, Port], Array]:
-        return self._mechanics(self.at)
+        return self._mechanics(self.at, self.model)
 
-    def _mechanics(self, at: LoadedPoses) -> tuple[dict[str, Port], Array]:
+    def _mechanics(self, at: LoadedPoses, arm: ArmModel) -> tuple[dict[str, Port], Array]:
         """Ports, and the displacement (n, 6) of the model as it is."""
         used = {p.place for p in self.parameters} | {law.joint for law in self.laws}
-        as_it_is = deflection(self.model, at.q, at.wrench, at.point)
-        return ports(self.model, at.q, at.wrench, at.point, used), as_it_is
+        as_it_is = deflection(arm, at.q, at.wrench, at.point)
+        return ports(arm, at.q, at.wrench, at.point, used), as_it_is
 
-    def _at_ports(self, u: Array, at: LoadedPoses) -> tuple[Array, Array]:
+    def _at_ports(self, u: Array, at: LoadedPoses, arm: ArmModel) -> tuple[Array, Array]:
         """Displacements and derivatives by everything but geometry; u (p,), or (n, p) where no wall is free."""
-        places, as_it_is = self._unmoved if at is self.at else self._mechanics(at)
+        is_unmoved = at is self.at and arm is self.model
+        places, as_it_is = self._unmoved if is_unmoved else self._mechanics(at, arm)
         value = as_it_is.copy()
         # A parameter's derivatives lie together in memory: they are written one parameter at a time.
         J = np.zeros((len(self.parameters), len(at), 6)).transpose(1, 2, 0)
@@ -225,6 +256,15 @@ class FreeModel:
             value += (compliance - own_compliance(self.model, law.joint, 5, 5, at.q))[:, None] * influence
             J[:, :, columns] = -(compliance[:, None] * basis)[:, None, :] * influence[:, :, None]
         return value, J
+
+
+def _varies(model: ArmModel) -> bool:
+    """Whether a part of the arm goes by the joints' coordinates, or by where their zeros are."""
+    return any(j.laws or j.housing.any() or not _is_constant(j.axial) for j in model.joints)
+
+
+def _is_constant(spring: SpringLaw) -> bool:
+    return isinstance(spring, ConstantSpring) or (isinstance(spring, SumSpring) and _is_constant(spring.spring))
 
 
 def _share(port: Port) -> Array:

@@ -40,6 +40,20 @@ def placed(robot: Robot, at: LoadedPoses, offset: Array, tilt: Array) -> LoadedP
     return LoadedPoses(at.q, np.concatenate([force, moment + np.cross(lever, force)], axis=1), at.point)
 
 
+def as_read(model: ArmModel, at: LoadedPoses) -> LoadedPoses:
+    """The nominal loads of loads that act as the model says: :func:`as_loaded` undone.
+
+    Further tilts and offsets are added to the model's own before loads are placed: turns about several axes cannot be
+    put on one after the other in two steps.
+    """
+    if not (model.load_offset.any() or model.load_tilt.any()):
+        return at
+    back = rotation_rpy(model.load_tilt).T
+    lever = forward_kinematics(model.robot, at.q).R_flange @ model.load_offset
+    moment = at.wrench[:, 3:] - np.cross(lever, at.wrench[:, :3])
+    return LoadedPoses(at.q, np.hstack([at.wrench[:, :3] @ back.T, moment @ back.T]), at.point)
+
+
 def as_loaded(model: ArmModel, q: Array, wrench: Array, point: Array) -> LoadedPoses:
     """Nominal loads as the model says that they act."""
     return placed(model.robot, LoadedPoses(q, wrench, point), model.load_offset, model.load_tilt)

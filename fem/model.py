@@ -132,7 +132,8 @@ class ArmModel:
     ``base`` (6, 6): compliance of the base about its origin, base axes; ``tool`` (6, 6): of the tool or a force
     sensor at the model's tool point, flange axes; zero is rigid. ``load_offset`` (3,) m, flange axes, and
     ``load_tilt`` (3,) rad, fixed-axis angles about the base's axes: where a test load really acts, from the read
-    point, and how its direction is off (:func:`fem.loads.placed`). ``masses``: of the links, as declared.
+    point, and how its direction is off (:func:`fem.loads.placed`). ``load_point`` (3,) m, flange axes: what points
+    that readings bring themselves are off by. ``masses``: of the links, as declared.
     """
 
     robot: Robot
@@ -145,6 +146,7 @@ class ArmModel:
     tool: Array = field(default_factory=lambda: np.zeros((6, 6)))
     load_offset: Array = field(default_factory=lambda: np.zeros(3))
     load_tilt: Array = field(default_factory=lambda: np.zeros(3))
+    load_point: Array = field(default_factory=lambda: np.zeros(3))
     masses: tuple[BodyMass, ...] = ()
 
     def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
@@ -250,6 +252,7 @@ def build_model(
         tool=_place(None if description.tool is None else description.tool.stiffness),
         load_offset=_triple(description.load.offset if description.load else None),
         load_tilt=_triple(description.load.tilt if description.load else None),
+        load_point=_triple(description.load.point if description.load else None),
         masses=_masses(description, robot),
     )
 

@@ -5,8 +5,9 @@ tz (N/m) and rx, ry, rz (N m/rad) in the place's axes; ``PLACE.ROW-ROW`` an entr
 diagonal; ``LINK.modulus`` (Pa) and ``LINK.wall`` (m, a factor of all its walls); ``bar.stiffness`` (N/m);
 ``JOINT.zero`` (rad), ``load.x|y|z`` (m: where the load acts, from the read point, flange axes),
 ``load.tilt_x|tilt_y`` (rad: the load's direction about the base axes), ``point.x|y|z`` (m: read and loaded point,
-flange axes); ``JOINT.law[k]`` the coefficients of ln(stiffness) over joint angles (:mod:`fem.springs`);
-``CODE.NAME`` a number of an effect that the model has (``backlash:j2.gap``).
+flange axes, of all readings: the model's tool point, and points that readings bring themselves); ``JOINT.law[k]`` the
+coefficients of ln(stiffness) over joint angles (:mod:`fem.springs`); ``CODE.NAME`` a number of an effect that the
+model has (``backlash:j2.gap``).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse.csgraph import connected_components
 
-from fem.condensation import Superelement, solve_positive_definite
+from fem.condensation import Superelement, is_solution, solve_positive_definite
 from fem.couplings import (
     Coupling,
     distributing_coupling,
@@ -76,8 +76,14 @@ class CoupledShell:
         ArithmeticError
             The stiffness is singular to working precision.
         """
-        # Wrenches with their reaction at the root balance, so whatever holds the body carries nothing.
-        relative = np.asarray(self.reading[6:].toarray() - self.transport @ self.reading[:6].toarray())
+        reduced, flexibility = self.solution()
+        root = self.reading[:6] @ reduced
+        shapes = self.expansion @ reduced - rigid_motion(self.nodes - self.points[0]).reshape(-1, 6) @ root
+        return np.asarray(shapes), flexibility
+
+    def solution(self) -> tuple[Array, Array]:
+        """As :meth:`modes`, but the reduced freedoms (n, 6(i-1)), of which six are held."""
+        relative = self._relative()
         free = np.setdiff1d(np.arange(self.stiffness.shape[0]), self.held)
         reduced = np.zeros((self.stiffness.shape[0], len(relative)))
         reduced[free] = solve_positive_definite(self.stiffness[free][:, free], relative[:, free].T.copy())
@@ -85,9 +91,27 @@ class CoupledShell:
         scale = np.sqrt(np.abs(np.diag(flexibility)))
         if not (np.abs(flexibility - flexibility.T) <= ASYMMETRY * scale[:, None] * scale).all():
             raise ArithmeticError("the flexibility has lost its symmetry to round-off")
-        root = self.reading[:6] @ reduced
-        shapes = self.expansion @ reduced - rigid_motion(self.nodes - self.points[0]).reshape(-1, 6) @ root
-        return np.asarray(shapes), 0.5 * (flexibility + flexibility.T)
+        return reduced, 0.5 * (flexibility + flexibility.T)
+
+    def solves(self, reduced: Array, wrench: Array, motion: Array) -> bool:
+        """Whether reduced freedoms (n,) are in equilibrium with a wrench (6(i-1),) and show this motion (6(i-1),).
+
+        One product instead of a solve: it tells whether a flexibility that was kept is this shell's, as far as it
+        makes ``motion`` of ``wrench``.
+        """
+        relative = self._relative()
+        loads = relative.T @ wrench
+        # What round-off may have taken from the flexibility's symmetry.
+        unsure = ASYMMETRY * float(np.sum(np.abs(wrench * motion)))
+        apart = np.abs(relative @ reduced - motion) * np.abs(wrench)
+        return bool((apart <= unsure).all()) and is_solution(self.stiffness, reduced[:, None], loads[:, None])
+
+    def _relative(self) -> Array:
+        """Motion (6(i-1), n) of the other interface points to the root's; its transpose, wrenches with reaction.
+
+        They balance, so whatever holds the body carries nothing.
+        """
+        return np.asarray(self.reading[6:].toarray() - self.transport @ self.reading[:6].toarray())
 
 
 def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Coupling] = "rigid") -> CoupledShell:
@@ -139,20 +163,31 @@ def shell_superelement(
     eats the result are an InputError too. One factorisation: the free stiffness is ``G f^-1 G^T`` with the
     flexibility f and statics G.
     """
+    _, flexibility = shell_solution(mesh, couple(mesh, points, coupling))
+    return superelement(mesh, points, flexibility)
+
+
+def shell_solution(mesh: ShellMesh, shell: CoupledShell) -> tuple[Array, Array]:
+    """:meth:`CoupledShell.solution` of a mesh; errors as of :func:`shell_superelement`."""
     if len(mesh.interfaces) < 2:
         raise InputError(f"shell mesh {mesh.name}", value=f"{len(mesh.interfaces)} interface(s)", allowed="2 or more")
-    shell = couple(mesh, points, coupling)
     try:
-        _, flexibility = shell.modes()
+        return shell.solution()
     except ArithmeticError as error:
         raise InputError(
             f"shell mesh {mesh.name}: {error}",
             value=f"thickness {mesh.thickness.min():.3g} to {mesh.thickness.max():.3g} m",
             remedy="look for walls far too thin and for slivers",
         ) from error
-    statics = np.hstack([-shell.transport, np.eye(len(flexibility))]).T
+
+
+def superelement(mesh: ShellMesh, points: Array, flexibility: Array) -> Superelement:
+    """The superelement of a mesh whose flexibility (6(i-1), 6(i-1)) between ``points`` (i, 3) is known."""
+    points = np.asarray(points, dtype=np.float64)
+    transport = rigid_motion(points[1:] - points[0]).reshape(-1, 6)
+    statics = np.hstack([-transport, np.eye(len(flexibility))]).T
     stiffness = statics @ np.linalg.solve(flexibility, statics.T)
-    return Superelement(mesh.name, tuple(mesh.interfaces), shell.points, 0.5 * (stiffness + stiffness.T), flexibility)
+    return Superelement(mesh.name, tuple(mesh.interfaces), points, 0.5 * (stiffness + stiffness.T), flexibility)
 
 
 def _kinds(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Coupling]) -> list[Coupling]:

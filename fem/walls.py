@@ -17,6 +17,8 @@ Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Wall times flexibility is nearly constant for thin walls; nine walls over a factor of four leave 1e-7.
 NODES = 9
+# Tables of a link that have a wall: they get thicker together.
+WALLS = ("section", "section_end", "rim")
 
 
 def wall_flexibilities(description: ModelDescription, model: ArmModel, links: Sequence[str]) -> dict[str, Flexibility]:
@@ -55,7 +57,7 @@ def _condensed(description: ModelDescription, model: ArmModel, name: str, ratio:
     link = next(one for one in data["link"] if one["name"] == name)
     if link.get("surface") is not None and model.link_kind == "shell":
         raise InputError(f"parameter {name}.wall", value="a prepared surface", allowed="links with a section")
-    for key in ("section", "section_end", "rim"):
+    for key in WALLS:
         if link.get(key) is not None:
             link[key]["wall"] = {**link[key]["wall"], "value": link[key]["wall"]["value"] * ratio}
     try:

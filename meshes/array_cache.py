@@ -1,8 +1,8 @@
 """A folder of named arrays, filed under a hash of what they were computed from.
 
 Losing a file costs time, never a result: whatever cannot be read back bit for bit is treated as absent. A file is
-a mark, the SHA-256 of the rest, and a .npz; it appears under its name at once and whole, so that
-any number of processes may read and write the same key.
+a mark, the key, the SHA-256 of key and content, and a .npz; a file of another key is damaged like any other that is
+not whole. It appears under its name at once, so that any number of processes may read and write the same key.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import hashlib
 import logging
 import os
 import re
-import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ import platformdirs
 from numpy.typing import NDArray
 
 from meshes.npz import from_npz, to_npz
+from robots.written import is_draft, write_whole
 
 Array = NDArray[np.float64]
 Fault = Callable[[dict[str, Array]], str | None]
@@ -34,7 +34,7 @@ OFF = "off"
 MOST_FILES = 2000
 # A temporary file older than this was left by a process that was killed.
 STALE_S = 3600.0
-_MARK = b"stiffarm-arrays/1\n"
+_MARK = b"stiffarm-arrays/2\n"
 _SUFFIX = ".arrays"
 _KEY = re.compile(r"[0-9a-f]{64}")
 
@@ -65,7 +65,7 @@ class ArrayCache:
         except OSError as error:
             _say_unused(path.parent, error.strerror or str(error))
             return None
-        arrays, wrong = _unpacked(content)
+        arrays, wrong = _unpacked(key, content)
         if wrong is None:
             wrong = fault(arrays)
         if wrong is None:
@@ -81,20 +81,12 @@ class ArrayCache:
         if path is None:
             return
         content = to_npz({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
-        temporary = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(prefix=f".{key[:8]}-", suffix=".tmp", dir=path.parent)
-            with os.fdopen(handle, "wb") as file:
-                file.write(_MARK + hashlib.sha256(content).digest() + content)
-            os.replace(temporary, path)
+            write_whole(path, _head(key, content) + content)
             _tidy(path.parent)
         except OSError as error:
             _say_unused(path.parent, error.strerror or str(error))
-        finally:
-            if temporary is not None:
-                with contextlib.suppress(OSError):
-                    os.unlink(temporary)
 
     def _path(self, key: str) -> Path | None:
         if not _KEY.fullmatch(key):
@@ -120,15 +112,23 @@ def _say_unused(folder: Path, reason: str) -> None:
     _log.debug("cache folder %s cannot be used (%s)", folder, reason)
 
 
-def _unpacked(content: bytes) -> tuple[dict[str, Array], str | None]:
-    """Arrays of a file, and what is wrong with it."""
-    head = len(_MARK) + hashlib.sha256().digest_size
-    if content[: len(_MARK)] != _MARK or len(content) < head:
+def _head(key: str, content: bytes) -> bytes:
+    """What stands before the content of a file."""
+    named = _MARK + key.encode() + b"\n"
+    return named + hashlib.sha256(named + content).digest()
+
+
+def _unpacked(key: str, content: bytes) -> tuple[dict[str, Array], str | None]:
+    """Arrays of the file of a key, and what is wrong with it."""
+    size = len(_head(key, b""))
+    head, rest = content[:size], content[size:]
+    if not head.startswith(_MARK) or len(head) < size:
         return {}, "not a file of this kind, or cut short"
-    if hashlib.sha256(content[head:]).digest() != content[len(_MARK) : head]:
-        return {}, "its checksum does not match"
+    if head != _head(key, rest):
+        named = head[len(_MARK) :].startswith(key.encode())
+        return {}, "its checksum does not match" if named else "it is that of another key"
     try:
-        return from_npz(content[head:]), None
+        return from_npz(rest), None
     except ValueError as error:
         return {}, str(error)
 
@@ -139,10 +139,11 @@ def _tidy(folder: Path) -> None:
     with os.scandir(folder) as entries:
         for entry in entries:
             with contextlib.suppress(FileNotFoundError):
-                if entry.name.endswith((".tmp", _SUFFIX)):
+                if entry.name.endswith(_SUFFIX):
                     age[entry.path] = entry.stat().st_mtime
-    stale = [path for path, when in age.items() if path.endswith(".tmp") and when < time.time() - STALE_S]
-    files = sorted((path for path in age if path.endswith(_SUFFIX)), key=age.__getitem__)
+    drafts = {path for path in age if is_draft(os.path.basename(path))}
+    stale = [path for path in drafts if age[path] < time.time() - STALE_S]
+    files = sorted(age.keys() - drafts, key=age.__getitem__)
     for path in [*stale, *files[: max(0, len(files) - MOST_FILES)]]:
         with contextlib.suppress(OSError):
             os.unlink(path)

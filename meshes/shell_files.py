@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from meshes.npz import from_npz, to_npz
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
 from robots.files import read_bytes
+from robots.written import write_whole
 
 SCHEMA = "stiffarm-shell/1"
 # NumPy's kind of each array's numbers.
@@ -32,7 +32,7 @@ _REMEDY = "import the link's surface again, or put the file back that the model 
 
 
 def save_shell(mesh: ShellMesh, path: Path | str) -> str:
-    """Write a shell mesh under a temporary name, then rename; returns the SHA-256 of the file's bytes.
+    """Write a shell mesh, whole or not at all; returns the SHA-256 of the file's bytes.
 
     Equal meshes give equal bytes. Errors of the system (no space, no access) are raised as they are.
     """
@@ -50,12 +50,7 @@ def save_shell(mesh: ShellMesh, path: Path | str) -> str:
     }
     arrays |= {f"ring_{i}": np.asarray(ring, dtype=np.int64) for i, ring in enumerate(mesh.interfaces.values())}
     content = to_npz(arrays)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, content)
     return hashlib.sha256(content).hexdigest()
 
 

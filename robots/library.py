@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from robots.schema import ModelDescription, ReferenceFaults
 from robots.surface_files import SurfaceCopies, with_absolute_surfaces
 from robots.urdf import read_urdf
 from robots.urdf_xml import is_xml
+from robots.written import write_whole
 
 # pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
 _WORDS = {
@@ -122,7 +122,7 @@ def to_toml(description: ModelDescription) -> str:
 
 
 def save_description(description: ModelDescription, path: Path) -> None:
-    """Write a model TOML under a temporary name, then rename. Never over an existing file.
+    """Write a model TOML, whole or not at all. Never over an existing file.
 
     The surface files of its links are copied into ``meshes/`` beside it, so that model and meshes travel
     together; a file with the same content that is there already is shared.
@@ -138,13 +138,8 @@ def save_description(description: ModelDescription, path: Path) -> None:
         )
     if not path.parent.is_dir():
         raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with SurfaceCopies(path.parent) as copies:
-        try:
-            temporary.write_text(to_toml(copies.of(description)), encoding="utf-8")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_whole(path, to_toml(copies.of(description)))
 
 
 def content_hash(description: ModelDescription) -> str:
@@ -158,6 +153,8 @@ def content_hash(description: ModelDescription) -> str:
         del data["effect"]  # models of the time before effects keep their hash
     if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
         del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
+    if data["load"] is not None and data["load"]["point"] is None:
+        del data["load"]["point"]  # and those of the time before points could be off
     for link in data["link"]:
         if link["surface"] is not None:
             del link["surface"]["file"]  # its sha256 stays

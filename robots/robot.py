@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -157,6 +157,11 @@ def _offset(joint: Joint) -> float:
     """Angle of the joint where its coordinate reads zero; the zero error counts like the coordinate."""
     nominal = 0.0 if joint.offset is None else joint.offset.si
     return nominal + joint.sign * (0.0 if joint.zero_error is None else joint.zero_error.si)
+
+
+def with_zero_errors(robot: Robot, more: Array) -> Robot:
+    """The robot with ``more`` (dof,) rad added to its joints' zero errors."""
+    return replace(robot, offset=robot.offset + robot.sign * more)
 
 
 def rotation_about_x(angle: float) -> Array:

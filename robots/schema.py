@@ -215,8 +215,12 @@ class Tool(Strict):
 
 
 class LoadPlacement(Strict):
-    """Where a test load really acts: ``offset`` from the read point (flange axes), ``tilt`` about the base axes."""
+    """Where a test load really acts: ``offset`` from the read point (flange axes), ``tilt`` about the base axes.
 
+    ``point``: what the points that readings bring themselves (px_mm, py_mm, pz_mm) are off by, flange axes.
+    """
+
+    point: Position | None = None
     offset: Position | None = None
     tilt: Angles | None = None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import re
 import shutil
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from typing import Self
 from robots.errors import InputError
 from robots.files import read_bytes
 from robots.schema import ModelDescription, Surface
+from robots.written import written_whole
 
 FOLDER = "meshes"
 _SUFFIX = ".npz"
@@ -82,20 +82,17 @@ class SurfaceCopies:
                 f"surface file {target} of link {link} exists with other content",
                 remedy="move it away, or choose another folder",
             )
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         try:
             if not target.parent.is_dir():
                 target.parent.mkdir()
                 self._made.append(target.parent)
-            shutil.copyfile(source, temporary)
-            temporary.replace(target)
+            with written_whole(target) as draft:
+                shutil.copyfile(source, draft)
         except OSError as error:
             raise InputError(
                 f"surface file {target} of link {link} cannot be written ({error.strerror or error})",
                 remedy="choose another folder",
             ) from error
-        finally:
-            temporary.unlink(missing_ok=True)
         self._made.append(target)
 
 

@@ -22,6 +22,7 @@ from doe.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimate import estimate
 from doe.joined_measurements import files_of
 from doe.lack_of_fit import downweighted
+from doe.load_history import history_of_part
 from doe.measurement_checks import refuse_seen
 from doe.readings import rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
@@ -35,6 +36,7 @@ from robots.schema import Calibration as Origin
 from stiffarm import calibration_words as words
 from stiffarm.inputs import ModelInput
 from stiffarm.predicting import Count, Holdout, held_out, left_out
+from stiffarm.useless_readings import refuse_useless
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
@@ -134,8 +136,8 @@ def calibrate(
     Raises
     ------
     InputError
-        The campaign does not fit model or readings, there are too few readings, or ``holdout`` has poses that the
-        calibration has seen.
+        The campaign does not fit model or readings, the readings tell nothing or are too few, or ``holdout`` has
+        poses that the calibration has seen.
     """
     if request.campaign.robot != given.robot.name:
         raise InputError(
@@ -148,14 +150,18 @@ def calibrate(
         refuse_seen(table, holdout, "the calibration")
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
+    refuse_useless(given, table, used)
     build = _builder(given)
-    found = run_campaign(given.description, build, used, request.campaign, store=store, progress=say, own=given.own)
+    history = history_of_part(table, lambda whole: select_loads(whole, request.loads))
+    found = run_campaign(
+        given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history
+    )
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
     if _all_at_once(found):
         error, skipped = stages[0].left_out, stages[0].skipped
     else:
-        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own)
+        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own, history)
     remarks = words.remarks(found.stages, request.expected)
     return Calibrated(
         request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,

@@ -10,7 +10,7 @@ import numpy as np
 
 from doe.joined_measurements import files_of
 from doe.lack_of_fit import outliers
-from doe.noise import Noise
+from doe.noise import Noise, origin
 from doe.problem import Problem
 from doe.readings import rms_mm
 from doe.uncertainty import ParameterEstimate
@@ -130,7 +130,7 @@ def estimate(e: ParameterEstimate) -> dict[str, Any]:
 
 
 def noise(found: Noise, p: Problem) -> dict[str, Any]:
-    """Standard deviations found; null for what was not read."""
+    """Standard deviations found; null for what was not read; ``source``: "given", told by "repeats", or "residual"."""
     read = [(p.component < 3).any(), (p.component >= 3).any()]
     sizes = {
         "reading_mm": (found.white[0] * 1e3, read[0]),
@@ -140,7 +140,7 @@ def noise(found: Noise, p: Problem) -> dict[str, Any]:
         "set_up_mrad": (found.pose[1] * 1e3, read[1]),
         "set_up_share": (found.pose_share, True),
     }
-    return {name: number(float(v)) if there else None for name, (v, there) in sizes.items()}
+    return {name: number(float(v)) if there else None for name, (v, there) in sizes.items()} | {"source": origin(p)}
 
 
 def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:

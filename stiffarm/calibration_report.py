@@ -15,6 +15,7 @@ from stiffarm.calibrating import Calibrated
 from stiffarm.calibration_sections import stage_section
 from stiffarm.calibration_tables import holdout_rows
 from stiffarm.figures_residuals import predictions_figure
+from stiffarm.noise_words import scatter_name
 from stiffarm.outputs import OutputFolder
 from stiffarm.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
 from stiffarm.story_blocks import Pictures
@@ -92,7 +93,7 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             f"against {_mm(c.found.rms_mm)} in the fit."
         )
     ]
-    h = c.holdout
+    h, scatter = c.holdout, scatter_name(c.found.stages[-1].estimate.problem)
     if h is not None:
         # Labels of the two tables may be the same for different poses.
         labels = tuple(f"{label} (held out)" for label in h.system.poses)
@@ -101,15 +102,16 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
         blocks.append(
             Text(
                 f"{len(h.system)} readings of {h.data.source}, none of whose poses was used: RMS {_mm(h.rms_mm)}. "
-                f"The noise found would give {_mm(expected)} by itself."
+                f"The scatter found ({scatter}) would give {_mm(expected)} by itself."
             )
         )
-        blocks.append(Table("Poses held out", ("pose", "RMS (mm)", "expected from noise (mm)"), tuple(holdout_rows(h))))
+        heads = ("pose", "RMS (mm)", f"expected from {scatter} (mm)")
+        blocks.append(Table("Poses held out", heads, tuple(holdout_rows(h))))
     if any(np.isfinite(v) for one in errors.values() for v in one.values()):
         noise = c.found.stages[-1].estimate.noise.white[0] * 1e3
         blocks.append(
             pictures.add(
-                predictions_figure(errors, noise if (system.component < 3).any() else None),
+                predictions_figure(errors, noise if (system.component < 3).any() else None, f"{scatter}, a reading"),
                 "predictions",
                 "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
                 "has bent itself to these readings.",
@@ -145,8 +147,9 @@ def _origin(c: Calibrated) -> Section:
     )  # fmt: skip
     text = (
         "Compliances enter deflections linearly, so for given noise the optimum over stiffnesses is global. Intervals "
-        "are those of the profile likelihood where the parabola would not do; noise is estimated by restricted "
-        "likelihood. The calibrated model is model.toml; every number there says where it came from."
+        "are those of the profile likelihood where the parabola would not do; the scatter is estimated by restricted "
+        "likelihood, and without repeats it is what the model leaves, noise or not. The calibrated model is "
+        "model.toml; every number there says where it came from."
     )
     return Section(
         "How it was done",

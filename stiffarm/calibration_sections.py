@@ -17,6 +17,7 @@ from stiffarm.calibration_tables import outlier_lines
 from stiffarm.figures_identifiability import determination_figure, intervals_figure
 from stiffarm.figures_laws import laws_figure
 from stiffarm.figures_residuals import checks_figure, residuals_figure
+from stiffarm.noise_words import scatter_name
 from stiffarm.plan_words import direction_words
 from stiffarm.report import Block, Bullets, Note, Picture, Section, Table, Text
 from stiffarm.story_blocks import Pictures
@@ -144,7 +145,10 @@ def _noise(c: Calibrated, s: StageFindings, of: str) -> Section:
         Note(why) if heading else Text(why),
         Text(_chi_square(s)),
     ]  # fmt: skip
-    return Section(f"Noise, and whether the model holds{of}", tuple(b for b in blocks if not _empty(b)))
+    scatter = scatter_name(r.estimate.problem)
+    return Section(
+        f"{scatter[0].upper()}{scatter[1:]}, and whether the model holds{of}", tuple(b for b in blocks if not _empty(b))
+    )
 
 
 def _empty(block: Block) -> bool:
@@ -157,12 +161,8 @@ def _chi_square(s: StageFindings) -> str:
         return ""
     free = np.isnan(s.result.estimate.problem.sigma).any()
     return (
-        f"Chi-square of the residuals against this noise: {test.chi_square:.3g} on {test.chi_dof} degrees of freedom"
-        + (
-            " (close to one another by construction, for the noise was estimated from the same residuals)."
-            if free
-            else "."
-        )
+        f"Chi-square of the residuals against this scatter: {test.chi_square:.3g} on {test.chi_dof} degrees of freedom"
+        + (" (close to one another by construction, for it was estimated from the same residuals)." if free else ".")
     )
 
 
@@ -171,7 +171,7 @@ def _residuals(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str,
     p = e.problem
     flagged = np.zeros(len(p), dtype=np.bool_)
     flagged[outliers(e)] = True
-    sd = np.sqrt(e.noise.variance(p, e.prediction) + np.sum(e.noise.common(p, e.prediction) ** 2, axis=1))
+    sd = e.noise.spread(p, e.prediction)
     blocks: list[Block] = []
     for kind, unit, name in ((False, "mm", ""), (True, "mrad", "_rotations")):
         mine = (p.component >= 3) == kind

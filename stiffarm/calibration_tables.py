@@ -9,6 +9,7 @@ from doe.readings import COMPONENTS, rms_mm
 from stiffarm import calibration_words as words
 from stiffarm.calibrating import Calibrated, StageFindings
 from stiffarm.console import say, show_table
+from stiffarm.noise_words import scatter_name
 from stiffarm.predicting import Holdout
 
 
@@ -17,7 +18,7 @@ def show(c: Calibrated) -> None:
     for s in c.stages:
         _numbers(s)
         for name, size in words.noise_parts(s.result.estimate.noise, s.result.estimate.problem):
-            say(f"noise of {name}: {size}")
+            say(f"{scatter_name(s.result.estimate.problem)}, {name}: {size}")
         for text in outlier_lines(s):
             say(f"outlier: {text}")
     for remark in c.remarks:
@@ -30,7 +31,7 @@ def show(c: Calibrated) -> None:
         f"poses left out one at a time are predicted {predicted}"
     )
     if c.holdout is not None:
-        _holdout(c.holdout, c.found.rms_mm)
+        _holdout(c)
 
 
 def _numbers(s: StageFindings) -> None:
@@ -63,10 +64,12 @@ def _line(s: StageFindings, k: int) -> str:
     return f"{s.lines[k]}" if s.files is None else f"{s.lines[k]} of {s.files[k]}"
 
 
-def _holdout(h: Holdout, fitted_mm: float) -> None:
+def _holdout(c: Calibrated) -> None:
+    h, fitted_mm = c.holdout, c.found.rms_mm
+    assert h is not None  # noqa: S101 - asked before
     show_table(
         f"Poses held out ({h.data.source})",
-        ["pose", "RMS (mm)", "expected from noise (mm)"],
+        ["pose", "RMS (mm)", f"expected from {scatter_name(c.found.stages[-1].estimate.problem)} (mm)"],
         [list(row) for row in holdout_rows(h)],
     )
     for label, reason in h.blind.items():
@@ -76,7 +79,7 @@ def _holdout(h: Holdout, fitted_mm: float) -> None:
 
 
 def holdout_rows(h: Holdout) -> list[tuple[str, str, str]]:
-    """Pose, RMS error and what the noise found would give, in mm."""
+    """Pose, RMS error and what the scatter found would give, in mm."""
     out = []
     for k, label in enumerate(h.system.poses):
         mine = (h.system.pose == k) & (h.system.component < 3)

@@ -72,8 +72,3 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-def main() -> None:
-    """Entry point; :mod:`stiffarm.__main__` is the one that also catches Ctrl-C during the imports."""
-    app()

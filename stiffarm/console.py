@@ -18,7 +18,7 @@ from rich.text import Text
 
 from robots import InputError
 from robots.files import recording
-from stiffarm.interruption import stoppable
+from stiffarm.interruption import EXIT_STOPPED, stoppable
 
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
@@ -89,7 +89,7 @@ def user_errors(debug: bool) -> Iterator[None]:
             raise typer.Exit(EXIT_BAD_INPUT) from None
         except KeyboardInterrupt:  # only where Ctrl-C is not ours to handle
             say("stiffarm: stopped by the user; no half-written files are left")
-            raise typer.Exit(EXIT_OTHER) from None
+            raise typer.Exit(EXIT_STOPPED) from None
         except (typer.Exit, typer.Abort):
             raise
         except Exception as error:  # the last line of defence: a user never sees a traceback unasked

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements, select_loads
+from doe.calibration import refuse_cut_cycles
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.holdout import HeldOutReadings, hold_out
@@ -18,9 +19,10 @@ from doe.diagnosis.outset import setting_of
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
-from doe.load_history import history_of
+from doe.frozen_readings import refuse_frozen
+from doe.load_history import history_of, history_of_part
 from doe.measurement_checks import refuse_seen
-from fem.effects import LOAD_PATH, PlacedEffect, build_plain, described_effects
+from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
 from robots import InputError
 from robots.quantities import RotationalStiffness
 from stiffarm.inputs import ModelInput
@@ -68,6 +70,11 @@ class Diagnosed:
     proposal: NextReadings | None = None
 
     @property
+    def tells(self) -> bool:
+        """Whether the readings tell anything about the arm."""
+        return self.found.verdict != "uninformative"
+
+    @property
     def in_model(self) -> tuple[Found, ...]:
         """Effects of the new model: those accepted, and those that are provisional."""
         return (*self.found.effects, *self.found.provisional)
@@ -81,6 +88,8 @@ class Diagnosed:
     @property
     def credible(self) -> tuple[str, ...]:
         """Codes that together hold 95 % of the probability, of every look that found something."""
+        if not self.tells:
+            return ()
         looks = self.found.rankings[: max(len(self.in_model), 1)]
         accepted = [f.code for f in self.found.effects]
         return tuple(dict.fromkeys([*accepted, *(code for r in looks for code in r.credible())]))
@@ -105,15 +114,17 @@ def diagnose(
     Raises
     ------
     InputError
-        Readings of one pose only, poses held out that are in the table, or fewer readings than
-        springs.
+        Readings of one pose only, a gauge that stood still, poses held out that are in the table, or fewer readings
+        than springs.
     """
     if holdout is not None:
         refuse_seen(table, holdout)
+    refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
     refuse_few_poses(used)
+    refuse_frozen(given.model, table)
     remarks = _remarks(given, request)
-    s = _setting(given, used, request)
+    s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)
@@ -137,6 +148,8 @@ def diagnose(
 
 def _asked(found: Diagnosis) -> list[str]:
     """Codes whose twins matter: what was found; where it is not settled, the rivals; else the most probable ones."""
+    if found.verdict == "uninformative":
+        return []
     taken = [f.code for f in (*found.effects, *found.provisional)]
     if found.verdict != "named":
         codes = [h.code for h in found.rankings[max(len(taken) - 1, 0)].hypotheses if h.code not in (NONE, UNKNOWN)]
@@ -146,7 +159,7 @@ def _asked(found: Diagnosis) -> list[str]:
 
 def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | None) -> NextReadings | None:
     """Set-ups that would settle what is open; None where nothing is."""
-    if found.verdict == "named" or request.next_poses == 0:
+    if found.verdict in ("named", "uninformative") or request.next_poses == 0:
         return None
     try:
         if say is not None:
@@ -158,16 +171,16 @@ def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | N
         return None
 
 
-def _setting(given: ModelInput, used: Measurements, request: Request) -> Setting:
+def _setting(given: ModelInput, used: Measurements, request: Request, history: History) -> Setting:
     """Readings and arm; effects that the model has already are taken as there, their numbers free to follow."""
     description = given.description
     if not description.effect:
-        return setting_of(description, given.model, used, own=given.own, free=request.free)
-    plain = build_plain(description, given.model.link_kind)
+        return setting_of(description, given.model, used, own=given.own, free=request.free, history=history)
+    plain = build_plain(description, given.model.link_kind, given.model.load_path)
     has: list[PlacedEffect] = [
         e for e in described_effects(description, plain, given.own) if e.effect.code != LOAD_PATH
     ]
-    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free)
+    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free, history=history)
 
 
 def refuse_few_poses(data: Measurements) -> None:

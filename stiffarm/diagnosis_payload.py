@@ -9,6 +9,7 @@ import numpy as np
 from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
+from doe.noise import origin
 from stiffarm.calibration_payload import COMPONENT_KEYS
 from stiffarm.diagnosed_model import FittedSpring, fitted_springs
 from stiffarm.diagnosing import Diagnosed
@@ -22,7 +23,7 @@ LISTED = 8
 
 
 def diagnosis(d: Diagnosed) -> dict[str, Any]:
-    """Everything about a diagnosis."""
+    """Everything about a diagnosis; of readings that tell nothing no candidates, looks and springs."""
     found = d.found
     return {
         "schema": SCHEMA,
@@ -39,7 +40,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "reason": found.reason,
         "effects": [effect(d, f) for f in found.effects],
         "provisional": [effect(d, f) for f in found.provisional],
-        "candidates": [candidate(h) for h in found.ranking.hypotheses],
+        "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),
         "twins": {code: list(others) for code, others in d.twins.items()},
         "not_testable": dict(sorted(d.not_testable.items())),
@@ -47,8 +48,8 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "gap": gap(d),
         "next_readings": next_readings(d),
         "next_expected": expected(d),
-        "looks": [look(d, k) for k in range(len(found.rankings))],
-        "springs": {s.joint: spring(s) for s in fitted_springs(found.after)},
+        "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
+        "springs": {s.joint: spring(s) for s in fitted_springs(found.after) if d.tells},
         "noise": noise(found.after),
         "remarks": list(d.remarks),
     }
@@ -180,11 +181,12 @@ def spring(s: FittedSpring) -> dict[str, Any]:
 
 
 def noise(state: State) -> dict[str, Any]:
-    """Scatter that the best explanation leaves: of readings, and between set-ups."""
+    """Scatter that the best explanation leaves: of readings, and between set-ups; without repeats its residual."""
     n = state.refit.noise
     return {
         "reading_mm": number(n.white[0] * 1e3),
         "reading_share": number(n.share),
         "set_up_mm": number(n.pose[0] * 1e3),
         "set_up_share": number(n.pose_share),
+        "source": origin(state.setting.data),
     }

@@ -18,20 +18,26 @@ from stiffarm.diagnosis_sections import (
     shrunk,
     where,
 )
+from stiffarm.noise_words import floor_name
 from stiffarm.outputs import OutputFolder
 from stiffarm.report import KeyFigure, render
 from stiffarm.story_blocks import Pictures
 
-VERDICTS = {"named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "none": "nothing missing"}
+VERDICTS = {"named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "none": "nothing missing",
+            "uninformative": "readings tell nothing"}  # fmt: skip
 
 
 def write_report(d: Diagnosed, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [in_short(d), where(d, pictures), explained(d, pictures)]
+    sections = [in_short(d)]
+    if d.tells:
+        sections += [where(d, pictures), explained(d, pictures)]
     if d.in_model:
         sections.append(laws(d, pictures))
-    sections += [shrunk(d, pictures), not_told(d), next_readings(d), how(d)]
+    sections.append(shrunk(d, pictures))
+    if d.tells:
+        sections += [not_told(d), next_readings(d), how(d)]
     title = d.given.description.title.split(" (")[0]
     p = d.found.before.setting.data
     lede = (
@@ -63,7 +69,10 @@ def _key_figures(d: Diagnosed) -> list[KeyFigure]:
         out.append(KeyFigure(f"{far[0]:.3f} → {far[1]:.3f} mm", f"{label}, before and after"))
     else:
         out.append(KeyFigure(f"{far[0]:.3f} mm", label))
-    out.append(KeyFigure(f"{noise_floor_mm(found):.3f} mm", "RMS that noise alone would give"))
+    if d.tells:
+        name = floor_name(found.after.setting.data)
+        label = "RMS that noise alone would give" if name == "noise alone" else f"{name}, no repeats to tell the noise"
+        out.append(KeyFigure(f"{noise_floor_mm(found):.3f} mm", label))
     if found.effects:
         out.append(KeyFigure(words.percent(min(f.probability for f in found.effects)), "probability of the name"))
     return out

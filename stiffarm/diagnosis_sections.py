@@ -18,6 +18,7 @@ from stiffarm.effect_numbers import numbers_of
 from stiffarm.figures_diagnosis import Fit, gap_figure, match_figure, residuals_figure
 from stiffarm.figures_diagnosis_laws import law_figure, numbers_figure
 from stiffarm.figures_diagnosis_ranking import Bar, ranking_figure, twins_figure, where_figure
+from stiffarm.noise_words import floor_name, scatter_name
 from stiffarm.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.spring_words import mega
 from stiffarm.story_blocks import Pictures
@@ -157,7 +158,10 @@ def shrunk(d: Diagnosed, pictures: Pictures) -> Section:
     blocks: list[Block] = [
         Text(words.gap_sentence(d)),
         pictures.add(
-            gap_figure(rows, noise_floor_mm(found), least_rms_mm(found.before.setting)), "gap",
+            gap_figure(
+                rows, noise_floor_mm(found), least_rms_mm(found.before.setting), floor_name(found.after.setting.data)
+            ),
+            "gap",
             "RMS errors. What counts is the error at poses that the fit has not seen.",
         ),
         pictures.add(match_figure(fits), "match", "On the line, simulation and measurement are the same."),
@@ -235,9 +239,10 @@ def how(d: Diagnosed) -> Section:
         for h in found.ranking.hypotheses
     )
     n = found.after.refit.noise
+    name = scatter_name(found.after.setting.data)
     noise = (
-        f"Noise by the best explanation: {n.white[0] * 1e3:.4f} mm and {100 * n.share:.2g} % of the deflection a "
-        f"reading; {n.pose[0] * 1e3:.4f} mm and {100 * n.pose_share:.2g} % in common to a set-up."
+        f"{name[0].upper()}{name[1:]} by the best explanation: {n.white[0] * 1e3:.4f} mm and {100 * n.share:.2g} % "
+        f"of the deflection a reading; {n.pose[0] * 1e3:.4f} mm and {100 * n.pose_share:.2g} % in common to a set-up."
     )
     blocks: list[Block] = [
         Text(

@@ -12,8 +12,10 @@ from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
+from doe.readings import rms_mm
 from stiffarm.diagnosing import Diagnosed
 from stiffarm.effect_numbers import Number, numbers_of
+from stiffarm.noise_words import RESIDUAL, is_residual
 from stiffarm.report import Block, Bullets, Table, Text
 
 Array = NDArray[np.float64]
@@ -32,7 +34,14 @@ def headline(d: Diagnosed) -> str:
     if found.verdict == "none":
         if hints(d):
             return "These readings do not prove that anything is missing, but they hint at it."
+        if is_residual(found.after.setting.data):
+            return (
+                "Nothing is missing that these readings could show. Without repeats, how much of what is left is noise "
+                "cannot be told."
+            )
         return "Nothing is missing that these readings could show: what is left is noise."
+    if not d.tells:
+        return "These readings tell nothing about the arm: not that something is missing, nor that nothing is."
     if found.verdict == "named":
         names = _and([what(f) for f in found.effects])
         return f"What is missing has a name: {names}."
@@ -57,6 +66,10 @@ def what(f: Found) -> str:
 def how_sure(d: Diagnosed) -> str:
     """How sure the verdict is."""
     first = d.found.rankings[0]
+    if not d.tells:
+        return (
+            f"{d.found.reason[0].upper()}{d.found.reason[1:]}. No number is given from them, and no model is written."
+        )
     if d.found.verdict == "named":
         parts = [f"{f.code} {percent(f.probability)}" for f in d.found.effects]
         return f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}."
@@ -87,25 +100,37 @@ def _unknown(d: Diagnosed) -> float:
 def gap_sentence(d: Diagnosed) -> str:
     """How the gap shrank, on readings that the fit has not seen."""
     before, after, h = d.found.before, d.found.after, d.held_out
-    floor = noise_floor_mm(d.found)
     if not d.in_model:
         text = f"The model with fitted springs is {before.fit_rms_mm:.3f} mm (RMS) off its readings"
         far = before.left_out_rms_mm if h is None else h.rms_before_mm
         where = "at poses left out one at a time" if h is None else f"on {h.data.source}, which it has not seen"
-        return f"{text} and {far:.3f} mm {where}; noise alone would give {floor:.3f} mm."
+        read = rms_mm(before.setting.data.value, before.setting.data.component)
+        if not d.tells:
+            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {far:.3f} mm {where}."
+        return f"{text} and {far:.3f} mm {where}; {_floor(d)}."
     a, b = (before.left_out_rms_mm, after.left_out_rms_mm) if h is None else (h.rms_before_mm, h.rms_after_mm)
     where = "At poses left out one at a time" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
-        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). Noise alone "
-        f"would give {floor:.3f} mm."
+        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). "
+        f"{_sentence(_floor(d))}."
     )
+
+
+def _floor(d: Diagnosed) -> str:
+    """What noise alone would give, or what the model leaves where only that is known."""
+    floor, p = noise_floor_mm(d.found), d.found.after.setting.data
+    if is_residual(p):
+        return f"{RESIDUAL}, from which no repeats tell the noise, is put at {floor:.3f} mm"
+    return f"noise alone would give {floor:.3f} mm"
 
 
 def where_sentences(d: Diagnosed) -> tuple[str, ...]:
     """Where the disagreement lies: the groups with large shares."""
     if d.found.verdict == "none":
-        return ("Residuals are as large everywhere as noise makes them.",)
+        return ("Residuals are as large everywhere as their scatter makes them.",)
+    if not d.tells:
+        return ("Residuals are as large as the readings.",)
     out = []
     for kind, groups in d.where.items():
         text = _of_kind(kind, groups)
@@ -217,6 +242,11 @@ def next_sentence(d: Diagnosed) -> str:
     if d.found.verdict == "none":
         return (
             "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions."
+        )
+    if not d.tells:
+        return (
+            "Check signs, the order of the rows, which column is which, loads and joint angles; else measure again "
+            "with larger loads."
         )
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."

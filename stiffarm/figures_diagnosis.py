@@ -77,7 +77,7 @@ def match_figure(fits: Sequence[Fit]) -> Figure:
             ax.set_box_aspect(1.0)
             ax.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
         axes[0].set_ylabel(f"read ({fits[0].unit})")
-        title(figure, "Read against simulated; vertical strokes are the gap, the band is twice the noise")
+        title(figure, "Read against simulated; vertical strokes are the gap, the band is two standard deviations")
     return figure
 
 
@@ -118,7 +118,7 @@ def residuals_figure(fits: Sequence[Fit]) -> Figure:
             if k == len(fits) - 1:
                 left.set_xlabel("pose")
                 right.set_xlabel("load; left loading, right unloading" if "unloading" in f.phase else "load")
-        title(figure, "Residuals over poses and loads; black: mean of a group, band: twice the noise")
+        title(figure, "Residuals over poses and loads; black: mean of a group, band: two standard deviations")
     return figure
 
 
@@ -150,11 +150,13 @@ def _strip(ax: Axes, f: Fit, labels: Sequence[str], colour: str) -> None:
     ax.grid(visible=False, axis="x")
 
 
-def gap_figure(rows: Mapping[str, tuple[float, float]], noise: float, least: float) -> Figure:
+def gap_figure(
+    rows: Mapping[str, tuple[float, float]], noise: float, least: float, name: str = "noise alone"
+) -> Figure:
     """Draw the RMS error (mm) before and after, a pair of bars for each way to judge it (name -> before, after).
 
-    ``noise``: what noise alone would give; ``least``: the least that springs alone could reach in the fit. After is NaN
-    where the model did not change.
+    ``noise``: what noise alone would give, called ``name``; ``least``: the least that springs alone could reach in
+    the fit. After is NaN where the model did not change.
 
     Raises
     ------
@@ -175,7 +177,7 @@ def gap_figure(rows: Mapping[str, tuple[float, float]], noise: float, least: flo
             ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=name)
             for place, value in zip(at, lengths, strict=True):
                 note(ax, f"{value:.3f}", (value, place), (4, 0), ha="left")
-        ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"noise alone: {noise:.3f}")
+        ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"{name}: {noise:.3f}")
         if np.isfinite(least):
             ax.axvline(
                 least, color="#777777", linestyle=":", linewidth=1.4, label=f"springs alone, at best: {least:.3f}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -11,6 +10,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from robots import InputError, ModelDescription, Robot
+from robots.written import written_whole
 from stiffarm import picture_style as style
 from stiffarm.figures_map_effects import swept_effects_figure
 from stiffarm.figures_map_slices import slice_figure, unlike
@@ -109,7 +109,7 @@ def save_figure(figure: Figure, folder: OutputFolder, stem: str, formats: Sequen
 
 
 def save_svg(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG with text as text, under a temporary name, then rename. Twice the same is the same file.
+    """Write a figure as SVG with text as text, whole or not at all. Twice the same is the same file.
 
     Raises
     ------
@@ -117,10 +117,6 @@ def save_svg(figure: Figure, path: Path) -> None:
         The folder does not exist.
     """
     style.require_folder(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with style.house_style(), mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stiffarm"}):
-            figure.savefig(temporary, format="svg", dpi=_SVG_DPI, metadata={"Date": None})
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    text_as_text = mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stiffarm"})
+    with written_whole(path) as draft, style.house_style(), text_as_text:
+        figure.savefig(draft, format="svg", dpi=_SVG_DPI, metadata={"Date": None})

@@ -138,10 +138,12 @@ def _dots(ax: Axes, x: Array, y: Array, flagged: Mask) -> None:
         ax.scatter(x[far], np.full(int(far.sum()), 0.97 * side * reach), marker=marker, **look)
 
 
-def predictions_figure(errors: Mapping[str, Mapping[str, float]], noise_mm: float | None = None) -> Figure:
+def predictions_figure(
+    errors: Mapping[str, Mapping[str, float]], noise_mm: float | None = None, noise: str = "noise of a reading"
+) -> Figure:
     """Draw RMS errors (mm) by pose, a series each: fitted, left out, held out; NaN: no such error.
 
-    ``noise_mm``: standard deviation of a reading, as a line.
+    ``noise_mm``: standard deviation of a reading, as a line, called ``noise``.
 
     Raises
     ------
@@ -158,7 +160,7 @@ def predictions_figure(errors: Mapping[str, Mapping[str, float]], noise_mm: floa
             place = np.arange(len(poses)) + (i - (len(errors) - 1) / 2) * step
             ax.bar(place, [one.get(label, np.nan) for label in poses], step * 0.9, color=SERIES[i % 6], label=name)
         if noise_mm is not None:
-            ax.axhline(noise_mm, color=INK, linewidth=1.0, linestyle="--", label="noise of a reading")
+            ax.axhline(noise_mm, color=INK, linewidth=1.0, linestyle="--", label=noise)
         shown = range(0, len(poses), -(-len(poses) // _MOST_NAMES))
         turned = len(shown) > _TURNED_FROM and max(map(len, poses)) > 3
         ax.set_xticks(list(shown), [poses[k] for k in shown], rotation=60 if turned else 0)

@@ -7,11 +7,8 @@ import datetime as dt
 import hashlib
 import json
 import platform
-import shutil
 import sys
-import tempfile
 import time
-import tomllib
 from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,7 +17,10 @@ from typing import Any, Self
 
 from robots import InputError
 from robots.files import read_bytes, recorded
-from stiffarm.interruption import tidied_by, undisturbed
+from robots.published import Stage
+from robots.unfinished import tidied_by
+from robots.written import sha256_of
+from stiffarm.interruption import undisturbed
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
 
@@ -28,9 +28,10 @@ _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvist
 class OutputFolder:
     """A folder of results, written whole or not at all.
 
-    Everything is written into a hidden folder inside the target; on success the files move into place and
-    files of the same name go to ``previous/<time>/`` first. On an error or Ctrl-C the hidden folder is
-    removed and the target stays as it was, or is removed again if it was not there.
+    Everything is written into a hidden folder (:class:`robots.published.Stage`); on success the files move into place
+    and files of the same name go to ``previous/<time>/`` first. On an error or Ctrl-C the hidden folder is
+    removed and the target stays as it was, or is removed again if it was not there. After a kill the next run into
+    the folder finishes what was moving and removes the hidden folder.
 
     Raises
     ------
@@ -44,7 +45,7 @@ class OutputFolder:
         self._command, self._inputs, self._seed = command, inputs, seed
         self._timings: dict[str, float] = {}
         self._made: list[Path] = []
-        self._stage: Path | None = None
+        self._stage: Stage | None = None
         self._guard = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -52,8 +53,9 @@ class OutputFolder:
         self._guard.enter_context(tidied_by(self._tidy))
         try:
             with undisturbed():
-                self._make(self.target)
-                self._stage = Path(tempfile.mkdtemp(prefix=".partial-", dir=self.target))
+                self._made = [p for p in (self.target, *self.target.parents) if not p.exists()]
+                self.target.mkdir(parents=True, exist_ok=True)
+                self._stage = Stage(self.target, fresh=bool(self._made))
         except BaseException as error:
             self._close()
             if isinstance(error, OSError):
@@ -69,9 +71,10 @@ class OutputFolder:
     ) -> None:
         try:
             if kind is None:
-                self.write_json("run.json", self._provenance())
+                outputs = self._outputs()
+                self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
                 with undisturbed():
-                    self._publish()
+                    self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
         finally:
             self._close()
 
@@ -80,7 +83,7 @@ class OutputFolder:
         """The hidden folder that holds the results until they are complete."""
         if self._stage is None:
             raise RuntimeError("an output folder is written inside its with block")
-        return self._stage
+        return self._stage.path
 
     @contextlib.contextmanager
     def timed(self, step: str) -> Iterator[None]:
@@ -116,48 +119,20 @@ class OutputFolder:
             "timings_s": self._timings | {"total": round(time.monotonic() - self._started, 3)},
         }
 
-    def _publish(self) -> None:
-        """Move the files into place; if anything stops that, Ctrl-C too, put back what was moved."""
-        backup = _free_name(self.target / "previous", dt.datetime.now(dt.UTC).strftime("%Y%m%d-%H%M%S"))
-        moves: list[tuple[Path, Path]] = []
-        copies: list[Path] = []
+    def _outputs(self) -> dict[str, str]:
+        """SHA-256 of the results as they lie in the hidden folder, by name."""
+        names = sorted(p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file())
+        return {name: sha256_of(self.stage / name) for name in names}
+
+    def _publish(self, sha256: Mapping[str, str]) -> None:
+        assert self._stage is not None  # noqa: S101 - it has been entered
         try:
-            for new in sorted(p for p in self.stage.rglob("*") if p.is_file()):
-                name = new.relative_to(self.stage)
-                place = self.target / name
-                if place.exists():
-                    for file in _files_named_in(place):
-                        # Those that the new run replaces come by being moved.
-                        copy = backup / name.parent / file
-                        if not copy.exists():
-                            copies.append(copy)
-                            self._make(copy.parent)
-                            shutil.copy2(place.parent / file, copy)
-                    moves.append((place, backup / name))
-                    self._move(*moves[-1])
-                moves.append((new, place))
-                self._move(*moves[-1])
-        except BaseException as error:
-            for source, place in reversed(moves):
-                if place.exists() and not source.exists():
-                    place.replace(source)
-            for copy in copies:
-                copy.unlink(missing_ok=True)
-            if isinstance(error, OSError):
-                raise InputError(
-                    f"output folder {self.target} cannot take the results ({error})",
-                    remedy="move away what is in the way there, or choose another folder with --out",
-                ) from error
-            raise
-
-    def _move(self, source: Path, place: Path) -> None:
-        self._make(place.parent)
-        source.replace(place)
-
-    def _make(self, folder: Path) -> None:
-        """Make a folder and those above it, and remember which were not there."""
-        self._made += [p for p in (folder, *folder.parents) if not p.exists()]
-        folder.mkdir(parents=True, exist_ok=True)
+            self._stage.publish(sha256)
+        except OSError as error:
+            raise InputError(
+                f"output folder {self.target} cannot take the results ({error})",
+                remedy="move away what is in the way there, or choose another folder with --out",
+            ) from error
 
     def _close(self) -> None:
         self._tidy()
@@ -166,29 +141,10 @@ class OutputFolder:
     def _tidy(self) -> None:
         """Remove the hidden folder, and of the folders that were made the ones that hold nothing."""
         if self._stage is not None:
-            shutil.rmtree(self._stage, ignore_errors=True)
-        for folder in sorted(self._made, key=lambda p: len(p.parts), reverse=True):
+            self._stage.close()
+        for folder in self._made:
             with contextlib.suppress(OSError):
                 folder.rmdir()
-
-
-def _files_named_in(path: Path) -> list[Path]:
-    """Surface files beside a model file that it refers to; they go where it goes, or it cannot be read there."""
-    if path.suffix != ".toml":
-        return []
-    try:
-        links = tomllib.loads(path.read_text(encoding="utf-8")).get("link", [])
-        files = [Path(link["surface"]["file"]) for link in links if "surface" in link]
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):  # somebody's own file
-        return []
-    return [f for f in files if not f.is_absolute() and ".." not in f.parts and (path.parent / f).is_file()]
-
-
-def _free_name(folder: Path, stem: str) -> Path:
-    path, n = folder / stem, 1
-    while path.exists():
-        path, n = folder / f"{stem}-{n}", n + 1
-    return path
 
 
 def _digest(item: Path | str) -> str:

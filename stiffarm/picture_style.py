@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import itertools
-import os
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.written import written_whole
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def new_figure(
 
 
 def save_png(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG at ``DPI`` under a temporary name, then rename.
+    """Write a figure as PNG at ``DPI``, whole or not at all.
 
     Raises
     ------
@@ -140,13 +140,8 @@ def save_png(figure: Figure, path: Path) -> None:
         The folder does not exist.
     """
     require_folder(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with house_style():
-            figure.savefig(temporary, format="png", dpi=DPI)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(path) as draft, house_style():
+        figure.savefig(draft, format="png", dpi=DPI)
 
 
 def require_folder(path: Path) -> None:

@@ -97,6 +97,7 @@ def payload(given: ModelInput, data: Measurements | None, planned: Planned) -> d
             "setup_mm": number(noise.pose[0] * 1e3),
             "setup_mrad": number(noise.pose[1] * 1e3),
             "setup_share_of_deflection": number(noise.pose_share),
+            "source": start.noise_origin,
         },
         "candidate_poses": planned.candidates,
         "held_deg": {name: number(v) for name, v in planned.held_deg.items()},

@@ -34,6 +34,7 @@ from stiffarm import plan_words as words
 from stiffarm import steps
 from stiffarm.inputs import ModelInput
 from stiffarm.plan_options import resting_pose, usual_components, usual_directions, usual_loads
+from stiffarm.useless_readings import refuse_useless
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -113,7 +114,7 @@ def make_plan(
     ------
     InputError
         Unknown parameters or coordinates, no pose that can be taken, more set-ups than candidates, loads that
-        nothing tells, or readings that move with none of the parameters.
+        nothing tells, readings that tell nothing, or that move with none of the parameters.
     """
     robot = given.robot
     if request.design not in METHODS:
@@ -181,6 +182,7 @@ def _free(
 def _outset(given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]) -> Outset:
     if data is None:
         return first_outset(given.model, free, Noise(white=gauge))
+    refuse_useless(given, data, data)
     return outset_of(problem(given.model, data, free), gauge)
 
 

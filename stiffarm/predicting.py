@@ -51,9 +51,10 @@ def left_out(
     found: Calibration,
     count: Count | None,
     own: Sequence[Maker] = (),
+    history: History | None = None,
 ) -> tuple[Array, dict[str, str]]:
-    """Errors (m,) of each pose predicted by all stages run again without it."""
-    whole, labels, history = found.overall, np.array(used.pose, dtype=str), history_of(used)
+    """Errors (m,) of each pose predicted by all stages run again without it; ``history`` of the readings ``used``."""
+    whole, labels, history = found.overall, np.array(used.pose, dtype=str), history or history_of(used)
     error, reasons = np.full(len(whole), np.nan), {}
     for k, label in enumerate(whole.poses):
         if count is not None:
@@ -109,5 +110,4 @@ def held_out(found: Calibration, data: Measurements) -> Holdout:
             error[system.pose == k] = np.nan
     noise = found.stages[-1].estimate.noise
     f = system.evaluate(np.zeros(0))[0]
-    expected = np.sqrt(noise.variance(system, f) + np.sum(noise.common(system, f) ** 2, axis=1))
-    return Holdout(data, system, error, expected, blind)
+    return Holdout(data, system, error, noise.spread(system, f), blind)

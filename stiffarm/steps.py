@@ -37,6 +37,7 @@ from fem.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
 from robots.files import read_bytes
 from stiffarm.inputs import ModelInput
+from stiffarm.useless_readings import refuse_useless
 from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
 from surrogate.model import predict_compliance
 
@@ -131,6 +132,7 @@ def calibrate_by_stages(
 ) -> Variant:
     """The published staged scheme, with its left-out prediction."""
     used = select_loads(data, loads)
+    refuse_useless(given, data, used)
     result = calibrate_staged(given.model, used, scheme, spacing=spacing, progress=progress)
     remarks = tuple(
         f"{stage}, pose {fit.pose}: {remark}"
@@ -163,6 +165,7 @@ def calibrate_constant(
 ) -> Variant:
     """Constant springs on all readings at once, with their left-out prediction."""
     used = select_loads(data, loads)
+    refuse_useless(given, data, used)
     fit, system = constant_fit(given.model, used, joints, bounds, gauge_mm * 1e-3)
     description = with_constant_springs(given.description, given.model, fit, used, loads)
     return Variant(

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from robots import Robot
 from robots.errors import InputError, InputErrors
 from robots.files import parse_json, read_text
+from robots.quantities import Strict
+from robots.written import write_whole
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion, Family
 from surrogate.model import SCHEMA, ErrorFigures, Factor, Quantity, Surrogate, Target
@@ -29,8 +30,8 @@ Array = NDArray[np.float64]
 _REFIT = "fit the surrogate again (`stiffarm fit`); such files are not edited by hand"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+class _Strict(Strict):
+    model_config = ConfigDict(strict=True)
 
 
 class _Domain(_Strict):
@@ -147,17 +148,12 @@ class _File(_Strict):
 
 
 def save_surrogate(surrogate: Surrogate, path: str | Path) -> None:
-    """Write a surrogate under a temporary name in the same folder, then rename it over ``path``."""
+    """Write a surrogate, whole or not at all; a file that is there is replaced."""
     path = Path(path)
     content = _content(surrogate)
     content["content_sha256"] = _checksum(content)
     lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items())
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def load_surrogate(path: str | Path) -> Surrogate:

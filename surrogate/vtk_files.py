@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots import InputError
+from robots.written import written_whole
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -131,7 +132,7 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
     """Write a map as an XML unstructured grid: points in mm, arrays by name, metadata as field data.
 
     Points that no cell uses get a vertex cell, so that every pose is seen in a viewer. Binary,
-    compressed; written under a temporary name and renamed.
+    compressed; whole or not at all.
 
     Raises
     ------
@@ -161,7 +162,7 @@ def write_vtu(stiffness_map: StiffnessMap, path: Path) -> None:
 
 
 def write_grid(grid: Any, path: Path) -> None:
-    """Write a ``vtkUnstructuredGrid`` as a .vtu file: binary, compressed, under a temporary name and renamed.
+    """Write a ``vtkUnstructuredGrid`` as a .vtu file: binary, compressed, whole or not at all.
 
     Raises
     ------
@@ -173,18 +174,14 @@ def write_grid(grid: Any, path: Path) -> None:
     _require_vtu(path)
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
         raise InputError("map folder", value=str(path.parent), allowed="an existing folder one may write to")
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.vtu")
-    writer = vtkXMLUnstructuredGridWriter()
-    writer.SetInputData(grid)
-    writer.SetFileName(str(temporary))
-    writer.SetDataModeToBinary()
-    writer.SetCompressorTypeToZLib()
-    try:
+    with written_whole(path) as draft:
+        writer = vtkXMLUnstructuredGridWriter()
+        writer.SetInputData(grid)
+        writer.SetFileName(str(draft))
+        writer.SetDataModeToBinary()
+        writer.SetCompressorTypeToZLib()
         if writer.Write() != 1 or writer.GetErrorCode() != 0:
             raise InputError(f"map file {path} could not be written", remedy="check the free space of the disk")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_vtu(path: Path) -> VtuContents:

@@ -7,7 +7,8 @@ from typing import Literal
 
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 
-Kind = Literal["none", "named", "ambiguous", "unknown"]
+# Readings that tell nothing about the arm ("uninformative") cannot say either that nothing is missing from its model.
+Kind = Literal["none", "named", "ambiguous", "unknown", "uninformative"]
 
 # Below this probability of "nothing missing" there is something to explain.
 ALARM = 0.12

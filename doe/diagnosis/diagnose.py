@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.diagnosis.decide import Decision, decide
+from doe.diagnosis.decide import Decision, Kind, decide
 from doe.diagnosis.held_out import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of
@@ -21,12 +20,13 @@ from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count
 from doe.diagnosis.testable import not_testable, twins
-from doe.noise import Noise
+from doe.noise import Noise, within_readings
 from doe.readings import rms_mm
+from doe.telling import told_by
 from fem.effects.base import PlacedEffect
 
 Array = NDArray[np.float64]
-Verdict = Literal["named", "ambiguous", "unknown", "none"]
+Verdict = Kind
 Progress = Callable[[str], None]
 
 # Effects looked for one after the other.
@@ -115,19 +115,23 @@ class Diagnosis:
 
 
 def diagnose(s: Setting, options: Options = Options(), progress: Progress | None = None) -> Diagnosis:  # noqa: B008
-    """Find what is missing from a model whose springs are fitted."""
+    """Find what is missing from a model whose springs are fitted.
+
+    Readings that tell nothing about the arm are fitted and ranked once, for the record, and get that verdict.
+    """
     say = progress or (lambda text: None)
     weight = replicate_weights(s.data)
     say(f"{len(s.data)} readings in {len(s.data.poses)} poses, {len(s.known)} candidates")
     rankings, decisions = [], []
     found: list[_Pick] = []
+    told = told_by(s.data)
     here, total = s, 0.0
     for look in range(MOST + 1):
         r = rank(here, weight, options)
-        d = decide(r, further=bool(found))
+        d = decide(r, further=bool(found)) if told.anything else Decision("uninformative", None, told.words)
         rankings.append(r)
         decisions.append(d)
-        say(f"look {look + 1}: {_words(r)}")
+        say(f"look {look + 1}: {_words(r) if told.anything else d.reason}")
         if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
@@ -195,11 +199,11 @@ def state_of(s: Setting, noise: Noise, weight: Array) -> State:
     base, V = base_of(here), covariance(here, noise, weight)
     left = leave_one_pose_out(base, V, here.data.pose)
     f, component = here.prediction, here.data.component
-    linear = component < 3
-    square = noise.variance(here.data, f) + np.sum(noise.common(here.data, f) ** 2, axis=1)
-    floor = float(np.sqrt(np.mean(square[linear]))) if linear.any() else 0.0
+    # The noise was found at the predictions that were ranked, and shares of the deflection move with these.
+    fitted = replace(fitted, noise=within_readings(here.data, f, noise))
+    floor = rms_mm(fitted.noise.spread(here.data, f), component) if (component < 3).any() else 0.0
     return State(
-        fitted, here.residual, left.error, rms_mm(here.residual, component), rms_mm(left.error, component), 1e3 * floor
+        fitted, here.residual, left.error, rms_mm(here.residual, component), rms_mm(left.error, component), floor
     )
 
 

@@ -38,8 +38,11 @@ def setting_of(
     accepted: Sequence[PlacedEffect] = (),
     own: Sequence[Maker] = (),
     free: Sequence[str] | None = None,
+    history: History | None = None,
 ) -> Setting:
     """A model's springs fitted to readings, ready to be asked what is missing.
+
+    ``history`` of the readings where these are part of a table; by default what they say themselves.
 
     Raises
     ------
@@ -55,19 +58,19 @@ def setting_of(
     typical = np.where(own_compliance > 0.0, np.maximum(own_compliance, found.u), np.maximum(usual, found.u))
     known = catalogue(model, description, own)
     s = Setting(
-        description, model, problem(model, data, ()), _history(data), joints, found.u, typical,
+        description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
         np.zeros((len(p), 0)), known, tuple(accepted),
     )  # fmt: skip
     return replace(s, errors=errors_of(s))
 
 
-def _history(data: Measurements) -> History:
+def _history(data: Measurements, history: History | None) -> History:
     """The readings' history; known as soon as some readings tell loading from unloading.
 
     A sheet of such readings is what a diagnosis asks for where the first ones did not: these count as loadings from
     zero beside it.
     """
-    history = history_of(data)
+    history = history or history_of(data)
     if history.is_known:
         return history
     down = history.unloading(np.linalg.norm(data.wrench[:, :3], axis=1))

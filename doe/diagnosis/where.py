@@ -13,7 +13,7 @@ from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.hypotheses import UNKNOWN
 from doe.diagnosis.scatter import with_setup
 from doe.diagnosis.setting import Setting
-from doe.noise import Noise
+from doe.noise import Noise, within_readings
 from doe.problem import Problem
 from doe.readings import COMPONENTS, rms_mm
 
@@ -63,12 +63,12 @@ def shares(z: Array, residual: Array, labels: Sequence[str]) -> tuple[Group, ...
 def where(d: Diagnosis) -> dict[str, tuple[Group, ...]]:
     """Disagreement of the model before with its readings, by ``pose``, ``load``, ``direction`` and ``phase``.
 
-    Where nothing is missing there are no shares.
+    Where nothing is missing, or the readings tell nothing, there are no shares.
     """
     s = d.before.setting
     z = d.before.residual / spread(s, own_noise(d))
     found = {kind: shares(z, d.before.residual, labels) for kind, labels in labels_of(s).items()}
-    if d.verdict != "none":
+    if d.verdict not in ("none", "uninformative"):
         return found
     # What is beyond the expected by chance is no disagreement that could lie anywhere.
     return {kind: tuple(replace(g, share=float("nan")) for g in groups) for kind, groups in found.items()}
@@ -104,8 +104,7 @@ def least_rms_mm(s: Setting) -> float:
 
 def spread(s: Setting, noise: Noise) -> Array:
     """Standard deviation (m,) of each reading by a noise."""
-    f = s.prediction
-    return np.asarray(np.sqrt(noise.variance(s.data, f) + np.sum(noise.common(s.data, f) ** 2, axis=1)))
+    return within_readings(s.data, s.prediction, noise).spread(s.data, s.prediction)
 
 
 def labels_of(s: Setting) -> Mapping[str, list[str]]:

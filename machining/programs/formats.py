@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +22,7 @@ from machining.programs.neutral_reading import moves_from_csv, program_from_json
 from machining.programs.orientation import framed, from_quaternions
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
 from machining.programs.rendering import environment
+from machining.programs.sandbox import Sandbox
 from machining.programs.write_options import WriteOptions
 from machining.programs.written import ProgramFile, ReadMoves, Written
 from robots import InputError
@@ -40,7 +40,7 @@ class Format:
     name: str
     title: str
     kinds: tuple[Kind, ...]
-    write: Callable[[Job, jinja2.Environment], list[ProgramFile]] | None = None
+    write: Callable[[Job, Sandbox], list[ProgramFile]] | None = None
     frames: Callable[[Array], Array] | None = None
 
     @property

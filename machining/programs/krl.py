@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +21,7 @@ from machining.programs.configuration import kuka_status_turn
 from machining.programs.job import Job
 from machining.programs.orientation import framed, from_zyx_degrees, zyx_degrees
 from machining.programs.rendering import rendered
+from machining.programs.sandbox import Sandbox
 from machining.programs.words import (
     ARM,
     common,
@@ -47,7 +47,7 @@ _CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*\(\s*\)\s*(?:;.*)?$")
 _OTHER = re.compile(r"\s*(?:LIN|PTP|CIRC|SLIN|SPTP|SCIRC|SPL|SPLINE|LIN_REL|PTP_REL|CIRC_REL|ASYPTP)\b", re.IGNORECASE)
 
 
-def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+def write(job: Job, made: Sandbox) -> list[ProgramFile]:
     """The main file and the sub-programs."""
     digits = job.options.decimals.angle
     names = part_names(job, job.options.name)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from machining.programs.configuration import abb_configuration
 from machining.programs.job import Job
 from machining.programs.orientation import framed, from_quaternions, quaternions
 from machining.programs.rendering import rendered
+from machining.programs.sandbox import Sandbox
 from machining.programs.words import ARM, common, configurations_of, frame_words, part_names, plain, speeds_of, words_of
 from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
 from robots import InputError
@@ -37,7 +37,7 @@ _CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*;\s*(?:!.*)?$")
 _OTHER = re.compile(r"\s*(?:Move\w*|SearchL|SearchC|TriggL|TriggJ|TriggC)\b", re.IGNORECASE)
 
 
-def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+def write(job: Job, made: Sandbox) -> list[ProgramFile]:
     """The main module and one for each part."""
     o = job.options
     names = part_names(job, o.name)

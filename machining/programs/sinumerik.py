@@ -12,12 +12,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
 from machining.programs.job import Job, reach_of
 from machining.programs.rendering import rendered
+from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, part_names, plain
 from machining.programs.write_options import SinumerikOptions
 from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
@@ -39,7 +39,7 @@ def axis_names(options: SinumerikOptions, linear: int, table: bool) -> list[str]
     return [*options.axes, *options.linear[:linear], *([options.table] if table else [])]
 
 
-def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+def write(job: Job, made: Sandbox) -> list[ProgramFile]:
     """The main program and its sub-programs."""
     o = job.options
     cell, robot = job.program.cell, job.program.robot

@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,7 @@ from machining.programs.configuration import val3_configuration
 from machining.programs.job import Job, Move, external_axes, formatted
 from machining.programs.orientation import framed, from_xyz_degrees, xyz_degrees
 from machining.programs.rendering import rendered
+from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, configurations_of, frame_words, plain, speeds_of, words_of
 from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
 from robots import InputError
@@ -44,7 +44,7 @@ CARTESIAN, JOINTS, SIDES = (
 STILL = 1e-6
 
 
-def write(job: Job, made: jinja2.Environment) -> list[ProgramFile]:
+def write(job: Job, made: Sandbox) -> list[ProgramFile]:
     """Project, start and stop programs, data, and a program for each part."""
     o, digits = job.options, job.options.decimals.angle
     everything = slice(0, job.n)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.written import written_whole
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -27,8 +28,8 @@ class ProgramFile:
         return "".join(self.pieces())
 
     def write(self, path: Path) -> None:
-        """Write it piece by piece."""
-        with path.open("w", encoding="utf-8", newline="") as file:
+        """Write it piece by piece, whole or not at all."""
+        with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
             file.writelines(self.pieces())
 
 

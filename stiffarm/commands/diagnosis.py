@@ -92,7 +92,8 @@ def diagnose(
             if folder is not None:
                 _write(found, content, folder)
         if out is not None:
-            say(f"written: {out / 'report.html'}, {out / 'model.toml'}, {out / 'diagnosis.json'}")
+            names = ("report.html", *(("model.toml",) if found.tells else ()), "diagnosis.json")
+            say(f"written: {', '.join(str(out / name) for name in names)}")
         if as_json:
             emit_json(content)
         else:
@@ -113,11 +114,12 @@ def _run(
 
 
 def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> None:
-    """diagnosis.json, model.toml, pictures and report.html."""
+    """diagnosis.json, pictures, report.html, and model.toml where the readings tell anything about the arm."""
     from stiffarm.diagnosis_report import write_report
 
     folder.write_json("diagnosis.json", content)
-    save_description(described(found), folder.path("model.toml"))
+    if found.tells:
+        save_description(described(found), folder.path("model.toml"))
     if found.proposal is not None:
         sheet, robot = as_measurements(found.proposal), found.given.robot
         write_measurements(sheet, folder.path("next_readings.csv"), robot, to_fill=columns_to_fill(found.proposal))
@@ -128,6 +130,8 @@ def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> N
 def _show(found: Diagnosed) -> None:
     for line in diagnosis_words.summary(found):
         say(line)
+    if not found.tells:
+        return
     rows = [
         [h.code, f"{100.0 * h.probability:.1f} %", f"{h.log_evidence:.1f}", f"{h.lopo_rms_mm:.4f}"]
         for h in found.found.ranking.hypotheses[:8]

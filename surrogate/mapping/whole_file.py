@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 from robots.errors import InputError
+from robots.written import written_whole
 
 
 @contextmanager
 def whole_file(path: Path, suffix: str) -> Iterator[Path]:
-    """A hidden name beside ``path`` to write under; it becomes ``path`` at the end, or is removed after an error.
-
-    A killed process leaves at most the hidden file, never half a file under the final name.
+    """:func:`robots.written.written_whole` for a map's file, with what may go wrong said to the user.
 
     Raises
     ------
@@ -29,17 +28,14 @@ def whole_file(path: Path, suffix: str) -> Iterator[Path]:
         raise InputError("map file", value=str(path), allowed=f"a name that ends in {suffix}")
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
         raise InputError("map folder", value=str(path.parent), allowed="an existing folder one may write to")
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{suffix}")
     try:
-        yield temporary
-        temporary.replace(path)
+        with written_whole(path) as draft:
+            yield draft
     except OSError as error:
         raise InputError(
             f"map file {path} could not be written ({error.strerror or error})",
             remedy="check the free space of the disk and what stands under this name",
         ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def claim_disk(stream: BinaryIO, n_bytes: int) -> None:

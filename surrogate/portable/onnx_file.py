@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robots.errors import InputError
+from robots.written import write_whole
 from surrogate.expansion import TURN, Array, Expansion, Family
 from surrogate.portable.content import ROWS, SCHEMA, Portable, Status, content_hash
 from surrogate.portable.words import identifier, provenance, with_unit
@@ -63,7 +63,7 @@ def onnx_model(portable: Portable) -> ModelProto:
 
 
 def write_onnx(portable: Portable, path: str | Path) -> None:
-    """Write `onnx_model` under a temporary name in the same folder, then rename it over ``path``.
+    """Write `onnx_model`, whole or not at all; a file that is there is replaced.
 
     Raises
     ------
@@ -71,13 +71,7 @@ def write_onnx(portable: Portable, path: str | Path) -> None:
         The package onnx is missing.
     """
     data = onnx_model(portable).SerializeToString(deterministic=True)
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(Path(path), data)
 
 
 def metadata(portable: Portable) -> dict[str, str]:

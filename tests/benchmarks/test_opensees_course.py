@@ -6,12 +6,13 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import oracles
 import pytest
 from opensees_shell import run_opensees
 from shell_problems import COURSE
 
 pytestmark = pytest.mark.oracle
-pytest.importorskip("openseespy")
+oracles.load_apart("openseespy.opensees")
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_opensees.md"
 OURS = {"quads here": "quad", "triangles here": "tri"}

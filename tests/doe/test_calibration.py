@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,46 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(kuka: ModelDescription, tmp_
         np.testing.assert_array_equal(a.estimate.u, b.estimate.u)
         assert a.estimate.noise == b.estimate.noise
     assert to_toml(resumed.description) == to_toml(whole.description)
+
+
+@pytest.mark.parametrize("bad_readings", [False, True])
+@pytest.mark.parametrize(
+    "wrong",
+    ["spring", "springs swapped", "noise", "weights", "out of range", "negative noise", "not finite", "shape", "none"],
+)
+def test_what_is_resumed_is_an_estimate_from_these_readings(
+    wrong: str, bad_readings: bool, kuka: ModelDescription, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Under the right key and with the right checksum: nothing but the readings tells."""
+    data = _made_up(kuka, noise=1e-5)
+    if bad_readings:
+        displacement = data.displacement.copy()
+        displacement[[3, 17], [0, 2]] += 3e-3
+        data = replace(data, displacement=displacement)
+    campaign, store = campaign_of("kr60-3", ("j2.stiffness", "j3.stiffness")), ArrayCache(tmp_path)
+    first = run_campaign(kuka, _build, data, campaign, store=store)
+    (file,) = tmp_path.iterdir()
+    kept = store.get(file.stem)
+    assert kept is not None
+    assert bool((kept["weight"] < 0.1).any()) == bad_readings
+    u, noise, weight = kept["u"], kept["noise"], kept["weight"]
+    contents = {
+        "spring": {"u": u * np.array([1.0, 1.01])},
+        "springs swapped": {"u": u[::-1]},
+        "noise": {"noise": 1.2 * noise},
+        "weights": {"weight": np.where(np.arange(len(weight)) % 3 == 0, 0.05, weight)},
+        "out of range": {"u": -u},
+        "negative noise": {"noise": -noise},
+        "not finite": {"u": u * np.nan},
+        "shape": {"u": u[:1]},
+        "none": {},
+    }
+    store.put(file.stem, kept | contents[wrong])
+    again = run_campaign(kuka, _build, data, campaign, store=store)
+    assert again.stages[0].resumed == (wrong == "none")
+    assert ("is damaged" in caplog.text) == (wrong != "none")
+    np.testing.assert_array_equal(again.stages[0].estimate.u, first.stages[0].estimate.u)
+    assert run_campaign(kuka, _build, data, campaign, store=store).stages[0].resumed
 
 
 def test_the_measured_robot_gives_the_main_jobs_figures() -> None:

@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import oracles
 import pytest
 from calculix_arms import COARSE_M, SPRINGS, WRENCH, WRITTEN, coarse, coarse_link, compliant, in_file_order, pose
-from calculix_runs import CCX, Freedom, Read, read_deck, run_ccx
+from calculix_runs import Freedom, Read, read_deck, run_ccx
 from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
@@ -183,7 +184,7 @@ def apart(model: ArmModel, name: str, folder: Path) -> tuple[float, float]:
     )
 
 
-needs_ccx = pytest.mark.skipif(CCX is None, reason="CalculiX (ccx) is not installed")
+needs_ccx = oracles.needs("ccx")
 
 
 @needs_ccx

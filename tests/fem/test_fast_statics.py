@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import oracles
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -20,7 +21,7 @@ from fem.model import LinkKind, LinkPart
 from fem.springs import ConstantSpring, LawSpring
 from robots import InputError, LoadPath, Robot, load_description
 
-pytest.importorskip("numba")
+oracles.load("numba")
 kernels = fem.fast_statics.kernels()
 assert kernels is not None
 BLOCK = kernels.BLOCK

@@ -49,10 +49,16 @@ def store(tmp_path: Path) -> ArrayCache:
 def no_condensation(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """From the call on, whoever condenses a shell fails."""
 
-    def refuse(*_: object) -> Superelement:
+    def refuse(*_: object) -> None:
         raise AssertionError("condensed again")
 
-    return lambda: monkeypatch.setattr(link_cache, "shell_superelement", refuse)
+    return lambda: monkeypatch.setattr(link_cache, "shell_solution", refuse)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_checked() -> None:
+    """As in a new process."""
+    link_cache._checked.clear()
 
 
 def same_bits(a: Superelement, b: Superelement) -> bool:
@@ -203,33 +209,54 @@ def test_without_source_nothing_is_kept(store: ArrayCache, monkeypatch: pytest.M
     assert not store.folder.exists()
 
 
-def _wrong_contents(good: dict[str, Array]) -> dict[str, dict[str, Array]]:
-    bent, infinite = good["stiffness"].copy(), good["flexibility"].copy()
+def _wrong_contents(good: dict[str, Array], other: dict[str, Array]) -> dict[str, dict[str, Array]]:
+    bent, infinite, lower = (good["flexibility"].copy() for _ in range(3))
     bent[2, 5] = np.nextafter(bent[2, 5], np.inf)
     infinite[3, 3] = np.inf
+    lower[1, 5] = lower[5, 1] = 0.999 * lower[5, 1]
+    f, u = good["flexibility"], good["solution"]
     return {
-        "shapes": good | {"stiffness": np.eye(6)},
-        "missing": {name: array for name, array in good.items() if name != "flexibility"},
+        "shapes": good | {"flexibility": np.eye(12)},
+        "missing": {"flexibility": f},
         "spare": good | {"more": np.zeros(1)},
         "not finite": good | {"flexibility": infinite},
-        "not symmetric": good | {"stiffness": bent},
-        "another link": good | {"points": _moved(good["points"])},
+        "not symmetric": good | {"flexibility": bent},
+        "negative": good | {"flexibility": -f},
+        "another solution": good | {"solution": 1.001 * u},
+        "half a solution": good | {"solution": u[: len(u) // 2]},
+        # In equilibrium with one another, as a link of walls twice as thick or of another material would be.
+        "scaled": {"flexibility": 2.0 * f, "solution": np.sqrt(2.0) * u},
+        "one entry": good | {"flexibility": lower},
+        "another link": other,
     }
 
 
-@pytest.mark.parametrize("wrong", ["shapes", "missing", "spare", "not finite", "not symmetric", "another link"])
+@pytest.mark.parametrize("wrong", list(_wrong_contents(*[{"flexibility": np.eye(6), "solution": np.ones(3)}] * 2)))
 def test_contents_that_are_no_such_link_are_built_again(
     wrong: str, store: ArrayCache, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Under the right key and with the right checksum: nothing but the link's own equations tells."""
     element = cached_superelement(tube(), POINTS, RIGID, store)
-    good = store.get(_key())
+    thicker = replace(tube(), thickness=1.1 * tube().thickness)
+    cached_superelement(thicker, POINTS, RIGID, store)
+    good, other = store.get(_key()), store.get(_key(thicker))
     assert good is not None
-    store.put(_key(), _wrong_contents(good)[wrong])
+    assert other is not None
+    store.put(_key(), _wrong_contents(good, other)[wrong])
+    link_cache._checked.clear()
     assert agree(cached_superelement(tube(), POINTS, RIGID, store), element)
     assert len(caplog.records) == 1
     assert "is damaged" in caplog.text
     assert store.get(_key()) is not None
-    assert len(files(store)) == 1
+    assert len(files(store)) == 2
+
+
+def test_equations_are_asked_once_a_process(store: ArrayCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    cached_superelement(tube(), POINTS, RIGID, store)
+    link_cache._checked.clear()
+    cached_superelement(tube(), POINTS, RIGID, store)
+    monkeypatch.setattr(link_cache, "couple", lambda *_: pytest.fail("asked again"))
+    cached_superelement(tube(), POINTS, RIGID, store)
 
 
 def test_a_link_that_is_refused_is_not_kept(store: ArrayCache) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import oracles
 import pytest
 from numpy.typing import NDArray
 from opensees_shell import run_opensees
@@ -17,7 +18,7 @@ from meshes.shell_mesh import ShellMesh
 from robots import load_description
 
 pytestmark = pytest.mark.oracle
-pytest.importorskip("openseespy")
+oracles.load_apart("openseespy.opensees")
 
 Array = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 from numpy.typing import NDArray
 
@@ -102,7 +103,7 @@ def test_jacobians_and_indices_equal_pinocchios(
     kr60: fem.ArmModel, poses: Callable[..., Array], rng: np.random.Generator
 ) -> None:
     """The indices by their formulas, one pose at a time, on pinocchio's Jacobian."""
-    pin = pytest.importorskip("pinocchio")
+    pin = oracles.load("pinocchio")
     point = np.array([0.15, -0.04, 0.23])
     model, frame = pinocchio_arm(pin, "kr60-3", point)
     data, C_theta = model.createData(), np.diag(1.0 / springs_of(kr60))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import oracles
 import pytest
 from numpy.typing import NDArray
 from posture_cases import dome, dome_task, part, spindle
@@ -20,7 +21,7 @@ from machining.task import Task, tool_path
 from robots import InputError, Reason, Robot, forward_kinematics, load_description
 from robots.spherical_wrist import spherical_wrist_arm
 
-pytest.importorskip("numba")
+oracles.load("numba")
 
 Array = NDArray[np.float64]
 F = np.array([200.0, -100.0, 150.0])

@@ -244,7 +244,7 @@ def test_a_shops_template_replaces_one_file_and_has_to_clean_texts(tmp_path: Pat
         ("{% macro event(h) %}{{ h.text }}{% endmacro %}", "| comment"),
         ("{% macro event(h) %}{{ h.text ~ 'x' }}{% endmacro %}", "| comment"),
         ("{% macro event(h) %}{{ h.text | upper }}{% endmacro %}", "| comment"),
-        ("{% macro event(h) %}{{ h.text | e }}{% endmacro %}", "| comment"),
+        ("{% macro event(h) %}{{ h.text | e }}{% endmacro %}", "No filter named 'e'"),
         ("{% macro event(h) %}{{ '%s' | format(h.text) }}{% endmacro %}", "| comment"),
         ("{% macro event(h) %}{{ h.text._text }}{% endmacro %}", "krl/moves.j2"),
         ("{% macro event(h) %}{{ h.__class__.__mro__ }}{% endmacro %}", "krl/moves.j2"),

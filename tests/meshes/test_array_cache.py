@@ -62,8 +62,8 @@ def _flipped(content: bytes) -> bytes:
 
 
 def _whole(npz: bytes) -> bytes:
-    """A file of the cache's own form, checksum and all, around any bytes."""
-    return array_cache._MARK + hashlib.sha256(npz).digest() + npz
+    """A file of the cache's own form, key, checksum and all, around any bytes."""
+    return array_cache._head(KEY, npz) + npz
 
 
 def _pickled(_: bytes) -> bytes:
@@ -130,6 +130,22 @@ def test_every_flipped_bit_is_noticed(cache: ArrayCache) -> None:
     for i in range(len(content)):
         path.write_bytes(content[:i] + bytes([content[i] ^ (1 << (i % 8))]) + content[i + 1 :])
         assert cache.get(KEY) is None
+
+
+def test_the_content_of_another_key_is_damaged(cache: ArrayCache, caplog: pytest.LogCaptureFixture) -> None:
+    """Two springs once took each other's values so."""
+    cache.put(KEY, {"u": np.array([1.0])})
+    cache.put(OTHER, {"u": np.array([2.0])})
+    one, other = file_of(cache).read_bytes(), file_of(cache, OTHER).read_bytes()
+    file_of(cache).write_bytes(other)
+    file_of(cache, OTHER).write_bytes(one)
+    assert cache.get(KEY) is None
+    assert cache.get(OTHER) is None
+    assert caplog.text.count("that of another key") == 2
+    # Only the name in the head set right: the checksum is over both.
+    file_of(cache).write_bytes(other.replace(OTHER.encode(), KEY.encode()))
+    assert cache.get(KEY) is None
+    assert "its checksum does not match" in caplog.text
 
 
 def test_what_the_owner_finds_wrong_is_damaged(
@@ -199,11 +215,11 @@ def _refuse(*_: object, **__: object) -> None:
 def test_a_read_only_folder(cache: ArrayCache, arrays: dict[str, Array], monkeypatch: pytest.MonkeyPatch) -> None:
     cache.put(KEY, arrays)
     with monkeypatch.context() as patch:  # root may write anywhere, so access rights are no test
-        patch.setattr(array_cache.tempfile, "mkstemp", _refuse)
+        patch.setattr(Path, "write_bytes", _refuse)
         cache.put(OTHER, arrays)
     assert cache.get(OTHER) is None
     with monkeypatch.context() as patch:
-        patch.setattr(array_cache.os, "replace", _refuse)
+        patch.setattr(os, "replace", _refuse)
         cache.put(OTHER, arrays)
     assert cache.get(OTHER) is None
     assert same_bits(cache.get(KEY), arrays)
@@ -234,7 +250,7 @@ def test_an_interrupted_write_leaves_nothing(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(array_cache.os, "replace", interrupt)
+    monkeypatch.setattr(os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         cache.put(KEY, arrays)
     assert list(file_of(cache).parent.iterdir()) == []
@@ -245,7 +261,8 @@ def test_the_folder_stays_small(cache: ArrayCache, monkeypatch: pytest.MonkeyPat
     keys = [hashlib.sha256(bytes([i])).hexdigest() for i in range(5)]
     cache.put(keys[0], arrays)
     folder = file_of(cache).parent
-    fresh, stale, foreign = folder / ".1-fresh.tmp", folder / ".1-stale.tmp", folder / "notes.txt"
+    fresh, stale = (folder / f".{letter * 12}.tmp.arrays" for letter in "ab")
+    foreign = folder / "notes.txt"
     for path in (fresh, stale, foreign):
         path.touch()
     os.utime(stale, (0, 0))
@@ -273,6 +290,7 @@ def _use(folder: str, seed: int, rounds: int) -> None:
         cache.put(KEY, expected)
 
 
+@pytest.mark.slow
 def test_several_processes_at_once(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     workers = [context.Process(target=_use, args=(str(tmp_path), seed, 30)) for seed in range(2)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import oracles
 import pytest
 from inverse_cases import DATA, MAPS_BACK, apart, chain, random_arm, tool_frames, within_limits, worst_error
 from numpy.typing import NDArray
@@ -99,7 +100,7 @@ def test_a_search_finds_nothing_else_over_500_targets(name: str, rng: np.random.
 
 @pytest.mark.oracle
 def test_pinocchio_puts_the_flange_at_the_targets(rng: np.random.Generator) -> None:
-    pin = pytest.importorskip("pinocchio")
+    pin = oracles.load("pinocchio")
     for name in bundled_names():
         robot = load_robot(name)
         targets = tool_frames(robot, within_limits(robot, rng, 40))

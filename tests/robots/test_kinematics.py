@@ -9,6 +9,7 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 import tomlkit
 from numpy.typing import NDArray
@@ -84,7 +85,7 @@ def pinocchio_chain(pin: Any, data: dict[str, Any]) -> tuple[Any, int, Array, Ar
 @pytest.mark.oracle
 @pytest.mark.parametrize("name", ["kr60-3", "tx200", "xr701", "crooked"])
 def test_frames_and_jacobian_equal_pinocchios(name: str, rng: np.random.Generator) -> None:
-    pin = pytest.importorskip("pinocchio")
+    pin = oracles.load("pinocchio")
     file = crooked() if name == "crooked" else raw(name)
     robot = robot_from(parse_description(tomlkit.dumps(file), name))
     model, flange, sign, offset = pinocchio_chain(pin, file)

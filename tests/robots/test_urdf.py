@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import oracles
 import pytest
 from numpy.typing import NDArray
 
@@ -54,7 +55,7 @@ def six_axis() -> UrdfRobot:
 
 def frames_by_link(path: Path, robot: Robot, links: list[str], q: Array, order: list[str]) -> list[Array]:
     """T_base_link (4, 4) of each link by pinocchio; ``order``: joints of q."""
-    pin = pytest.importorskip("pinocchio")
+    pin = oracles.load("pinocchio")
     model = pin.buildModelFromUrdf(str(path))
     data = model.createData()
     full = pin.neutral(model)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import oracles
 import pytest
 import trimesh
 from cli_runs import Command, Outcome, run_here, tree
@@ -253,7 +254,7 @@ def test_one_file_becomes_a_link_of_a_model(cli: Command, tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_alpha_wrap_gives_a_like_model(tmp_path: Path) -> None:
-    pytest.importorskip("pymeshlab")
+    oracles.load_apart("pymeshlab")
     urdf = Arm().write(tmp_path / "arm")
     outcome = run_here("import", urdf, "--out", tmp_path / "out", *COARSE, *ONE, "--wrap", "alpha", "--json")
     assert outcome.code == 0, outcome.err

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import html
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browser import browse, needs_browser
 from viewer_maps import DOWN, arm, joint_map, kr60_box, kr60_slice, xr701_sweep
 
 from fem import compliance_budget, directional_stiffness
@@ -21,10 +19,9 @@ from stiffarm.map_viewer import DIGITS, viewer_page
 from stiffarm.robot_bodies import frame_transforms
 from surrogate.mapping.data import Field, MapData
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} </title>"
 ROBOTS = ("xr701", "kr60-3", "tx200")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no chromium here")]
+pytestmark = [pytest.mark.slow, needs_browser]
 
 
 HELPERS = """
@@ -63,9 +60,8 @@ def rounded(value: float, digits: int = DIGITS) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def browse(page: str, folder: Path, probe: str, where: str = "", size: str = "1400,900") -> tuple[Any, str]:
+def probed(page: str, folder: Path, probe: str, where: str = "", size: str = "1400,900") -> tuple[Any, str]:
     """What a probe (statements that fill ``out``) saw in a browser, and what the browser's console said."""
-    assert CHROMIUM is not None
     script = (
         f"<script>addEventListener('load', () => setTimeout(() => {{ {HELPERS} {probe}\n"
         "const pre = document.createElement('pre'); pre.id = 'probe'; pre.textContent = JSON.stringify(out);"
@@ -73,17 +69,7 @@ def browse(page: str, folder: Path, probe: str, where: str = "", size: str = "14
     )
     file = folder / "map.html"
     file.write_text(page.replace("</body>", script + "</body>"), encoding="utf-8")
-    run = subprocess.run(  # noqa: S603 - a program of the system, on a page of ours
-        [CHROMIUM, "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run", f"--window-size={size}",
-         "--virtual-time-budget=3000", "--enable-logging=stderr", "--v=0", f"--user-data-dir={folder / 'profile'}",
-         "--dump-dom", f"{file.as_uri()}{where}"],
-        capture_output=True, encoding="utf-8", timeout=120, check=False,
-    )  # fmt: skip
-    console = "\n".join(line for line in run.stderr.splitlines() if "CONSOLE" in line)
-    seen = re.search(r'<pre id="probe">(.*?)</pre>', run.stdout, re.DOTALL)
-    assert seen is not None, run.stderr[-2000:] + console
-    return json.loads(html.unescape(seen.group(1))), console
+    return browse(file, where, size)
 
 
 def check_panel(seen: dict[str, Any], data: MapData, name: str) -> None:
@@ -117,7 +103,7 @@ def test_the_robot_in_the_page_is_the_models(tmp_path: Path) -> None:
         data = joint_map(name, first, {robot.coordinates[2]: 60.0, robot.coordinates[4]: 30.0})
         poses = np.random.default_rng(5).uniform(*robot.limits.T, (20, robot.dof))
         probe = f"const P = {json.dumps(poses.tolist())}; out.frames = P.map(V.frames); out.tool = P.map(V.tool);"
-        seen, console = browse(viewer_page(data, description, model, title=name), tmp_path, probe)
+        seen, console = probed(viewer_page(data, description, model, title=name), tmp_path, probe)
         assert console == ""
         frames = forward_kinematics(robot, poses)
         for k in range(len(poses)):
@@ -164,7 +150,7 @@ def test_a_sweep_of_the_joints(tmp_path: Path, where: str) -> None:
       out.unlabelled = [...document.querySelectorAll("input, select, button")]
         .filter(e => !(e.labels?.length || e.ariaLabel || e.textContent.trim())).map(e => e.id);
       out.scripts = document.querySelectorAll("script").length;"""
-    seen, console = browse(page, tmp_path, probe, where)
+    seen, console = probed(page, tmp_path, probe, where)
     assert console == ""
     assert seen["title"] == f"{HOSTILE}: map"
     assert seen["renderer"] == ("2-D canvas" if where else "WebGL")
@@ -223,7 +209,7 @@ def test_a_slice_has_cells_and_says_what_is_not_reached(tmp_path: Path, where: s
       click({bad}); out.bad = panel(); out.kept = JSON.stringify(pose) === JSON.stringify(V.state.pose);
       tick("unreached", false); out.without = shot() !== a; out.hiddenNote = $("hiddenPick").hidden;
       set("cut0", 3); out.line = [V.counts().shown, $("cells").disabled];"""
-    seen, console = browse(viewer_page(data, description, model, title="slice"), tmp_path, probe, where)
+    seen, console = probed(viewer_page(data, description, model, title="slice"), tmp_path, probe, where)
     assert console == ""
     assert not seen["cells"]
     assert seen["dots"]
@@ -253,7 +239,7 @@ def test_a_slice_of_a_box_on_small_and_large_screens(tmp_path: Path) -> None:
           out.words = document.querySelector("#cuts output").textContent; out.cells = $("cells").disabled;
           out.stage = [$("stage").clientWidth, $("stage").clientHeight]; $("leastButton").click(); out.least = panel();
           out.inside = V.placeOf(out.least.picked).every((v, k) => v > 0 && v < out.stage[k]);"""
-        seen, console = browse(page, tmp_path, probe, size=size)
+        seen, console = probed(page, tmp_path, probe, size=size)
         assert console == ""
         assert seen["over"] <= 0
         assert seen["changed"]
@@ -281,7 +267,7 @@ def test_maps_without_any_variety_are_drawn(tmp_path: Path) -> None:
         page = viewer_page(replace(one, fields=fields, parts=(), shares=None), *arm(name), title="flat")
         probe = """out.shown = [0, 1, 2, 3, 4].map(k => { set("field", k); shot(); return V.counts().shown; });
           set("field", 1); V.pick(V.extremes(1, true)[0]); out.panel = panel(); out.budget = $("budgetPart").hidden;"""
-        seen, console = browse(page, tmp_path, probe)
+        seen, console = probed(page, tmp_path, probe)
         assert console == ""
         reached = int(one.reached.sum())
         assert seen["shown"] == [0, reached, reached, 0, 0]

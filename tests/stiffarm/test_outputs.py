@@ -37,10 +37,10 @@ def test_nothing_is_in_place_before_everything_is(tmp_path: Path) -> None:
     with folder(target) as out:
         out.write_text("one.txt", "1")
         out.write_text("sub/two.txt", "2")
-        (stage,) = target.iterdir()
-        # On the same file system, so that moving is renaming.
-        assert stage.parent == target
-        assert stage.name.startswith(".partial-")
+        # On the same file system, so that moving is renaming; beside a new folder, which it then becomes.
+        assert list(target.iterdir()) == []
+        stage = next(p for p in target.parent.iterdir() if p != target)
+        assert stage.name.startswith(".partial-b-")
         assert set(tree(stage)) == {"one.txt", "sub", "sub/two.txt"}
     assert set(tree(target)) == {"one.txt", "sub", "sub/two.txt", "run.json"}
 
@@ -64,6 +64,29 @@ def test_run_json_says_what_was_run(tmp_path: Path) -> None:
     assert (run["command"], run["seed"]) == (["stiffarm", "fit"], 7)
     assert 0.01 <= run["timings_s"]["nap"] <= run["timings_s"]["total"]
     assert run["finished_utc"].endswith("+00:00")
+
+
+@pytest.mark.parametrize("existed", [True, False])
+def test_run_json_lists_the_results_with_their_hashes(tmp_path: Path, existed: bool) -> None:
+    target = tmp_path / "out"
+    if existed:
+        with folder(target) as out:
+            out.write_text("one.txt", "old")
+    with folder(target) as out:
+        out.write_text("one.txt", "1")
+        out.write_text("sub/two.txt", "2")
+    listed = json.loads((target / "run.json").read_text(encoding="utf-8"))["outputs_sha256"]
+    lying = {name: sha256 for name, sha256 in tree(target).items() if not name.startswith("previous")}
+    assert listed == {name: lying[name] for name in ("one.txt", "sub/two.txt")}
+
+
+def test_a_link_that_leads_nowhere_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "one.txt").symlink_to("nowhere")
+    with folder(tmp_path) as out:
+        out.write_text("one.txt", "1")
+    assert not (tmp_path / "one.txt").is_symlink()
+    (kept,) = (tmp_path / "previous").iterdir()
+    assert os.readlink(kept / "one.txt") == "nowhere"
 
 
 def test_a_package_that_is_not_installed_does_not_spoil_the_run(
@@ -117,7 +140,7 @@ def test_something_in_the_way_of_a_result_undoes_what_was_moved(tmp_path: Path) 
     assert tree(tmp_path) == before
 
 
-@pytest.mark.parametrize("moves_done", range(8))
+@pytest.mark.parametrize("moves_done", range(6))
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
 def test_a_move_that_fails_undoes_the_ones_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moves_done: int, error: BaseException
@@ -126,15 +149,15 @@ def test_a_move_that_fails_undoes_the_ones_before(
     (tmp_path / "run.json").write_text("old", encoding="utf-8")
     before = tree(tmp_path)
     left = [moves_done]
-    replace = Path.replace
+    replace = os.replace
 
-    def failing(source: Path, place: Path) -> Path:
+    def failing(source: Path, place: Path) -> None:
         left[0] -= 1
         if left[0] == -1:  # once: putting things back works again
             raise error
-        return replace(source, place)
+        replace(source, place)
 
-    monkeypatch.setattr(Path, "replace", failing)
+    monkeypatch.setattr(os, "replace", failing)
     with pytest.raises((KeyboardInterrupt, InputError)), folder(tmp_path) as out:
         new_results(out)
     assert left[0] < 0, "the failing move was never reached"
@@ -229,7 +252,7 @@ def test_a_run_that_is_stopped_leaves_the_earlier_results(tmp_path: Path, number
     assert any(target.glob(".partial-*"))
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 1
+    assert process.returncode == 128 + number
     assert out == ""
     assert err.splitlines()[-1] == "stiffarm: stopped by the user; no half-written files are left"
     assert "Traceback" not in err
@@ -246,7 +269,7 @@ def test_ctrl_c_while_the_libraries_load(tmp_path: Path) -> None:
     assert process.stdout.readline() == "loading\n"
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, err) == (1, "stiffarm: stopped by the user\n")
+    assert (process.returncode, err) == (130, "stiffarm: stopped by the user; no half-written files are left\n")
 
 
 def test_ctrl_c_while_results_move_into_place_waits_until_they_have(tmp_path: Path) -> None:
@@ -255,11 +278,12 @@ import os, signal, sys
 from pathlib import Path
 from stiffarm.interruption import stoppable
 from stiffarm.outputs import OutputFolder
-replace = Path.replace
+replace = os.replace
 def interrupted(source, place):
     os.kill(os.getpid(), signal.SIGINT)
-    return replace(source, place)
-Path.replace = interrupted
+    replace(source, place)
+os.replace = interrupted
+Path(sys.argv[1]).mkdir()
 with stoppable(), OutputFolder(Path(sys.argv[1]), [], {}, None) as out:
     out.write_text("a.txt", "a")
     out.write_text("b.txt", "b")
@@ -274,9 +298,77 @@ print("not reached")
         timeout=PATIENCE_S,
         check=False,
     )
-    assert (process.returncode, process.stdout) == (1, "")
+    assert (process.returncode, process.stdout) == (130, "")
     assert process.stderr == "stiffarm: stopped by the user; no half-written files are left\n"
     assert set(tree(tmp_path / "out")) == {"a.txt", "b.txt", "run.json"}
+
+
+def test_ctrl_c_takes_drafts_of_files_away(tmp_path: Path) -> None:
+    code = """
+import os, signal, sys
+from pathlib import Path
+from stiffarm.interruption import heed_for_life
+heed_for_life()
+from robots.written import written_whole
+with written_whole(Path(sys.argv[1])) as draft:
+    draft.write_text("half")
+    assert len(list(draft.parent.iterdir())) == 1
+    os.kill(os.getpid(), signal.SIGINT)
+print("not reached")
+"""
+    process = subprocess.run(  # noqa: S603 - our own interpreter with a constant argument
+        [sys.executable, "-c", code, str(tmp_path / "a.txt")],
+        env=environment(),
+        preexec_fn=heed_ctrl_c,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (process.returncode, process.stdout) == (130, "")
+    assert process.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("module", ["typer", "numpy", "stiffarm.commands.calibration"])
+def test_ctrl_c_in_an_import_is_not_swallowed(tmp_path: Path, module: str) -> None:
+    """Modules that catch whatever their own imports raise once swallowed it, and typer made it a silent exit."""
+    code = f"""
+import importlib.abc, os, signal, sys
+class Finder(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+                for _ in range(1000):
+                    pass
+            except BaseException:
+                pass
+        return None
+sys.meta_path.insert(0, Finder())
+sys.argv = ["stiffarm", "calibrate", "xr701"]
+from stiffarm.__main__ import main
+main()
+"""
+    process = subprocess.run(  # noqa: S603 - our own interpreter with a constant argument
+        [sys.executable, "-c", code],
+        env=environment(),
+        preexec_fn=heed_ctrl_c,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (process.returncode, process.stdout) == (130, "")
+    assert process.stderr == "stiffarm: stopped by the user; no half-written files are left\n"
+
+
+def test_the_package_itself_imports_nothing_before_ctrl_c_is_heeded() -> None:
+    code = "import sys; before = set(sys.modules); import stiffarm; print(sorted(set(sys.modules) - before))"
+    process = subprocess.run(  # noqa: S603 - our own interpreter with a constant argument
+        [sys.executable, "-c", code], env=environment(), capture_output=True, encoding="utf-8", check=True
+    )
+    assert process.stdout == "['stiffarm']\n"
 
 
 def test_who_ignores_ctrl_c_keeps_ignoring_it() -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browser import browse, needs_browser
 from numpy.typing import NDArray
 from verify_cases import many_moves, parallelogram_program, verified
 
@@ -20,7 +18,6 @@ from machining.verification import Verification, verify
 from stiffarm.replay import MOST_POINTS, kept_points, replay_data, replay_page
 from stiffarm.verification_bodies import body_surfaces, placed_in_world
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} </title>"
 
 
@@ -105,22 +102,6 @@ addEventListener("load", () => setTimeout(() => {
 """
 
 
-def browse(page: Path, where: str = "") -> tuple[Any, str]:
-    """What the probe in a page saw in a browser, and what the browser's console said."""
-    assert CHROMIUM is not None
-    run = subprocess.run(  # noqa: S603 - a program of the system, on a page of ours
-        [CHROMIUM, "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--window-size=900,600", "--virtual-time-budget=3000",
-         "--enable-logging=stderr", "--v=0", f"--user-data-dir={page.parent / 'profile'}", "--dump-dom",
-         f"{page.as_uri()}{where}"],
-        capture_output=True, encoding="utf-8", timeout=120, check=False,
-    )  # fmt: skip
-    console = "\n".join(line for line in run.stderr.splitlines() if "CONSOLE" in line)
-    seen = re.search(r'<pre id="probe">(.*?)</pre>', run.stdout, re.DOTALL)
-    assert seen is not None, run.stderr[-2000:]
-    return json.loads(seen.group(1)), console
-
-
 def check_frames(found: Verification, frames: list[list[float]], move: int) -> None:
     """The page's frames half-way through a move are the project's, in the world frame."""
     courses, scene = found.courses, found.scene
@@ -135,7 +116,7 @@ def check_frames(found: Verification, frames: list[list[float]], move: int) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here")
+@needs_browser
 def test_crank_bar_rail_and_turntable_move_in_the_browser(tmp_path: Path) -> None:
     found = verify(parallelogram_program(), arm_of("xr701"))
     page = tmp_path / "replay.html"
@@ -147,7 +128,7 @@ def test_crank_bar_rail_and_turntable_move_in_the_browser(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here")
+@needs_browser
 @pytest.mark.parametrize("where", ["", "#canvas"])
 def test_the_page_runs_in_a_browser(found: Verification, tmp_path: Path, where: str) -> None:
     page = tmp_path / "replay.html"

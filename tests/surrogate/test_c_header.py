@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
+import oracles
 import pytest
 from portable_cases import CASES, HOSTILE, check, portable, poses
 
@@ -15,11 +15,10 @@ from surrogate.portable import Link, Portable, c_header, reference
 from surrogate.portable.words import identifier, number
 from surrogate.scope import Couplings
 
-CC, CXX = shutil.which("cc"), shutil.which("c++")
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 # The least optimised, so that tests spend no time on it; and that no optimisation changes digits.
-C99 = [CC or "", "-std=c99", "-O0", *STRICT]
-CPP = [CXX or "", "-std=c++11", "-O2", *STRICT]
+C99 = ["cc", "-std=c99", "-O0", *STRICT]
+CPP = ["c++", "-std=c++11", "-O2", *STRICT]
 
 # Reads poses as hexadecimal numbers, writes status and values likewise.
 MAIN = """
@@ -49,7 +48,7 @@ int main(int argc, char **argv)
 }
 """
 
-needs_c = pytest.mark.skipif(CC is None, reason="no C compiler")
+needs_c = oracles.needs("cc")
 
 
 def built(p: Portable, folder: Path, compiler: list[str]) -> Path:
@@ -86,7 +85,7 @@ def test_compiled_header_answers_as_the_surrogate(
     check(p, expected, *answers(built(p, tmp_path, C99), Q), rtol=1e-12)
 
 
-@pytest.mark.skipif(CXX is None, reason="no C++ compiler")
+@oracles.needs("c++")
 def test_header_is_cpp_too(rng: np.random.Generator, tmp_path: Path) -> None:
     p = portable("factor", ("mixed", "periodic"), 6, rng)
     Q = poses(p, 200, rng)

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 
 import numpy as np
+import oracles
 import pytest
 from expansion_cases import KINDS, angles, expansion, family, size
 
@@ -13,7 +14,7 @@ from robots.errors import InputError
 from surrogate import fast
 from surrogate.expansion import Expansion, Family
 
-pytest.importorskip("numba")
+oracles.load("numba")
 
 CASES = [
     *((kind,) * k for kind in KINDS for k in (1, 2, 3)),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 from portable_cases import CASES, HOSTILE, check, portable, poses
 
@@ -16,8 +17,8 @@ from surrogate.portable import Link, Portable, onnx_model, reference, write_onnx
 from surrogate.portable.content import content_hash
 from surrogate.scope import Couplings
 
-onnx = pytest.importorskip("onnx")
-onnxruntime = pytest.importorskip("onnxruntime")
+onnx = oracles.load("onnx")
+onnxruntime = oracles.load("onnxruntime")
 
 
 def session(data: bytes | str) -> Any:

@@ -2,6 +2,7 @@ import builtins
 import warnings
 
 import numpy as np
+import oracles
 import pytest
 
 from robots.errors import InputError
@@ -102,7 +103,7 @@ def test_gaussian_process_interpolates_and_equals_its_equations(kernel):
 
 
 def test_kriging_interpolates_and_equals_the_gaussian_process_of_its_lengths():
-    pytest.importorskip("smt")
+    oracles.load("smt")
     fitted = estimator("kriging", n=60)
     Q = poses(60, 1)
     np.testing.assert_allclose(fitted.predict(Q), arm(Q), rtol=1e-6)
@@ -139,7 +140,7 @@ def target_of(fitted, y):
 @pytest.mark.parametrize("name", [name for name in PEERS if name != "network"])
 def test_figures_are_those_worked_out_by_hand(name):
     if name == "kriging":
-        pytest.importorskip("smt")
+        oracles.load("smt")
     Q, Q_test = poses(90, 1), poses(150, 2)
     boundary = np.arange(150) % 3 == 0
     (row,) = compare_with_peers(

@@ -11,6 +11,7 @@ from typing import Any
 
 import cluster_work
 import numpy as np
+import oracles
 import pytest
 from cluster_work import SIZE
 
@@ -26,7 +27,7 @@ HERE = Path(__file__).parent
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Any]:
     """Two worker processes that see this folder's modules."""
-    distributed = pytest.importorskip("distributed")
+    distributed = oracles.load("distributed")
     before = os.environ.get("PYTHONPATH", "")
     os.environ["PYTHONPATH"] = os.pathsep.join([str(HERE), str(HERE.parents[2]), before])
     try:
@@ -94,7 +95,7 @@ def test_what_workers_refuse_or_cannot_do_is_said(workers: Any, tmp_path: Path) 
 
 @pytest.mark.slow
 def test_a_scheduler_without_workers_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed")
+    distributed = oracles.load("distributed")
     monkeypatch.setattr(cluster, "FIRST_WORKER_s", 0.5)
     with (
         distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=":0") as empty,
@@ -105,7 +106,7 @@ def test_a_scheduler_without_workers_is_told(tmp_path: Path, monkeypatch: pytest
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense://x", "", "tcp://127.0.0.1"])
 def test_an_address_at_which_nobody_answers_is_refused_within_seconds(address: str, tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
+    oracles.load("distributed")
     store = store_in(tmp_path / "a")
     start = time.monotonic()
     with pytest.raises(InputError, match="does not answer"):

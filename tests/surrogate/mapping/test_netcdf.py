@@ -2,6 +2,7 @@ import os
 import sys
 
 import numpy as np
+import oracles
 import pytest
 from map_file_cases import (
     ODD_METADATA,
@@ -20,9 +21,9 @@ from surrogate.mapping import netcdf
 from surrogate.mapping.data import Axis, Field, Layout, MapData
 from surrogate.mapping.netcdf import write_netcdf
 
-xr = pytest.importorskip("xarray")
-pytest.importorskip("h5netcdf")
-h5py = pytest.importorskip("h5py")
+xr = oracles.load("xarray")
+oracles.load("h5netcdf")
+h5py = oracles.load("h5py")
 
 SWEEP = Layout(
     "joints", tuple(Axis(name, "deg", np.linspace(-20.0, 50.0, 3)) for name in ("q4_deg", "q2_deg", "q5_deg"))

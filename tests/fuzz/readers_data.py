@@ -1,0 +1,186 @@
+"""Readers of experiments: measurement tables, tables of joint twists, schemes, calibration files."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from doe import bundled_data, load_scheme, read_measurements, write_measurements
+from doe.campaign import load_campaign
+from doe.joint_twists import read_twists, write_twists
+from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
+from fem import ArmModel, build_model
+from robots import load_description
+
+from .mutate_tables import TABLE, WORKBOOK
+from .readers_arm import TOML
+from .registry import Reader
+from .samples import Sample
+from .trial import ROOT, require, require_finite
+
+WIDE = """pose,repeat,phase,step,q1_deg,q2_deg,q3real_deg,q4_deg,q5_deg,q6_deg,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,\
+dx_mm,dy_mm,dz_mm,rx_mrad,ry_mrad,rz_mrad,px_mm,py_mm,pz_mm,sigma_mm,who
+A,1,loading,1,0,10,90,0,10,0,0,0,-100,0,0,1,0.1,-0.02,-0.21,,0.1,,0,0,200,0.01,anna
+A,2,loading,2,0,10,90,0,10,0,0,0,-200,0,0,2,0.2,-0.04,-0.42,,0.2,,0,0,200,0.01,anna
+A,3,unloading,3,0,10,90,0,10,0,0,0,-100,0,0,1,0.11,-0.02,-0.23,,0.11,,0,0,200,0.01,bert
+B,1,loading,4,30,-10,80,90,-10,45,0,100,0,0,0,0,,0.4,,,,,0,0,200,,bert
+B,1,loading,5,30,-10,80,90,-10,45,0,200,0,0,0,0,,0.81,,,,,0,0,200,,bert
+"""
+
+CAMPAIGN = b"""schema = "stiffarm-calibration/1"
+robot = "kr60-3"
+title = "test"
+source = "made up"
+[noise]
+gauge_mm = 0.01
+robust = false
+[[parameter]]
+name = "j2.stiffness"
+lower = 1e4
+upper = 1e8
+[parameter.prior]
+value = 1e6
+factor = 3.0
+source = "the class"
+[[parameter]]
+name = "j3.stiffness"
+[[law]]
+kind = "fourier"
+joint = "j4"
+input = "q4_deg"
+order = 2
+spread = 0.5
+[[law]]
+kind = "table"
+joint = "j5"
+input = "q5_deg"
+nodes_deg = [-90.0, 0.0, 90.0]
+[[stage]]
+name = "one"
+parameters = ["j2.stiffness", "j3.stiffness"]
+poses = ["A"]
+loads_N = [100.0]
+levels = 10
+[[stage]]
+name = "two"
+parameters = ["j4.law", "j5.law"]
+"""
+POLYNOMIAL = b"""schema = "stiffarm-calibration/1"
+robot = "kr60-3"
+title = "test"
+[[law]]
+kind = "polynomial"
+joint = "j2"
+inputs = ["q2_deg", "q3_deg"]
+degree = 2
+"""
+
+
+@cache
+def _xr701() -> ArmModel:
+    return build_model(load_description("xr701"), "beam")
+
+
+@cache
+def _tx200() -> ArmModel:
+    return build_model(load_description("tx200"), "rigid")
+
+
+@cache
+def _kr60() -> ArmModel:
+    return build_model(load_description("kr60-3"), "rigid")
+
+
+def as_xlsx(csv: bytes) -> Sample:
+    """A CSV as a workbook, numbers as numbers."""
+    buffer = io.BytesIO()
+    pd.read_csv(io.BytesIO(csv)).to_excel(buffer, index=False)
+    return Sample(".xlsx", buffer.getvalue())
+
+
+def _tables() -> list[Sample]:
+    bundled = bundled_data("xr701").read_bytes()
+    semicolons, tabs = (bundled.replace(b",", mark) for mark in (b";", b"\t"))
+    return [Sample(".csv", data) for data in (bundled, WIDE.encode(), semicolons, tabs)]
+
+
+def _workbooks() -> list[Sample]:
+    return [as_xlsx(b"\n".join(bundled_data("xr701").read_bytes().splitlines()[:6])), as_xlsx(WIDE.encode())]
+
+
+def _measurements(path: Path) -> object:
+    robot = _xr701().robot
+    found = read_measurements(path, robot)
+    require_finite(found, "measurements", frozenset({"displacement", "point", "sigma", "step"}))
+    require(
+        not np.isinf(found.displacement).any() and not np.isinf(found.point).any(), "measurements: infinite readings"
+    )
+    require(found.used.any(axis=1).all(), "measurements: a row without a reading")
+    require(bool(robot.reachable(found.q).all()), "measurements: a pose off the limits")
+    copy = path.with_name("copy.csv")
+    write_measurements(found, copy, robot)
+    again = read_measurements(copy, robot)
+    require(again.n == found.n and again.pose == found.pose, "measurements round trip: other rows")
+    for name in ("q", "wrench", "displacement", "point", "sigma", "step"):
+        a, b = getattr(found, name), getattr(again, name)
+        # 15 digits are written.
+        require(np.allclose(a, b, rtol=1e-14, atol=0.0, equal_nan=True), f"measurements round trip: other {name}")
+    return found
+
+
+@cache
+def _twist_csv() -> tuple[bytes, ...]:
+    model, campaign = _tx200(), Campaign(poses=1)
+    rng = np.random.default_rng(1)
+    made = make_readings(model, draw_truth(model, rng), campaign, rng, poses=draw_poses(model, campaign, rng))
+    out = []
+    for joints in ((1,), (5,)):
+        keep = np.flatnonzero(np.isin(made.joint, joints))[:12]
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "twists.csv"
+            write_twists(made.select(np.isin(np.arange(made.n), keep)), path, model.robot)
+            out.append(path.read_bytes())
+    return tuple(out)
+
+
+def _twists(path: Path) -> object:
+    robot = _tx200().robot
+    found = read_twists(path, robot)
+    require_finite(found, "twists", frozenset({"twist", "sigma"}))
+    require(not np.isinf(found.twist).any(), "twists: infinite readings")
+    require((~np.isnan(found.twist)).any(axis=1).all(), "twists: a row without a reading")
+    return found
+
+
+def _scheme(path: Path) -> object:
+    found = load_scheme(path)
+    found.check_against(_xr701().robot)
+    return found
+
+
+def _campaign(path: Path) -> object:
+    found = load_campaign(path)
+    parameters, laws = found.free(_kr60())
+    for p in parameters:
+        require(p.lower <= p.upper, "calibration file: bounds in the wrong order")
+        require_finite((p.lower, p.upper), "calibration file: bounds")
+    return parameters, laws
+
+
+READERS: dict[str, Reader] = {
+    "measurement file": Reader(_tables, _measurements, TABLE, cost=2.0),
+    "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
+    "measurement file: joint twists": Reader(
+        lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0
+    ),
+    "measurement file: workbook of joint twists": Reader(
+        lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0
+    ),
+    "scheme file": Reader(lambda: [Sample(".toml", (ROOT / "doe/schemes/xr701.toml").read_bytes())], _scheme, (TOML,)),
+    "calibration file": Reader(lambda: [Sample(".toml", CAMPAIGN), Sample(".toml", POLYNOMIAL)], _campaign, (TOML,)),
+}
