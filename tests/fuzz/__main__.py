@@ -30,7 +30,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", action="append", default=[], help="a reader's name; may be given several times")
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="where failing inputs go")
     parser.add_argument("--no-metamorphic", action="store_true", help="leave out the changes that must not matter")
-    parser.add_argument("--replay", type=Path, nargs="+", help="try saved inputs, named READER/FILE, and say what they do")
+    parser.add_argument(
+        "--replay", type=Path, nargs="+", help="try saved inputs, named READER/FILE, and say what they do"
+    )
     a = parser.parse_args(arguments)
     if a.replay:
         return replay(a.replay)

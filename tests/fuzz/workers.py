@@ -79,7 +79,8 @@ def run(
             except (EOFError, OSError):
                 worker.process.join(10.0)
                 if worker.process.exitcode != 0:
-                    start(_died(worker, tally, seed, only, f"the process ended with {worker.process.exitcode}") + processes)
+                    words = f"the process ended with {worker.process.exitcode}"
+                    start(_died(worker, tally, seed, only, words) + processes)
                 del running[ready]  # type: ignore[arg-type]
                 continue
             _take(worker, message, tally)
