@@ -8,6 +8,8 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 # pip is there, and the Python is new enough.
 USABLE = $(BIN)/python -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))'
 INPUTS := pyproject.toml constraints.txt
+# A process a core, each with one thread; four at most, as each takes a gigabyte or so.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
 # The stamps below share one environment: two pips at once would spoil it.
@@ -28,10 +30,10 @@ run: $(VENV)/.installed-run
 	$(BIN)/stiffarm run xr701 --out out
 
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m "not slow"
+	$(PYTEST) -m "not slow"
 
 test-all: $(VENV)/.installed-test
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 fuzz: $(VENV)/.installed-test
 	$(BIN)/python -m tests.fuzz $(if $(FUZZ_COUNT),--count $(FUZZ_COUNT)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS)) \

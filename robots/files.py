@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from robots.errors import InputError
+from robots.published import heal_above
 
 # Far above any model, table or tool path (170 bytes of memory a move); a mesh of a million triangles has 50 MB.
 LARGEST_FILE = 256 * 2**20
@@ -95,6 +96,8 @@ def read_bytes(
     remedy : what to do if it cannot be read
     kept : False where a file that changes is meant (what the program itself has just written)
 
+    Results of a killed run that were moving into the file's folder are put right first (:mod:`robots.published`).
+
     Raises
     ------
     InputError
@@ -105,6 +108,7 @@ def read_bytes(
     place = _place(path)
     if ledger is not None and (before := ledger.kept(place)) is not None:
         return before
+    heal_above(Path(place))
     try:
         data = _ordinary(path, kind, most, remedy)
     except (OSError, ValueError) as error:  # ValueError: no path at all, as with a null character in it
