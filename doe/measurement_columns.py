@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from doe.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
 from robots import InputError, InputErrors, Robot
-from robots.errors import FAULTS_SHOWN, line_ranges
+from robots.errors import FAULTS_SHOWN, line_ranges, listed
 from robots.files import read_bytes
 from robots.units import factor
 
