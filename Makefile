@@ -8,17 +8,20 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 # pip is there, and the Python is new enough.
 USABLE = $(BIN)/python -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))'
 INPUTS := pyproject.toml constraints.txt
+# A process a core, each with one thread; four at most, as each takes a gigabyte or so.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
 # The stamps below share one environment: two pips at once would spoil it.
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help run test test-all lint bench clean .make-venv
+.PHONY: help run test test-all fuzz lint bench clean .make-venv
 
 help:
 	@echo "make run       calibrate the xr701 from its measurements; results in out/"
 	@echo "make test      the tests, without the slow ones"
 	@echo "make test-all  all tests"
+	@echo "make fuzz      mutated files through every reader, and kills: FUZZ_COUNT=100000 FUZZ_SECONDS=600 FUZZ_SEED=... FUZZ_KILLS=100"
 	@echo "make lint      ruff, mypy and the import contract"
 	@echo "make bench     benchmarks"
 	@echo "make clean     remove the environment and caches (results in out/ stay)"
@@ -27,10 +30,14 @@ run: $(VENV)/.installed-run
 	$(BIN)/stiffarm run xr701 --out out
 
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m "not slow"
+	$(PYTEST) -m "not slow"
 
 test-all: $(VENV)/.installed-test
-	$(BIN)/python -m pytest
+	$(PYTEST)
+
+fuzz: $(VENV)/.installed-test
+	$(BIN)/python -m tests.fuzz $(if $(FUZZ_COUNT),--count $(FUZZ_COUNT)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS)) \
+	  $(if $(FUZZ_SEED),--seed $(FUZZ_SEED)) $(if $(FUZZ_KILLS),--kills $(FUZZ_KILLS))
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -34,6 +34,8 @@ WIDER_WITHOUT_ONE = 1.5
 # torque (N m) = 220 reach^3.5 (m): UR5 0.85 m, KR 16 1.6 m, KR 60-3 2.2 m, R-2000iC 2.9 m, XR701 3.0 m.
 TORQUE_OF_REACH = (220.0, 3.5)
 WIDER_WITHOUT_BOTH = 3.0
+# A shorter reach (one joint and a tool) is no arm; its class is that of the smallest, m.
+SHORTEST = 0.2
 # Springs this far beyond their class are still taken without a question.
 BEYOND_CLASS = 3.0
 
@@ -75,8 +77,8 @@ def _torque(description: ModelDescription, reach: float) -> tuple[float, float, 
     payload = None if description.payload is None else description.payload.si
     if mass is None and payload is None:
         factor, power = TORQUE_OF_REACH
-        # A reach of next to nothing (one joint and a tool) is no arm; its class is that of the smallest.
-        return factor * max(reach, 0.2) ** power, WIDER_WITHOUT_BOTH, f"{reach:.2g} m reach, mass and payload not given"
+        size = f"{reach:.2g} m reach, mass and payload not given"
+        return factor * max(reach, SHORTEST) ** power, WIDER_WITHOUT_BOTH, size
     known = [f"{reach:.2g} m reach", *(f"{v:g} kg {n}" for v, n in ((payload, "payload"), (mass, "mass")) if v)]
     if mass is None and payload is not None:
         mass = payload / PAYLOAD_OF_MASS
@@ -84,4 +86,12 @@ def _torque(description: ModelDescription, reach: float) -> tuple[float, float, 
         payload = PAYLOAD_OF_MASS * mass
     wider = 1.0 if description.mass is not None and description.payload is not None else WIDER_WITHOUT_ONE
     load = (payload or 0.0) + MASS_AT_REACH * (mass or 0.0)
-    return STANDARD_GRAVITY * max(reach, 0.2) * load, wider, ", ".join(known)
+    return STANDARD_GRAVITY * max(reach, SHORTEST) * load, wider, ", ".join(known)
+
+
+def usual_load(robot: Robot, description: ModelDescription | None = None) -> float:
+    """The force (N) that results per newton are judged by: the payload's weight, else what arms of this reach bear."""
+    if description is not None and description.payload is not None:
+        return STANDARD_GRAVITY * description.payload.si
+    factor, power = TORQUE_OF_REACH
+    return float(factor * max(reach_of(robot), SHORTEST) ** (power - 1.0))

@@ -187,7 +187,7 @@ def _key(description: ModelDescription, data: Measurements, campaign: Campaign, 
         add_to(digest, text)
     for array in (data.q, data.wrench, data.displacement, data.point, data.sigma, data.step):
         add_to(digest, array)
-    for array in (history.cycle, history.order, history.clock):
+    for array in (history.cycle.astype(np.float64), history.order.astype(np.float64), history.clock):
         add_to(digest, array)
     add_to(digest, json.dumps([data.phase, data.repeat]))
     return digest.hexdigest()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, PositiveFloat, Tag, ValidationError, model_validator
+from pydantic import Discriminator, Field, PositiveFloat, Tag, ValidationError, model_validator
 
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
@@ -18,6 +18,7 @@ from fem.laws import FreeLaw, law_parameters, polynomial_basis
 from fem.parameters import Parameter, parameter
 from robots import InputError, InputErrors
 from robots.files import parse_toml, read_text
+from robots.quantities import Strict
 
 SCHEMA: Literal["stiffarm-calibration/1"] = "stiffarm-calibration/1"
 # With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
@@ -29,11 +30,7 @@ _WORDS = {
 }
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Prior(_Strict):
+class Prior(Strict):
     """What is known before: a value within a ``factor`` (positive numbers) or give or take ``sd``, one deviation."""
 
     value: float
@@ -48,7 +45,7 @@ class Prior(_Strict):
         return self
 
 
-class Freed(_Strict):
+class Freed(Strict):
     """A number set free: its name, and its range and prior where they are not the usual ones (SI, deg for angles)."""
 
     name: str
@@ -57,7 +54,7 @@ class Freed(_Strict):
     prior: Prior | None = None
 
 
-class PolynomialChoice(_Strict):
+class PolynomialChoice(Strict):
     """ln k as a polynomial of total degree ``degree`` in joint coordinates."""
 
     kind: Literal["polynomial"]
@@ -67,7 +64,7 @@ class PolynomialChoice(_Strict):
     spread: PositiveFloat = 1.0
 
 
-class FourierChoice(_Strict):
+class FourierChoice(Strict):
     """ln k as a Fourier series of one joint coordinate."""
 
     kind: Literal["fourier"]
@@ -77,7 +74,7 @@ class FourierChoice(_Strict):
     spread: PositiveFloat = 1.0
 
 
-class TableChoice(_Strict):
+class TableChoice(Strict):
     """ln k linear between nodes of one joint coordinate."""
 
     kind: Literal["table"]
@@ -98,7 +95,7 @@ LawChoice = Annotated[
 ]
 
 
-class NoiseChoice(_Strict):
+class NoiseChoice(Strict):
     """The gauge's resolution, and whether outliers may lose weight."""
 
     gauge_mm: PositiveFloat = 0.01
@@ -106,7 +103,7 @@ class NoiseChoice(_Strict):
     robust: bool = True
 
 
-class Stage(_Strict):
+class Stage(Strict):
     """One stage: these numbers, on these poses and loads (none named: all), others held where they are.
 
     ``levels``: a parametric study over that many levels of each number instead of least squares; ``refine``: go on
@@ -127,7 +124,7 @@ class Stage(_Strict):
         return self
 
 
-class Campaign(_Strict):
+class Campaign(Strict):
     """A whole calibration file; without stages everything is estimated at once."""
 
     schema_version: Literal["stiffarm-calibration/1"] = Field(alias="schema")

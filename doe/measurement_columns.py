@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,10 +15,12 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
+from doe.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
 from robots import InputError, InputErrors, Robot
+from robots.csv_text import as_read
+from robots.errors import FAULTS_SHOWN, line_ranges
 from robots.files import read_bytes
 from robots.units import factor
 
@@ -29,6 +32,7 @@ POINT: Final = ("px_mm", "py_mm", "pz_mm")
 OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT)
 PHASES: Final = ("loading", "unloading")
 SUFFIXES: Final = (".csv", ".xlsx")
+_FAULTS_KEPT: Final = 10 * FAULTS_SHOWN
 
 _TO_SI: Final = MappingProxyType(
     {"deg": factor("angle", "deg"), "mrad": factor("angle", "mrad"), "mm": factor("length", "mm")}
@@ -51,35 +55,57 @@ def si_factor(column: str) -> float:
 
 @dataclass
 class Faults:
-    """Collects what is wrong in one file, to report it all at once in the order of the lines."""
+    """Collects what is wrong in one file, to report it all at once in the order of the lines.
+
+    ``lines``: those with a fault; ``count``: of all faults. Of the faults themselves the first are kept: a table can
+    have a million.
+    """
 
     file: str
-    found: list[tuple[int, InputError]] = field(default_factory=list)
+    lines: set[int] = field(default_factory=set)
+    count: int = 0
+    _found: list[tuple[int, InputError]] = field(default_factory=list)
+    _beyond: float = math.inf
 
     def add(
         self, line: int, problem: str, *, value: str | None = None, allowed: str, remedy: str, file: str | None = None
     ) -> None:
         """Record a problem of one line (of ``file``, where there are several); ``problem`` starts with its column."""
-        what = f"{file or self.file}, row {line}, {problem}"
-        self.found.append((line, InputError(what, value=value, allowed=allowed, remedy=remedy)))
+        if self._takes(line):
+            what = f"{file or self.file}, row {line}, {problem}"
+            self._found.append((line, InputError(what, value=value, allowed=allowed, remedy=remedy)))
 
-    def raise_if_any(self) -> None:
-        """Raise InputErrors if anything was recorded."""
-        if self.found:
-            ordered = sorted(self.found, key=lambda item: item[0])
-            raise InputErrors(f"measurements {self.file}", [error for _, error in ordered])
+    def record(self, line: int, error: InputError) -> None:
+        """Record an error that somebody else has found in a line."""
+        if self._takes(line):
+            self._found.append((line, error))
+
+    def _takes(self, line: int) -> bool:
+        """Count a fault; whether it may be among the first."""
+        self.count += 1
+        self.lines.add(line)
+        if len(self._found) == 2 * _FAULTS_KEPT:
+            self._found = sorted(self._found, key=lambda item: item[0])[:_FAULTS_KEPT]
+            self._beyond = self._found[-1][0]
+        return line < self._beyond
+
+    def raise_if_any(self, what: str = "measurements") -> None:
+        """Raise InputErrors if anything was recorded; ``what`` the file is begins the message."""
+        if self.count:
+            ordered = sorted(self._found, key=lambda item: item[0])
+            raise InputErrors(f"{what} {self.file}", [error for _, error in ordered], self.count)
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """A file as stripped text: header, rows with their line numbers, and the blank lines left out."""
+    """A file as stripped text: header, rows with their line numbers, and remarks on what was left out."""
 
     name: str
     sha256: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
-    blank: tuple[int, ...]
+    notes: tuple[str, ...]
 
 
 def read_table(path: Path) -> RawTable:
@@ -98,53 +124,60 @@ def read_table(path: Path) -> RawTable:
     remedy = "the first line holds the column names, each further line one reading"
     if not data.strip():
         raise InputError(f"measurement file {path} is empty", remedy=remedy)
-    numbered = _csv_rows(data, path) if suffix == ".csv" else _xlsx_rows(data, path)
+    where = f"measurement file {path}"
+    if suffix == ".csv":
+        numbered, notes = _csv_rows(data, where), list[str]()
+    else:
+        sheet = read_first_sheet(data, where)
+        numbered, notes = list(enumerate(sheet.rows, start=1)), list(sheet.notes)
     stripped = [(line, tuple(cell.strip() for cell in row)) for line, row in numbered]
     if not stripped or not any(stripped[0][1]):
-        raise InputError(f"measurement file {path} has no column names in line 1", remedy=remedy)
+        raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), remedy=remedy)
     body = {line: row for line, row in stripped[1:] if any(row)}
     if not body:
-        raise InputError(f"measurement file {path} has a header but no readings", remedy=remedy)
+        raise InputError("; ".join((f"{where} has a header but no readings", *notes)), remedy=remedy)
+    if blank := [line for line, row in stripped[1:] if not any(row)]:
+        notes.append(f"blank lines skipped: {line_ranges(blank)}")
     return RawTable(
         name=path.name,
         sha256=hashlib.sha256(data).hexdigest(),
         header=stripped[0][1],
         rows=tuple(body.values()),
         lines=tuple(body),
-        blank=tuple(line for line, row in stripped[1:] if not any(row)),
+        notes=tuple(notes),
     )
 
 
-def _csv_rows(data: bytes, path: Path) -> list[tuple[int, list[str]]]:
+def _csv_rows(data: bytes, where: str) -> list[tuple[int, list[str]]]:
     # csv, not pandas.read_csv: that pads short rows, renames doubled columns and loses line numbers.
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        what = f"measurement file {path} is not UTF-8 text (byte {error.start})"
+        what = f"{where} is not UTF-8 text (byte {error.start})"
         raise InputError(what, remedy="save it as 'CSV UTF-8', or a workbook as .xlsx") from error
     first = re.split(r"[\r\n]", text, maxsplit=1)[0]
     separator = next((mark for mark in ",;\t" if mark in first), ",")
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    rows, line = [], 1
+    rows, line, cells = list[tuple[int, list[str]]](), 1, 0
     try:
         for row in reader:
-            rows.append((line, row))
+            rows.append((line, list(map(as_read, row))))
+            cells += len(row)
+            if len(row) > MOST_COLUMNS or cells > MOST_CELLS:
+                what, found = f"{where}, row {line}: columns", str(len(row))
+                if len(row) <= MOST_COLUMNS:
+                    what, found = f"{where}: cells", f"more than {MOST_CELLS} up to row {line}"
+                raise InputError(
+                    what,
+                    value=found,
+                    allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
+                    remedy="split the table, or leave out what is no reading",
+                )
             line = reader.line_num + 1  # a quoted cell may run over several lines
     except csv.Error as error:
-        what = f"measurement file {path}, row {line} is not valid CSV ({error})"
+        what = f"{where}, row {line} is not valid CSV ({error})"
         raise InputError(what, remedy='check the quotation marks (") from that line on') from error
     return rows
-
-
-def _xlsx_rows(data: bytes, path: Path) -> list[tuple[int, list[str]]]:
-    try:
-        frame = pd.read_excel(io.BytesIO(data), header=None, dtype=str, na_filter=False, engine="openpyxl")
-    except Exception as error:  # a broken workbook raises zip, XML, key and value errors alike
-        what = f"measurement file {path} is not a readable XLSX workbook ({error})"
-        raise InputError(what, remedy="save it again as XLSX, or as CSV (UTF-8)") from error
-    # pandas turns a formula's error (#DIV/0!) into a NaN; as text it is refused like any other word.
-    cells = [["nan" if pd.isna(cell) else str(cell) for cell in row] for row in frame.to_numpy()]
-    return list(enumerate(cells, start=1))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from importlib import resources
@@ -23,6 +22,8 @@ from doe.measurement_checks import (
 )
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
 from robots import InputError, Robot
+from robots.csv_text import write_rows
+from robots.errors import line_ranges, listed
 from robots.written import written_whole
 
 
@@ -120,7 +121,7 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
     table = mc.read_table(Path(path))
     faults = Faults(table.name)
     columns = mc.find_columns(table, robot, faults)
-    header_fits = not faults.found
+    header_fits = not faults.count
     m = _assemble(mc.drop_ragged(table, faults), columns, robot, faults)
     if header_fits and m.n:
         for check in (check_readings, check_labels, check_duplicates):
@@ -144,8 +145,7 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
     sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
     step = mc.numbers(*cells, ("step",), faults, empty="not known")[:, 0]
     mc.check_words(table, columns, faults)
-    bad = {line for line, _ in faults.found}
-    good = np.array([line not in bad for line in table.lines], dtype=np.bool_)
+    good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
 
     def words(index: int | None) -> tuple[str, ...]:
         return tuple(compress(mc.texts(table, index), good))
@@ -172,18 +172,15 @@ def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[s
         if missing := [name for name in group if name not in columns.known]:
             yield f"{kind} columns missing, taken as 0: {', '.join(missing)}"
     if columns.unknown:
-        yield f"unknown columns, kept but not used: {', '.join(columns.unknown)}"
-    if table.blank:
-        yield f"blank lines skipped: {', '.join(map(str, table.blank))}"
+        yield f"unknown columns, kept but not used: {listed(columns.unknown)}"
+    yield from table.notes
 
 
 def _unread_notes(m: Measurements, unread: NDArray[np.bool_]) -> Iterator[str]:
     """Name the rows without any reading, neighbours as one range."""
     rows = np.array(m.row_numbers)[unread]
     if rows.size:
-        parts = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-        ranges = ", ".join(f"{part[0]}-{part[-1]}" if len(part) > 1 else f"{part[0]}" for part in parts)
-        yield f"{rows.size} row(s) without any reading skipped: {ranges}"
+        yield f"{rows.size} row(s) without any reading skipped: {line_ranges(rows.tolist())}"
 
 
 def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fill: tuple[str, ...] = ()) -> None:
@@ -205,9 +202,7 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fi
         raise InputError("measurements: joints", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
     columns = _text_columns(m, robot, to_fill)
     with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+        write_rows(stream, [columns, *zip(*columns.values(), strict=True)])
 
 
 def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

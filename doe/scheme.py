@@ -6,10 +6,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
 from robots import InputError, InputErrors, Robot
 from robots.files import parse_toml, read_text
+from robots.quantities import Strict
 
 # With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
 FEWEST_LEVELS = 4
@@ -21,18 +22,14 @@ _WORDS = {
 }
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class SensitivityPlan(_Strict):
+class SensitivityPlan(Strict):
     """Which springs are varied on which poses."""
 
     joints: tuple[str, ...] = Field(min_length=1)
     poses: tuple[str, ...] = Field(min_length=1)
 
 
-class Stage(_Strict):
+class Stage(Strict):
     """One parametric study: these springs, on these poses, with this many levels each."""
 
     name: str
@@ -41,7 +38,7 @@ class Stage(_Strict):
     levels: int = Field(ge=FEWEST_LEVELS, le=100)
 
 
-class Law(_Strict):
+class Law(Strict):
     """The joint coordinates a spring's regression depends on; ``symmetric_in`` adds mirrored points."""
 
     joint: str
@@ -55,20 +52,20 @@ class Law(_Strict):
         return self
 
 
-class GlobalPlan(_Strict):
+class GlobalPlan(Strict):
     """Constant springs fitted to all readings at once."""
 
     joints: tuple[str, ...] = Field(min_length=1)
 
 
-class Condition(_Strict):
+class Condition(Strict):
     """A factorial level at which other levels apply."""
 
     coordinate: str
     equals_deg: float
 
 
-class Adjustment(_Strict):
+class Adjustment(Strict):
     """Levels of one factor that replace the usual ones under a condition."""
 
     when: Condition
@@ -76,7 +73,7 @@ class Adjustment(_Strict):
     levels_deg: tuple[float, ...] = Field(min_length=1)
 
 
-class Factorial(_Strict):
+class Factorial(Strict):
     """A full factorial with conditional levels; the first input varies slowest."""
 
     inputs: tuple[str, ...]
@@ -99,7 +96,7 @@ class Factorial(_Strict):
         return self
 
 
-class Scheme(_Strict):
+class Scheme(Strict):
     """A whole scheme file."""
 
     schema_version: Literal["stiffarm-scheme/1"] = Field(alias="schema")

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from doe.arm_class import MAIN_JOINTS, ArmClass, arm_class, reach_of
+from doe.arm_class import MAIN_JOINTS, SHORTEST, ArmClass, arm_class, reach_of
 from doe.estimate import estimate
 from doe.least_squares import bounded_step
 from doe.measurements import Measurements
@@ -157,8 +157,8 @@ class Misfits:
 
     @cached_property
     def _square(self) -> tuple[Array, Array]:
-        whole = np.linalg.qr(np.column_stack([self.A, self.links, self.y]), mode="r")
-        return np.asarray(whole[:, :-1]), np.asarray(whole[:, -1])
+        whole = np.asarray(np.linalg.qr(np.column_stack([self.A, self.links, self.y]), mode="r"))
+        return whole[:, :-1], whole[:, -1]
 
     @property
     def typical(self) -> float:
@@ -183,7 +183,9 @@ def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: boo
     """The readings of one kind against springs of the class; None where none of that kind moves with a spring."""
     e = equations(model, data, 1.0)
     e = e.take((e.component >= 3) == rotations)
-    load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / max(reach_of(model.robot), 0.2))[e.row]
+    lever = max(reach_of(model.robot), SHORTEST)
+    lever = max(reach_of(model.robot), SHORTEST)
+    load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / lever)[e.row]
     keep = load > 0.0
     e, load = e.take(keep), load[keep]
     if not len(e) or not e.value.any():

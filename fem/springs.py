@@ -16,6 +16,10 @@ from robots.schema_springs import LogFourierLaw, LogPolynomialLaw, SpringLawTabl
 Array = NDArray[np.float64]
 
 
+# Natural logarithm of a stiffness in N m/rad; no joint comes near, and its square is still a number.
+WIDEST_LOG = 100.0
+
+
 class SpringLaw(Protocol):
     """A rotational compliance that may depend on the pose."""
 
@@ -51,7 +55,16 @@ class LawSpring:
 
     def compliance(self, q: Array) -> Array:
         """See :class:`SpringLaw`."""
-        return np.asarray(np.exp(-(self.basis(q) @ self.coefficients)))
+        log = self.basis(q) @ self.coefficients
+        if not (np.abs(log) <= WIDEST_LOG).all():
+            raise InputError(
+                "stiffness of a joint by its law",
+                value=f"exp({log[np.argmax(np.abs(np.nan_to_num(log, nan=np.inf)))]:.3g}) N m/rad",
+                allowed=f"exp(-{WIDEST_LOG:g}) to exp({WIDEST_LOG:g})",
+                remedy="check the law's coefficients and angles in the model; beyond the angles it was fitted on it "
+                "runs away",
+            )
+        return np.asarray(np.exp(-log))
 
 
 RIGID = ConstantSpring(np.inf)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from machining.inputs import as_frame, as_units
+from machining.magnitudes import FARTHEST, FEEDS, feeds
 from robots import InputError, InputErrors
 
 Array = NDArray[np.float64]
@@ -49,13 +50,13 @@ class ToolPath:
 
     def __post_init__(self) -> None:
         points = np.asarray(self.points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not np.isfinite(points).all():
-            allowed = "finite numbers (n, 3) in m, n at least 1"
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not (np.abs(points) <= FARTHEST).all():
+            allowed = f"numbers (n, 3) of at most {FARTHEST:g} m, n at least 1"
             raise InputError("path points", value=f"shape {points.shape}", allowed=allowed)
         n = len(points)
         feed = np.asarray(self.feed, dtype=np.float64)
-        if feed.shape != (n,) or (feed <= 0.0).any() or np.isinf(feed).any():
-            raise InputError("feed", allowed=f"({n},) m/s, more than 0, NaN where it is not given")
+        if feed.shape != (n,) or not feeds(feed).all():
+            raise InputError("feed", allowed=f"({n},) m/s, {FEEDS}, NaN where it is not given")
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", as_units("surface normal of the path", self.normals, n))
         object.__setattr__(self, "axes", as_units("tool axis of the path", self.axes, n))

@@ -9,6 +9,7 @@ is GPL and optional). The skin lies a known offset outside the original; moving 
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +25,7 @@ from scipy.spatial import KDTree
 from meshes.distance_grid import Grid, bodies, contour, distance, enclosed, grid_around, sample, signed_volume
 from meshes.surface_checks import SECOND_BODY, SurfaceFault
 from robots import InputError
+from robots.unfinished import tidied_by
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -144,7 +146,7 @@ def _grid_wrapped(name: str, corners: Array, ball: float, offset: float, step: f
 
 def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset: float) -> tuple[Array, Indices]:
     """CGAL's alpha wrap in a process of its own, so that a crash there is a message here."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, tidied_by(lambda: shutil.rmtree(folder, ignore_errors=True)):
         source, target = Path(folder) / "surface.npz", Path(folder) / "wrap.npz"
         np.savez(source, nodes=nodes, faces=faces)
         command = [sys.executable, "-c", _ALPHA_WRAP, str(source), str(target), repr(alpha), repr(offset)]

@@ -1,12 +1,55 @@
-"""The one kind of error that reaches a user as a message instead of a traceback."""
+"""The one kind of error that reaches a user as a message instead of a traceback, and words from files in messages."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+# Faults that a message spells out; the others are counted. A screen holds about as many.
+FAULTS_SHOWN = 20
+# Names that a message lists.
+NAMES_SHOWN = 12
+# Characters of one value, of one name or sentence, and of one of several faults that a message repeats: enough to find
+# it in the file again.
+_LONGEST_VALUE, _LONGEST_TEXT, _LONGEST_OF_SEVERAL = 500, 2000, 1000
+
+
+def one_line(text: str) -> str:
+    r"""The text as one line that a terminal only prints: what could move its cursor or end the line is spelled out.
+
+    Names, titles and notes come from files, and these may hold anything: an escape character becomes ``\x1b``, a
+    newline ``\n``, a mark that turns the direction of writing ``\u202e``.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def shortened(text: str, longest: int = _LONGEST_TEXT) -> str:
+    """The text as one line, or its beginning and how long it is."""
+    line = one_line(text[: longest + 1])
+    return line if len(line) <= longest else f"{line[:longest]}... ({len(text)} characters)"
+
+
+def listed(names: Iterable[object], shown: int = NAMES_SHOWN) -> str:
+    """The first of some names, each once, and how many more there are."""
+    each = list(dict.fromkeys(map(str, names)))
+    more = f" and {len(each) - shown} more" if len(each) > shown else ""
+    return ", ".join(shortened(name, _LONGEST_VALUE) for name in each[:shown]) + more
+
+
+def line_ranges(lines: Iterable[int]) -> str:
+    """Line numbers, ascending, with neighbours as one range: ``5-7, 14``; the first ranges, and how many more."""
+    ranges: list[list[int]] = []
+    for line in lines:
+        if ranges and line == ranges[-1][1] + 1:
+            ranges[-1][1] = line
+        else:
+            ranges.append([line, line])
+    return listed(str(a) if a == b else f"{a}-{b}" for a, b in ranges)
 
 
 class InputError(ValueError):
-    """Bad input: what is wrong, which value, what is allowed, and what to do.
+    """Bad input: what is wrong, which value, what is allowed, and what to do. The message is one printable line.
 
     Parameters
     ----------
@@ -20,20 +63,42 @@ class InputError(ValueError):
         self, what: str, *, value: object = None, allowed: str | None = None, remedy: str | None = None
     ) -> None:
         self.what, self.value, self.allowed, self.remedy = what, value, allowed, remedy
-        text = what
+        text = shortened(what)
         if value is not None:
-            text += f": got {value!r}" if isinstance(value, str) else f": got {value}"
+            text += f": got {_shown(value)}"
         if allowed is not None:
-            text += f"; allowed: {allowed}"
+            text += f"; allowed: {shortened(allowed)}"
         if remedy is not None:
-            text += f". To fix it: {remedy}"
+            text += f". To fix it: {shortened(remedy)}"
         super().__init__(text)
 
 
 class InputErrors(InputError):  # noqa: N818 - the plural of InputError
-    """Several faults found in one reading of the input, reported together."""
+    """Several faults found in one reading of the input, reported together: the first ones, and how many there are.
 
-    def __init__(self, what: str, errors: Sequence[InputError]) -> None:
+    ``count``: of all faults, where ``errors`` holds the first of them only.
+    """
+
+    def __init__(self, what: str, errors: Sequence[InputError], count: int | None = None) -> None:
+        super().__init__(what)
         self.errors = tuple(errors)
-        lines = "\n".join(f"  - {error}" for error in errors)
-        super().__init__(f"{what}: {len(self.errors)} problem(s)\n{lines}")
+        self.count = len(self.errors) if count is None else count
+        lines = [f"  - {_among_several(error)}" for error in self.errors[:FAULTS_SHOWN]]
+        if self.count > len(lines):
+            lines.append(f"  ... and {self.count - len(lines)} more")
+        self.args = ("\n".join([f"{self}: {self.count} problem(s)", *lines]),)
+
+
+def _among_several(error: InputError) -> str:
+    return str(error) if isinstance(error, InputErrors) else shortened(str(error), _LONGEST_OF_SEVERAL)
+
+
+def _shown(value: object) -> str:
+    try:
+        # What is cut off is not written out first: a cell can have megabytes.
+        text = repr(value[: _LONGEST_VALUE + 1]) if isinstance(value, str) else str(value)
+    except ValueError:  # Python refuses to write whole numbers of thousands of digits out
+        return "a whole number of thousands of digits"
+    if len(text) <= _LONGEST_VALUE:
+        return text
+    return f"{one_line(text[:_LONGEST_VALUE])}... ({len(value if isinstance(value, str) else text)} characters)"

@@ -90,6 +90,12 @@ def tool_position(robot: Robot, frames: BodyFrames, point: Array | None = None) 
     )
 
 
+def stretched_length(robot: Robot) -> float:
+    """Length (m) of the stretched arm from axis 1 to the tool point: from joint to joint, whatever the angles allow."""
+    steps = [*robot.T_pre[1:, :3, 3], robot.T_last_flange[:3, 3], robot.T_flange_tool[:3, 3]]
+    return float(sum(np.linalg.norm(step) for step in steps))
+
+
 def jacobian(robot: Robot, q: Array, point: Array | None = None) -> Array:
     """Geometric Jacobian (n, 6, dof) of the tool point with respect to the joint *coordinates*.
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
-import hashlib
 import json
 import logging
 import os
@@ -28,12 +27,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from robots.errors import InputError
-from robots.written import settle, write_whole, written_whole
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
+from robots.written import settle, sha256_of, write_whole, written_whole
 
 JOURNAL = ".publishing.json"
 FORM = "stiffarm-publishing/1"
@@ -90,7 +84,9 @@ class Stage:
         with _alone(self.target):
             _heal(self.target)
             moves = _planned(self.target, self.path.name, sha256)
-            write_whole(self.target / JOURNAL, moves.text())
+            write_whole(self.path / JOURNAL, moves.text())
+            os.replace(self.path / JOURNAL, self.target / JOURNAL)
+            settle(self.target)
             try:
                 moves.forward()
             except BaseException:
@@ -166,9 +162,9 @@ class _Moves:
 
     def back(self) -> None:
         """Put back all that has moved, and take the journal away."""
-        for name, sha256 in reversed(self.sha256.items()):
+        for name, sha256 in reversed(list(self.sha256.items())):
             new, place, kept = self._paths(name)
-            if not os.path.lexists(new) and place.is_file() and _digest(place) == sha256:
+            if not os.path.lexists(new) and place.is_file() and sha256_of(place) == sha256:
                 new.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(place, new)
             if os.path.lexists(kept):
@@ -185,7 +181,7 @@ class _Moves:
     def astray(self) -> list[str]:
         """Names whose place does not hold the file that belongs there."""
         places = ((name, self.target / name) for name in self.sha256)
-        return [name for name, place in places if not place.is_file() or _digest(place) != self.sha256[name]]
+        return [name for name, place in places if not place.is_file() or sha256_of(place) != self.sha256[name]]
 
     def _paths(self, name: str) -> tuple[Path, Path, Path]:
         return self.target / self.stage / name, self.target / name, self.target / self.backup / name
@@ -262,8 +258,11 @@ def _keep(place: Path, kept: Path) -> None:
         # Those that are replaced themselves come there by themselves.
         if not copy.exists():
             copy.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(copy) as draft:
-                shutil.copy2(place.parent / file, draft)
+            try:
+                os.link(place.parent / file, copy)
+            except OSError:
+                with written_whole(copy) as draft:
+                    shutil.copy2(place.parent / file, draft)
     kept.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(place, kept, follow_symlinks=False)
@@ -281,11 +280,6 @@ def _files_named_in(path: Path) -> list[Path]:
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):  # somebody's own file
         return []
     return [f for f in files if not f.is_absolute() and ".." not in f.parts and (path.parent / f).is_file()]
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _beside(target: Path) -> str:
@@ -340,12 +334,12 @@ def _alone(folder: Path) -> Iterator[None]:
 
 def _locked(folder: Path, *, wait: bool = True) -> int | None:
     """The lock of a folder as an open descriptor; None if somebody else has it (without ``wait``), or without locks."""
-    if fcntl is None:
-        return None
     try:
         descriptor = os.open(folder, os.O_RDONLY)
-    except OSError:
+    except OSError:  # no access; and Windows opens no folders
         return None
+    import fcntl  # which Windows does not have either
+
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except OSError:

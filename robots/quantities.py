@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from numbers import Real
 from typing import Any, ClassVar, Self
 
@@ -10,13 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, field_validator, model_validator
 
-from robots.units import factor
+from robots.units import check_magnitude, factor
+
+# Of numbers without a unit of their own: squares of them, and products of a few, stay within what a float holds.
+LARGEST_NUMBER = 1e30
 
 
 class Strict(BaseModel):
-    """A table of the file: unknown keys are refused, values never change."""
+    """A table of a file: unknown keys are refused, values never change, numbers are finite and of a sane size."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _sane_size(cls, value: Any) -> Any:
+        if any(abs(number) > LARGEST_NUMBER for number in _numbers_in(value)):
+            raise ValueError(f"numbers must be at most {LARGEST_NUMBER:g} in size")
+        return value
+
+
+def _numbers_in(value: Any) -> Iterator[float]:
+    """Numbers of a field, those of tables in it left to their own checks."""
+    if isinstance(value, int | float):
+        yield value
+    elif isinstance(value, list | tuple | dict):
+        for entry in value.values() if isinstance(value, dict) else value:
+            yield from _numbers_in(entry)
 
 
 class Quantity(Strict):
@@ -45,6 +65,17 @@ class Quantity(Strict):
     def _known_unit(cls, unit: str) -> str:
         factor(cls.dimension, unit)
         return unit
+
+    @model_validator(mode="after")
+    def _of_an_arm(self) -> Self:
+        for number in self.value if isinstance(self.value, tuple) else (self.value,):
+            check_magnitude(self.dimension_here, self.unit, number, positive=isinstance(self, _Positive))
+        return self
+
+    @property
+    def dimension_here(self) -> str:
+        """The dimension; of quantities that may be in any unit, that of their unit."""
+        return self.dimension
 
     @property
     def si(self) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import Field, field_validator
 
 from robots.quantities import Scalar, Strict
-from robots.units import UNITS
+from robots.units import dimension_of
 
 
 class EffectNumber(Scalar):
@@ -16,10 +16,13 @@ class EffectNumber(Scalar):
     @field_validator("unit")
     @classmethod
     def _known_unit(cls, unit: str) -> str:
-        known = [name for units in UNITS.values() for name in units]
-        if unit not in known:
-            raise ValueError(f"unit {unit!r} is not known; allowed: {', '.join(dict.fromkeys(known))}")
+        dimension_of(unit)
         return unit
+
+    @property
+    def dimension_here(self) -> str:
+        """The dimension of its unit."""
+        return dimension_of(self.unit)
 
 
 class EffectTable(Strict):

@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Tag, model_validator
 
 from robots.quantities import Compliance, RotationalStiffness, Strict, TranslationalStiffness
+from robots.units import check_magnitude
+
+# A power of a scaled angle beyond these says nothing of a spring, and overflows.
+HIGHEST_EXPONENT, NARROWEST_deg = 20, 1e-3
 
 
 class LogPolynomialLaw(Strict):
@@ -33,8 +37,10 @@ class LogPolynomialLaw(Strict):
             raise ValueError("centre_deg and half_range_deg need one number for each input")
         if any(len(row) != n for row in self.exponents) or len(self.exponents) != len(self.coefficients):
             raise ValueError("exponents need one row for each coefficient and one column for each input")
-        if any(e < 0 for row in self.exponents for e in row) or any(h <= 0 for h in self.half_range_deg):
-            raise ValueError("exponents must be 0 or more and half_range_deg greater than zero")
+        if any(not 0 <= e <= HIGHEST_EXPONENT for row in self.exponents for e in row):
+            raise ValueError(f"exponents must be 0 to {HIGHEST_EXPONENT}")
+        if any(not h >= NARROWEST_deg for h in self.half_range_deg):
+            raise ValueError(f"half_range_deg must be {NARROWEST_deg:g} or more")
         return self
 
 
@@ -75,6 +81,8 @@ class TableLaw(Strict):
             raise ValueError("nodes_deg must rise")
         if not all(k > 0.0 for k in self.stiffness_Nm_per_rad):
             raise ValueError("stiffness_Nm_per_rad must be greater than zero")
+        for k in self.stiffness_Nm_per_rad:
+            check_magnitude("rotational stiffness", "N m/rad", k, positive=True)
         return self
 
     @property

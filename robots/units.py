@@ -1,4 +1,4 @@
-"""Units that may stand in a robot file, by dimension, with their factor to SI."""
+"""Units that may stand in a robot file, by dimension, with their factor to SI; and how large a figure can be."""
 
 from __future__ import annotations
 
@@ -30,6 +30,49 @@ UNITS: Final = MappingProxyType(
     }
 )
 """Dimension -> unit -> factor to the SI unit of that dimension."""
+
+# No arm comes near either end; beyond them products of a few such figures overflow, or vanish in round-off.
+RANGES: Final = MappingProxyType(
+    {
+        "length": (1e-9, 1e3),
+        "angle": (1e-9, 1e4),
+        "force": (1e-9, 1e9),
+        "torque": (1e-9, 1e9),
+        "mass": (1e-6, 1e6),
+        "density": (1e-3, 1e6),
+        "pressure": (1.0, 1e15),
+        "rotational stiffness": (1e-3, 1e15),
+        "translational stiffness": (1e-3, 1e15),
+        "compliance": (1e-18, 1e3),
+        "ratio": (1e-9, 1e6),
+    }
+)
+"""Dimension -> smallest figure that must be above zero, and largest magnitude of any, SI."""
+
+
+def dimension_of(unit: str) -> str:
+    """The dimension that has a unit.
+
+    Raises
+    ------
+    ValueError
+        None has it; the message lists the units that are known.
+    """
+    for dimension, units in UNITS.items():
+        if unit in units:
+            return dimension
+    known = dict.fromkeys(name for units in UNITS.values() for name in units)
+    raise ValueError(f"unit {unit!r} is not known; allowed: {', '.join(known)}")
+
+
+def check_magnitude(dimension: str, unit: str, value: float, *, positive: bool = False) -> None:
+    """Raise ValueError for a figure beyond those of any arm; the range in the message is in the figure's own unit."""
+    least, most = RANGES[dimension]
+    si = value * factor(dimension, unit)
+    if not abs(si) <= most:
+        raise ValueError(f"must be at most {most / factor(dimension, unit):g} {unit} in size")
+    if positive and not si >= least:
+        raise ValueError(f"must be at least {least / factor(dimension, unit):g} {unit}")
 
 
 def factor(dimension: str, unit: str) -> float:

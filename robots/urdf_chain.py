@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.errors import InputError, InputErrors
+from robots.errors import InputError, InputErrors, listed
 
 Array = NDArray[np.float64]
 
 # Names that ROS-Industrial and others give the mounting plate; tool0 has its z axis out of the plate.
 _PLATES = (re.compile(r"(^|[^a-z0-9])tool0$", re.I), re.compile(r"(^|[^a-z0-9])flange$", re.I))
-# Names that a message lists.
-_SHOWN = 12
 _TIP_REMEDY = "name the arm's last link with tip (`stiffarm import` has --tip)"
 
 
@@ -49,13 +47,6 @@ class Chain:
 def transform(joint: Any) -> Array:
     """T_parent_child of a joint at angle zero (4, 4)."""
     return np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=np.float64)
-
-
-def _some(names: Iterable[str]) -> str:
-    """The first names of a list, each once, and how many more there are."""
-    names = list(dict.fromkeys(names))
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
 
 
 def is_fixed(joint: Any) -> bool:
@@ -99,7 +90,7 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
     if len(roots) > 1:
         raise InputError(
             f"{where} has several roots",
-            value=_some(roots),
+            value=listed(roots),
             allowed="one link without a joint above it",
             remedy="join them with fixed joints, or remove the ones that are not the robot",
         )
@@ -108,7 +99,7 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
     if len(reached) < len(links):
         loop = sorted(set(links) - reached)
         raise InputError(
-            f"{where}: links in a cycle", value=_some(loop), allowed="a tree of links", remedy="cut the cycle"
+            f"{where}: links in a cycle", value=listed(loop), allowed="a tree of links", remedy="cut the cycle"
         )
     return Tree(where, roots[0], links, above, below)
 
@@ -154,7 +145,7 @@ def find_chain(tree: Tree, base: str | None, tip: str | None) -> Chain:
             raise InputError(
                 f"{tree.name}: {option}",
                 value=name,
-                allowed=f"a link: {_some(tree.links)}",
+                allowed=f"a link: {listed(tree.links)}",
                 remedy="check its name",
             )
     start = tree.root if base is None else base
@@ -182,7 +173,7 @@ def _way(tree: Tree, base: str, tip: str) -> list[Any]:
             raise InputError(
                 f"{tree.name}: tip",
                 value=tip,
-                allowed=f"a link below {base}: {_some(links_below(tree, base)) or 'there is none'}",
+                allowed=f"a link below {base}: {listed(links_below(tree, base)) or 'there is none'}",
                 remedy="name another tip, or another base",
             )
         joints.insert(0, tree.above[link])
@@ -245,7 +236,7 @@ def _next_joint(tree: Tree, moving: list[Any], depth: dict[str, int]) -> Any | N
         raise InputError(
             f"{tree.name}: the arm goes on from {best[0].parent} through {', '.join(j.name for j in best)}",
             allowed="one arm",
-            remedy=f"{_TIP_REMEDY}: {_some((best[0].parent, *leaves))}",
+            remedy=f"{_TIP_REMEDY}: {listed((best[0].parent, *leaves))}",
         )
     if not _turns(best[0]):
         raise _no_revolute(tree, best[0])
@@ -266,7 +257,7 @@ def _tip_of_last_body(tree: Tree, group: list[str], moving: list[Any]) -> str:
     if len(ends) > 1:
         raise InputError(
             f"{tree.name}: the last body has several ends, and none is called tool0 or flange",
-            value=_some(ends),
+            value=listed(ends),
             allowed="one",
             remedy=_TIP_REMEDY,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import re
 import secrets
@@ -44,6 +45,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file as of :func:`written_whole`; text as UTF-8, its ends of lines as they are."""
     with written_whole(path) as draft:
         draft.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file that this program has written, of any size."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def is_draft(name: str) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.small_displacements import FLAG
 from stiffarm.console import say, show_table
 from stiffarm.payloads import number
 from surrogate import QueryResult, Surrogate, compliance_matrix
@@ -57,6 +58,7 @@ def query_rows(
                 "reachable": bool(result.reachable[i]),
                 "error_is_lower_bound": i in result.open,
                 "near_singular": None if np.isnan(result.singularity[i]) else bool(near[i]),
+                FLAG: bool(result.beyond_small[i]),
                 "flags": flags(result, i),
                 **({} if matrices is None else _entries(matrices[i], bool(result.answered[i]))),
             }
@@ -81,6 +83,8 @@ def flags(result: QueryResult, i: int) -> str:
         out.append(f"{kind}: {result.faults[i]}")
     if result.near_singular[i] and result.answered[i]:
         out.append(f"near singular ({result.singularity[i]:.2g})")
+    if result.beyond_small[i]:
+        out.append("beyond small displacements: so soft that linear statics does not hold")
     if i in result.open:
         out.append(f"error bar is a lower bound: the calibration left {', '.join(result.open[i])} open")
     if result.rough[i]:

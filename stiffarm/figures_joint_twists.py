@@ -126,6 +126,9 @@ def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
     ax.plot(np.degrees(angle), k, color=_BLUE, linewidth=2.0)
     good = points > 0.0
     spread = np.maximum([(points - lower)[good], (upper - points)[good]], 0.0)
+    if d.status == "not judged":
+        spread = np.zeros_like(spread)
+        note(ax, "no interval", (0.97, 0.9), xycoords="axes fraction", ha="right", color="#666666")
     ax.errorbar(np.degrees(d.angle)[good], points[good], spread, fmt="o", markersize=3.5, color=INK,
                 markerfacecolor="white", elinewidth=0.7)  # fmt: skip
     ax.set_ylim(0.0, top)
@@ -153,7 +156,7 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
     ax.set_yscale("log")
     known = [d for d in found.directions.values() if d.row in rows and d.law is not None]
     bottom = 0.4 * min((factor * d.mean for d in known), default=1.0)
-    top = 2.5 * max((factor * (d.mean + d.quantile * d.spread) for d in known), default=10.0)
+    top = 2.5 * max((factor * (d.mean + np.nan_to_num(d.quantile * d.spread)) for d in known), default=10.0)
     handles: dict[str, object] = {}
     for r, row in enumerate(rows):
         for j, name in enumerate(names):
@@ -163,7 +166,7 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
                      va="bottom", size=8, color="#666666")  # fmt: skip
                 continue
             bar = ax.bar(x, factor * d.mean - bottom, 0.25, bottom=bottom, color=SERIES[r])
-            half = factor * d.quantile * d.spread
+            half = float(np.nan_to_num(factor * d.quantile * d.spread))
             low = min(half, factor * d.mean - 0.5 * bottom)
             ax.errorbar(x, factor * d.mean, [[low], [half]], color=INK, linewidth=1.0, capsize=2.0)
             if row not in handles:

@@ -17,6 +17,7 @@ from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, c
 from robots.robot import robot_from
 from robots.schema import FlangeCoupling
 from stiffarm.console import progress, say
+from stiffarm.softness import refuse_too_soft
 from surrogate import Surrogate, default_sweep, load_surrogate
 
 Array = NDArray[np.float64]
@@ -48,7 +49,8 @@ def read_model(
 
     ``shell:distributing`` and ``shell:rigid`` choose how the flanges of all shell links are coupled; the choice goes
     into the description, so that a calibrated model keeps it. ``without``: what the command makes from the linear arm
-    alone ("the map"): effects that this leaves out are named.
+    alone ("the map"): effects that this leaves out are named. A model so soft that none of its results would hold is
+    refused.
     """
     description = load_description(name)
     asked, _, flanges = (links or "").partition(":")
@@ -68,6 +70,7 @@ def read_model(
         if any(table.code == LOAD_PATH for table in description.effect):
             description = described_with_load_path(description, path)
     model = _built(description, kind, path, own)
+    refuse_too_soft(description, model)
     effects = reading_effects(description, model, own)
     if effects and without is not None:
         say(f"note: not in {without}: {', '.join(e.effect.code for e in effects)}")

@@ -17,13 +17,16 @@ from contextlib import contextmanager, suppress
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import FrameType
+    from typing import Any
+
+    Handler = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 # As shells have it: 128 and the number of the signal.
 EXIT_STOPPED = 128 + signal.SIGINT
 _LINE = b"stiffarm: stopped by the user; no half-written files are left\n"
-_USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+_USUAL: dict[signal.Signals, Handler] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 
 _deferred = False
 _pending: int | None = None

@@ -49,7 +49,8 @@ def _key(d: JointTwists) -> list[KeyFigure]:
     ]
     if d.flange is not None:
         spread, gears = 100.0 * float(d.flange.spread.max()), 100.0 * float(d.flange.same.mean.max())
-        out.append(KeyFigure(f"± {spread:.1f} %", "95 % interval of directional stiffness, median pose"))
+        shown = f"± {spread:.1f} %" if np.isfinite(spread) else "none"
+        out.append(KeyFigure(shown, "95 % interval of directional stiffness, median pose"))
         out.append(KeyFigure(f"{gears:.0f} %", "mean error of gears alone, worst flange axis"))
     if d.held_out is not None:
         worst = 100.0 * float(np.abs(d.held_out.error).max())
@@ -162,6 +163,8 @@ def _cell(d: Direction, column: int, dof: int) -> str:
     k, low, high = (v[0] / 1e6 for v in d.stiffness(q))
     if np.isinf(high):
         return f"{k:.3g} (≥ {low:.3g})"
+    if np.isnan(low):
+        return f"{k:.3g} (no interval)"
     return f"{k:.3g} ({low:.3g}–{high:.3g})"
 
 

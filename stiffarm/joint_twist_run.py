@@ -146,7 +146,7 @@ def run(
     names = model.robot.joint_names
     rng = np.random.default_rng(request.seed)
     q = reachable_poses(model, POSES, rng)
-    no_flange = _why_no_flange(given, found, q)
+    no_flange = _why_no_flange(given, found, q) or _rigid_way(given, found, q)
     if no_flange and holdout is not None:
         raise InputError(
             f"--holdout {holdout.source}: {no_flange}", remedy="leave out --holdout, or measure those joints too"
@@ -172,6 +172,13 @@ def _why_no_flange(given: ModelInput, found: Identified, q: Array) -> str:
     if not loaded:
         return ""
     return f"nothing is said of the flange, for it hangs on stiffnesses that are not identified: {', '.join(loaded)}"
+
+
+def _rigid_way(given: ModelInput, found: Identified, q: Array) -> str:
+    """What is rigid at the flange, where readings left every stiffness that a force loads without a number."""
+    moved = np.einsum("nkjr,njr->nk", loads_in(given.model, q, np.eye(3)) ** 2, compliances_of(found)(q))
+    ways = [f"flange {axis}" for axis, least in zip("XYZ", moved.min(axis=0), strict=True) if not least > 0.0]
+    return f"nothing is said of the flange, for nothing identified gives way along {', '.join(ways)}" if ways else ""
 
 
 def _at_flange(given: ModelInput, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:

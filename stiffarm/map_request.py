@@ -18,6 +18,7 @@ from fem import LINK_KINDS, ArmModel
 from fem.effects import build_arm
 from machining import normal_stiffness_index
 from robots import InputError, ModelDescription, content_hash
+from robots.files import parse_json
 from robots.library import parse_description, to_toml
 from stiffarm import __version__
 from stiffarm.inputs import ModelInput
@@ -32,6 +33,8 @@ from surrogate.mapping.quantities import Quantities
 Array = NDArray[np.float64]
 
 FORM = "stiffarm-map/1"
+_CHECKSUM = "content_sha256"
+_REMEDY = "install the same version of stiffarm everywhere"
 
 
 @dataclass(frozen=True)
@@ -62,13 +65,13 @@ class MapRequest:
 
     @property
     def text(self) -> str:
-        """As JSON, always the same for the same map."""
-        return json.dumps(asdict(self), sort_keys=True, allow_nan=False)
+        """As JSON with its own checksum, always the same for the same map."""
+        return json.dumps({**asdict(self), _CHECKSUM: self.key}, sort_keys=True, allow_nan=False)
 
     @property
     def key(self) -> str:
-        """SHA-256 of the text."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
+        """SHA-256 of all that is asked."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, allow_nan=False).encode()).hexdigest()
 
     @classmethod
     def from_text(cls, text: str) -> Self:
@@ -77,17 +80,17 @@ class MapRequest:
         Raises
         ------
         InputError
-            Of another form, or of another version of stiffarm.
+            Of another form or version of stiffarm, or not the text that was sent.
         """
-        data = json.loads(text)
+        data = parse_json(text, "map request", remedy=_REMEDY)
         for key, mine in (("form", FORM), ("version", __version__)):
-            if data.get(key) != mine:
-                raise InputError(
-                    f"map request: {key}",
-                    value=data.get(key),
-                    allowed=mine,
-                    remedy="install the same version of stiffarm everywhere",
-                )
+            found = data.get(key) if isinstance(data, dict) else None
+            if found != mine:
+                raise InputError(f"map request: {key}", value=found, allowed=mine, remedy=_REMEDY)
+        checksum = data.pop(_CHECKSUM, None)
+        # Nobody writes requests by hand: what is whole has every key, and of its type.
+        if hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest() != checksum:
+            raise InputError("map request: its checksum does not match", remedy="make the map again")
         return cls(**data)
 
 

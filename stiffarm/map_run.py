@@ -53,9 +53,10 @@ def make_map(
     store = MapStore(place, request.key, engine.grid.layout.n, request.block, engine.columns)
     with folder.timed("map"):
         if files.dask is None:
-            run_blocks(engine, store, progress)
+            store.complete(lambda: run_blocks(engine, store, progress))
         else:
-            run_on(files.dask, evaluate, request.text, store, progress)
+            address = files.dask
+            store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
     data = map_data(engine, store, _metadata(given, asked))
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)

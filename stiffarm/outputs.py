@@ -19,6 +19,7 @@ from robots import InputError
 from robots.files import read_bytes, recorded
 from robots.published import Stage
 from robots.unfinished import tidied_by
+from robots.written import sha256_of
 from stiffarm.interruption import undisturbed
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
@@ -73,7 +74,7 @@ class OutputFolder:
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
                 with undisturbed():
-                    self._publish(outputs | {"run.json": _digest(self.stage / "run.json")})
+                    self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
         finally:
             self._close()
 
@@ -121,7 +122,7 @@ class OutputFolder:
     def _outputs(self) -> dict[str, str]:
         """SHA-256 of the results as they lie in the hidden folder, by name."""
         names = sorted(p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file())
-        return {name: _digest(self.stage / name) for name in names}
+        return {name: sha256_of(self.stage / name) for name in names}
 
     def _publish(self, sha256: Mapping[str, str]) -> None:
         assert self._stage is not None  # noqa: S101 - it has been entered

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.measurement_columns import Faults, RawTable, drop_ragged, parse_number, read_table, texts
-from robots import InputError, InputErrors
+from robots import InputError
+from robots.errors import listed
 from stiffarm.inputs import parse_pairs
 from surrogate import Surrogate
 
@@ -72,11 +73,11 @@ def read_pose_table(
             faults.add(table.lines[other[0]], f"column {name}", value=f"{cells[other[0]]:g}",
                        allowed=f"{fixed_deg[name]:g}, where the surrogate was fitted",
                        remedy=f"fit a surrogate with {name} among its inputs, or leave the column out")  # fmt: skip
-    if faults.found:
-        raise InputErrors(f"pose table {table.name}", [e for _, e in sorted(faults.found, key=lambda f: f[0])])
+    faults.raise_if_any("pose table")
     unused = [name for name in table.header if name and name not in columns]
     remarks = [f"{file}: column {name} is missing and taken as 0" for name in missing]
-    remarks += [f"{file}: columns not used: {', '.join(unused)}"] if unused else []
+    remarks += [f"{file}: columns not used: {listed(unused)}"] if unused else []
+    remarks += [f"{file}: {note}" for note in table.notes]
     labels = texts(table, columns["pose"]) if "pose" in columns else [str(i + 1) for i in range(len(values))]
     return values, list(labels), remarks
 

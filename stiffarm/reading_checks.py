@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from doe import Measurements, read_measurements
 from doe.units_check import check_units
+from fem.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
 from stiffarm.console import say
 from stiffarm.inputs import ModelInput
@@ -28,10 +29,11 @@ def check_readings(given: ModelInput, data: Measurements, *, confirm_units: bool
     Raises
     ------
     InputError
-        Most readings move against their load, or they look like other units.
+        Most readings move against their load, look like other units, or are beyond small displacements.
     """
     refuse_against_load(data)
     notes = check_units(given.description, given.model, data, confirm_units=confirm_units)
+    refuse_large(given, data)
     for remark in (against_load(data), *notes):
         if remark is not None:
             say(f"note: {remark}")
@@ -62,6 +64,14 @@ def refuse_against_load(data: Measurements) -> None:
             allowed="deflections along the load, as those of every passive arm",
             remedy="check the sign of the load and reading columns (a downward load has fz_N < 0 and gives dz_mm < 0)",
         )
+
+
+def refuse_large(given: ModelInput, data: Measurements) -> None:
+    """Raise InputError if most readings are beyond small displacements: nothing linear can be told from them."""
+    turned = turn(given.robot, data.displacement)
+    if len(turned) and np.median(turned) > LIMIT:
+        middle = np.argsort(turned)[len(turned) // 2 :][:1]
+        refuse_beyond(given.robot, data.displacement[middle], f"{data.source}, row {data.row_numbers[middle[0]]}")
 
 
 def against_load(data: Measurements) -> str | None:

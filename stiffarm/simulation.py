@@ -21,6 +21,7 @@ from stiffarm.effect_words import history_notes
 from stiffarm.inputs import WRENCH_NAMES, ModelInput
 from stiffarm.outputs import OutputFolder
 from stiffarm.payloads import number
+from stiffarm.softness import flagged
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,7 @@ def of_pose(
     if not rigid_joints:
         parts |= _by_effect(given, q, wrench, unload_from)
     d = np.sum([part[0] for part in parts.values()], axis=0) if parts else np.zeros(6)
+    flagged(model.robot, d[None], "--pose under --load")
     force = wrench[:3]
     along = float(d[:3] @ force) / float(force @ force) if force.any() else float("nan")
     return _head(given, model, rigid_joints) | {
@@ -144,6 +146,7 @@ def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[
     notes = [] if rigid_joints else history_notes(given.effects, history)
     for note in notes:
         say(f"note: {note}")
+    marks = flagged(model.robot, d, "simulated readings")
     rows: list[dict[str, Any]] = []
     for i in range(data.n):
         row: dict[str, Any] = {
@@ -154,7 +157,7 @@ def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[
         for k in np.flatnonzero(data.used[i]):
             row[f"{NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
             row[f"{NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
-        rows.append(row)
+        rows.append(row | marks[i])
     error = (d - data.displacement) * 1e3
     return _head(given, model, rigid_joints) | {
         "notes": [*data.notes, *notes],

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.arm_class import usual_load
+from fem.small_displacements import beyond_small, refuse_beyond
 from robots import Robot
 from robots.errors import InputError
 from robots.singularities import NEAR_SINGULAR, singularity_distance
@@ -37,6 +39,9 @@ class QueryResult:
     model_error, parameter_error : (n,) its two parts; the second is NaN where nothing is known of the parameters
     inside_domain : (n,) each input within the domain
     reachable : (n,) the couplings hold
+    beyond_small : (n,) poses where the load that arms of this reach bear takes it beyond small displacements
+        (:mod:`fem.small_displacements`): the value does not hold. False for other quantities than stiffnesses, and
+        where the robot is not known
     singularity : (n,) smallest singular value of the Jacobian at the tool point, lengths over the arm's
         (:func:`robots.singularity_distance`); NaN if the robot is not known
     open : row -> what the calibration left open and what matters there: its error bar is a lower bound
@@ -49,6 +54,7 @@ class QueryResult:
     parameter_error: Array
     inside_domain: Flags
     reachable: Flags
+    beyond_small: Flags
     singularity: Array
     open: dict[int, tuple[str, ...]]
     faults: dict[int, str]
@@ -88,7 +94,8 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     Raises
     ------
     InputError
-        No row at all can be answered, an angle that is not finite, or a pose where the fit gives no valid value.
+        No row at all can be answered, an angle that is not finite, a pose where the fit gives no valid value, or
+        nothing but values beyond small displacements.
     """
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
     inside: Flags = np.all(surrogate.inside(poses), axis=1)
@@ -112,6 +119,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     model, parameters = _bars(surrogate, poses, value, judged)
     model[good & ~judged] = np.nan
     total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
+    beyond = _beyond_small(surrogate, value)
     near = (
         np.full(len(poses), np.nan)
         if surrogate.kinematics is None
@@ -119,8 +127,22 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     )
     faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
     return QueryResult(
-        value, total, model, parameters, inside, reachable, near, _left_open(surrogate, poses, judged), faults
+        value, total, model, parameters, inside, reachable, beyond, near, _left_open(surrogate, poses, judged), faults
     )
+
+
+def _beyond_small(surrogate: Surrogate, value: Array) -> Flags:
+    """Which stiffnesses (n,) N/m are beyond small displacements; InputError where all that are known are."""
+    robot = surrogate.kinematics
+    if robot is None or not (surrogate.quantity.name == COMPLIANCE or surrogate.quantity.unit == "N/m"):
+        return np.zeros(len(value), dtype=np.bool_)
+    load = usual_load(robot)
+    moved = np.nan_to_num(load / np.maximum(np.abs(value), _STIFFEST))[:, None]
+    beyond = beyond_small(robot, moved)
+    known = np.isfinite(value)
+    if known.any() and beyond[known].all():
+        refuse_beyond(robot, moved[known], f"query of {surrogate.robot} under {load:.3g} N, as arms of its reach bear")
+    return beyond
 
 
 def _values(surrogate: Surrogate, poses: Array, direction: Array | None) -> Array:

@@ -13,11 +13,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from robots import Robot
 from robots.errors import InputError, InputErrors
 from robots.files import parse_json, read_text
+from robots.quantities import Strict
 from robots.written import write_whole
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion, Family
@@ -29,8 +30,8 @@ Array = NDArray[np.float64]
 _REFIT = "fit the surrogate again (`stiffarm fit`); such files are not edited by hand"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+class _Strict(Strict):
+    model_config = ConfigDict(strict=True)
 
 
 class _Domain(_Strict):

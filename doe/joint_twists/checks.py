@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from doe.joint_twists.identify import Direction, Identified
+from doe.joint_twists.direction import Direction
+from doe.joint_twists.identify import Identified
 from fem.ports import ROWS
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ class Loop:
     """Hysteresis of one row of one joint.
 
     ``width`` (m or rad): up against down at the same load, positive where the way down reads more, mean over the
-    ``cycles`` that load the row; ``spread``: its standard deviation; ``share`` of the range (0 to the top load).
+    ``cycles`` that load the row; ``spread``: its standard deviation, NaN where nothing tells the noise; ``share`` of the range (0 to the top load).
     ``loading_only``: stiffness from the way up alone over that from both, minus one.
     """
 
@@ -58,9 +59,10 @@ def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:
             sign = np.sign(t[mine])
             w = 1.0 / c.half_width_variance[mine, r]
             width = 2.0 * float(np.sum(w * sign * c.half_width[mine, r]) / np.sum(w))
-            spread = 2.0 / float(np.sqrt(np.sum(w)))
+            spread = 2.0 / float(np.sqrt(np.sum(w))) if c.noise_known[j, r // 3] else np.nan
             reach = float(np.sum(w * sign * c.slope[mine, r] * c.top[mine]) / np.sum(w))
-            out.append(Loop(name, row, width, spread, width / reach, int(mine.sum()), _loading(found, mine, r)))
+            share = width / reach if reach != 0.0 else np.nan
+            out.append(Loop(name, row, width, spread, share, int(mine.sum()), _loading(found, mine, r)))
     return tuple(out)
 
 
@@ -128,6 +130,8 @@ def _marked(c: Coupling, proven: bool) -> Coupling:
 def _coupling(found: Identified, j: int, name: str, a: int, b: int) -> Coupling | None:
     laws = [found.directions[name, ROWS[r]] for r in (a, b)]
     parts = []
+    if not all(found.cycles.noise_known[j, r // 3] for r in (a, b)):
+        return None  # nothing tells what chance does
     for (r, other), d in zip(((a, b), (b, a)), laws, strict=True):
         part = _equations(found, j, r, other, d)
         if part is None:

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.joint_twists.laws import on_one_turn
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
 from fem.transfers import joint_rows
@@ -39,7 +40,9 @@ class Cycles:
     (m, 3): its unit direction, flange axes. ``carried`` (m, 6): force and moment at the joint per newton of load.
     ``slope`` (m, 6) per newton with ``variance``; NaN where not read. ``loading``: the same from the way up alone.
     ``half_width`` (m, 6) m, rad, with ``half_width_variance``; NaN where the way down is missing. ``noise`` (dof, 2)
-    standard deviation of a reading's translations and rotations, by joint, with ``noise_dof``. ``setups``: labels.
+    standard deviation of a reading's translations and rotations, by joint, with ``noise_dof``; ``noise_known``
+    (dof, 2): false where nothing tells it, neither the readings nor the table. ``setups``: labels. Angles of the
+    watched joint that differ by whole turns are one.
     """
 
     q: Array
@@ -56,6 +59,7 @@ class Cycles:
     half_width_variance: Array
     noise: Array
     noise_dof: NDArray[np.intp]
+    noise_known: NDArray[np.bool_]
     number: NDArray[np.intp]
 
     @property
@@ -107,9 +111,16 @@ def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean")
     slope, variance, half, half_variance = fit.solved()
     up = _Sums.of(w * data.is_loading[:, None], F, np.zeros(len(F)), data.twist, number, m)
     force, carried = _loads(model, data, number, first)
+    q, joint = data.q[first].copy(), data.joint[first]
+    for j in np.unique(joint):
+        q[joint == j, j] = on_one_turn(q[joint == j, j])
+    # Cycles and rows that nothing was read of need no noise.
+    untold = np.zeros_like(dof, dtype=np.bool_)
+    for k, rows in enumerate((slice(0, 3), slice(3, 6))):
+        np.logical_or.at(untold[:, k], joint, (~own[:, rows] & np.isfinite(slope[:, rows])).any(axis=1))
     return Cycles(
-        data.q[first], data.joint[first], *_setups(data, first), top, force, carried, slope, variance * scale,
-        up.solved()[0], half, half_variance * scale, noise, dof, number,
+        q, data.joint[first], *_setups(data, first), top, force, carried, slope, variance * scale,
+        up.solved()[0], half, half_variance * scale, noise, dof, ~untold | (dof > 0), number,
     )  # fmt: skip
 
 

@@ -10,8 +10,7 @@ Thompson 1971, doi:10.1093/biomet/58.3.545) and added to their variances.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,67 +18,22 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from doe.joint_twists.cycles import Branches, Cycles, cycles_of
+from doe.joint_twists.direction import Direction, Status
 from doe.joint_twists.laws import LAWS, Law, LawKind, angles_of, basis_of, check_law, choose_law, fit_law
 from doe.joint_twists.readings import TwistReadings
+from doe.joint_twists.unjudged import FEWEST_SPARE, Unjudged, unjudged
 from fem import ArmModel
 from fem.ports import ROWS
 from robots import InputError
 
 Array = NDArray[np.float64]
-Status = Literal["determined", "one-sided", "not determined", "not identified"]
 
 # Rows of a joint that carry less than this share of their largest possible load (a force: all of the load; a moment:
 # the load at one metre) were not loaded: what they do is noise.
 UNLOADED = 1e-6
-# Fewer spare set-ups say nothing about their scatter.
-FEWEST_SPARE = 6
 MOST_SCATTER = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class Direction:
-    """One stiffness of one joint.
-
-    ``status``: determined; one-sided (rigid is possible: only a lower limit); not determined (the best compliance is
-    not positive: a lower limit at most); not identified (never loaded or never read: no number).
-    ``law`` is None where there is no number. ``mean`` and ``spread``: the compliance of all set-ups together, m/N or
-    rad/(N m), and its standard deviation. ``angle`` (a,) rad, ``value`` and ``sd`` (a,): compliances by angle, without
-    any law. ``quantile``: Student's, for 95 % intervals. ``scores``: of the laws tried, lowest is best.
-    """
-
-    joint: str
-    row: str
-    status: Status
-    law: Law | None
-    mean: float
-    spread: float
-    angle: Array
-    value: Array
-    sd: Array
-    quantile: float
-    scores: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the stiffness."""
-        return "N/m" if self.row.startswith("t") else "N m/rad"
-
-    def compliance(self, q: Array) -> tuple[Array, Array]:
-        """Compliance (n,) at poses q (n, dof) and its standard deviation; NaN where there is no number."""
-        if self.law is None:
-            return np.full(len(q), np.nan), np.full(len(q), np.nan)
-        return self.law.compliance(q)
-
-    def stiffness(self, q: Array) -> tuple[Array, Array, Array]:
-        """Stiffness (n,) at poses q and the ends of its 95 % interval (inf: no upper limit)."""
-        c, sd = self.compliance(q)
-        if self.law is None and self.status == "not determined":
-            c, sd = np.full(len(q), self.mean), np.full(len(q), self.spread)
-        low, high = c - self.quantile * sd, c + self.quantile * sd
-        with np.errstate(divide="ignore", invalid="ignore"):
-            most = np.where(low > 0.0, 1.0 / low, np.where(np.isnan(low), np.nan, np.inf))
-            least = np.where(high > 0.0, 1.0 / high, np.nan)
-        return (1.0 / c if self.law is not None else np.full(len(q), np.nan)), least, most
+# Freedoms with which Student's distribution is the normal one.
+PLENTY = 10**9
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +41,8 @@ class Identified:
     """A campaign's result: 6 stiffnesses a joint.
 
     ``directions``: by joint and row; ``cycles``: what they rest on; ``scatter`` (2,): of set-ups, as a share of the
-    compliance of translations and rotations, with ``scatter_dof``; ``branches``: which readings were used.
+    compliance of translations and rotations, with ``scatter_dof``; ``branches``: which readings were used;
+    ``unjudged``: what these readings cannot judge, and why.
     """
 
     robot: str
@@ -98,6 +53,7 @@ class Identified:
     scatter_dof: tuple[int, int]
     branches: Branches
     notes: tuple[str, ...]
+    unjudged: tuple[Unjudged, ...] = ()
 
     def compliances(self, q: Array) -> tuple[Array, Array]:
         """Compliances (n, dof, 6) at poses q, zero where there is no number, and their standard deviations."""
@@ -138,8 +94,9 @@ def identify(
     for s in setups:
         d = _direction(names[s.joint], s, scatter[s.row // 3], dof[s.row // 3], law, cycles)
         directions[d.joint, d.row] = d
-    notes = _notes(directions, cycles, names)
-    return Identified(model.robot.name, data, cycles, directions, scatter, dof, branches, notes)
+    open_questions = unjudged(directions, cycles, names, law, dof)
+    notes = (*_notes(directions, cycles, names), *(one.words for one in open_questions))
+    return Identified(model.robot.name, data, cycles, directions, scatter, dof, branches, notes, open_questions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,22 +164,28 @@ def _scatter(setups: list[_SetUps], kind: int) -> tuple[float, int]:
 def _direction(
     name: str, s: _SetUps, scatter: float, dof: int, asked: LawKind | None, cycles: Cycles
 ) -> Direction:  # fmt: skip
-    row, none = ROWS[s.row], np.zeros(0)
-    free = max(min(dof, int(cycles.noise_dof[s.joint, s.row // 3])) if dof else 0, 0)
-    quantile = float(student.ppf(0.975, free)) if free else float(student.ppf(0.975, 1e9))
+    row, none, kind = ROWS[s.row], np.zeros(0), s.row // 3
+    is_judged = bool(cycles.noise_known[s.joint, kind]) or dof > 0
+    # Where nothing was estimated there are no freedoms to run short of.
+    free = min([int(n) for n in (dof, cycles.noise_dof[s.joint, kind]) if n > 0], default=PLENTY)
+    quantile = float(student.ppf(0.975, free))
     if not s.c.size:
         return Direction(name, row, "not identified", None, np.nan, np.nan, none, none, none, quantile)
     angle, value, sd = _by_angle(s, scatter)
     mean, spread = _mean(s.c, s.variance, scatter)
+    if not is_judged:
+        spread, sd = np.nan, np.full_like(sd, np.nan)
     if not mean > 0.0:
         return Direction(name, row, "not determined", None, mean, spread, angle, value, sd, quantile)
     if mean < quantile * spread:
         law = _fitted("constant", s, angle, scatter)
         status: Status = "one-sided" if law is not None else "not determined"
         return Direction(name, row, status, law, mean, spread, angle, value, sd, quantile)
-    kind, scores = (asked, {}) if asked else choose_law(s.joint, s.q, s.c, s.variance, scatter)
-    law = _fitted(kind, s, angle, scatter) or _fitted("constant", s, angle, scatter)
-    status = "determined" if law is not None else "not determined"
+    chosen, scores = (asked, {}) if asked else choose_law(s.joint, s.q, s.c, s.variance, scatter)
+    law = _fitted(chosen, s, angle, scatter) or _fitted("constant", s, angle, scatter)
+    status = "not determined" if law is None else "determined" if is_judged else "not judged"
+    if law is not None and not is_judged:
+        law = replace(law, covariance=np.full_like(law.covariance, np.nan))
     return Direction(name, row, status, law, mean, spread, angle, value, sd, quantile, scores)
 
 

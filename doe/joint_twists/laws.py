@@ -27,6 +27,9 @@ SAME_ANGLE = np.radians(0.05)
 SETTLED = 1e-13
 # Left-out scores differ by a fifth or so by chance; a law with more numbers must do better than that.
 CLEARLY = 0.7
+# Angles for a law, and for a choice between its orders: one more than it has numbers, or leaving one out leaves
+# nothing to predict from.
+FEWEST_FOR_A_LAW, FEWEST_FOR_ORDER_TWO = 4, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,21 @@ def angles_of(angle: Array) -> tuple[Array, NDArray[np.intp]]:
     place[order] = np.cumsum(step) - 1
     count = np.bincount(place)
     return np.bincount(place, angle) / count, place
+
+
+def on_one_turn(angle: Array) -> Array:
+    """Angles (n,) rad, those that differ by whole turns brought together: a joint stands the same in them.
+
+    Each takes the turn of the one nearest to zero; all others stay as they are.
+    """
+    out = angle.astype(np.float64)
+    turn = 2.0 * np.pi
+    for i in np.argsort(np.abs(angle), kind="stable"):
+        away = out - out[i]
+        whole = np.round(away / turn)
+        same = (whole != 0.0) & (np.abs(away - whole * turn) <= SAME_ANGLE)
+        out[same] -= whole[same] * turn
+    return np.asarray(out)
 
 
 def basis_of(kind: LawKind, column: int, angles: Array) -> Basis:
@@ -135,10 +153,10 @@ def choose_law(column: int, q: Array, c: Array, variance: Array, scatter: float)
     would be as narrow as if it did not, and miss the truth at most angles.
     """
     count = len(angles_of(q[:, column])[0])
-    # One angle more than the law has numbers, or leaving one out leaves nothing to predict from.
-    if count < 4:
+    if count < FEWEST_FOR_A_LAW:
         return "constant", {}
-    tried: tuple[LawKind, ...] = ("constant", "fourier-1", "fourier-2") if count >= 6 else ("constant", "fourier-1")
+    several = count >= FEWEST_FOR_ORDER_TWO
+    tried: tuple[LawKind, ...] = ("constant", "fourier-1", "fourier-2") if several else ("constant", "fourier-1")
     scores = {kind: left_out_score(kind, column, q, c, variance, scatter) for kind in tried}
     better = scores.get("fourier-2", np.inf) < CLEARLY * scores["fourier-1"]
     return ("fourier-2" if better else "fourier-1"), {str(kind): score for kind, score in scores.items()}

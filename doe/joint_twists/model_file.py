@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.joint_twists.identify import Direction, Identified
+from doe.joint_twists.direction import Direction
+from doe.joint_twists.identify import Identified
 from doe.joint_twists.laws import Law
 from fem import ArmModel
 from fem.ports import ROWS
@@ -141,5 +142,7 @@ def _note(d: Direction, column: int, dof: int) -> str:
     q = np.zeros((len(d.angle), dof))
     q[:, column] = d.angle
     _, low, high = d.stiffness(q)
+    if d.status == "not judged":
+        return f"{d.status}: nothing tells how sure this value is"
     upper = "no upper limit" if np.isinf(high).any() else f"{high.max():.3g}"
     return f"{d.status}; 95 % intervals at the angles measured from {low.min():.3g} to {upper} {d.unit}"

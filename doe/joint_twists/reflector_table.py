@@ -71,7 +71,7 @@ def assemble_reflectors(
         try:
             fits.append(_fit(rows, unloaded, loaded, arm, frames.p[rows[0], j + 1], R, f"reading {label[rows[0]]}"))
         except InputError as error:
-            faults.found.append((table.lines[rows[0]], error))
+            faults.record(table.lines[rows[0]], error)
     faults.raise_if_any()
     first = np.array([fit.row for fit in fits], dtype=np.intp)
     noise, note = _noise(fits, sigma[first])

@@ -77,7 +77,8 @@ def predict(model: ArmModel, found: Identified, q: Array, directions: Array | No
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = 1.0 / (moved + quantile * spread), 1.0 / (moved - quantile * spread)
         value = np.where(moved > 0.0, 1.0 / moved, np.nan)
-    high = np.where(high > 0.0, high, np.inf)
+    # Without an interval of the compliances (NaN) there is none of the stiffness either.
+    high = np.where((high > 0.0) | np.isnan(high), high, np.inf)
     return Stiffness(value, low, high, np.asarray(s2[..., missing].sum(axis=-1) / s2.sum(axis=(2, 3))))
 
 

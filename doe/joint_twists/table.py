@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -17,6 +16,8 @@ from doe.joint_twists.reflector_table import assemble_reflectors
 from doe.measurement_checks import joint_keys
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import Robot, forward_kinematics
+from robots.csv_text import write_rows
+from robots.errors import listed
 from robots.written import written_whole
 
 Array = NDArray[np.float64]
@@ -66,11 +67,10 @@ def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, fau
     twist = mc.numbers(*both, DISPLACEMENTS, faults, empty="not read")
     sigma = np.repeat(mc.numbers(*both, SIGMAS, faults, empty="not known", positive=True), 3, axis=1)
     for line, row in zip(table.lines, twist, strict=True):
-        if np.isnan(row).all() and all(line != at for at, _ in faults.found):
+        if np.isnan(row).all() and line not in faults.lines:
             faults.add(line, "nothing was read", allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
                        remedy="fill in the readings, or remove the row")  # fmt: skip
-    bad = {line for line, _ in faults.found}
-    good = np.array([line not in bad for line in table.lines], dtype=np.bool_)
+    good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
     return TwistReadings(
         table.name, table.sha256, cells.q[good], cells.joint[good], in_flange_axes(robot, cells)[good],
         cells.point[good], twist[good], sigma[good], tuple(compress(cells.phase, good)),
@@ -118,8 +118,8 @@ def _notes(table: RawTable, columns: Columns, robot: Robot, synthetic: bool) -> 
         if missing := [name for name in group if name not in columns.known]:
             out.append(f"{kind} columns missing, taken as 0: {', '.join(missing)}")
     if columns.unknown:
-        out.append(f"unknown columns, kept but not used: {', '.join(columns.unknown)}")
-    return out
+        out.append(f"unknown columns, kept but not used: {listed(columns.unknown)}")
+    return [*out, *table.notes]
 
 
 def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
@@ -143,6 +143,4 @@ def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
     if t.synthetic:
         columns["origin"] = ["synthetic"] * t.n
     with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+        write_rows(stream, [columns, *zip(*columns.values(), strict=True)])

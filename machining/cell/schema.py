@@ -9,18 +9,35 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 SCHEMA = "stiffarm-cell/1"
 
+# Whatever the unit: squares and products of what is within are numbers still.
+LARGEST = 1e9
+# Positive: what is smaller than a millionth of its unit is 0 to a shop.
+SMALLEST = 1e-6
+# Bodies in mm: from a thin sheet to a hall. Collision checks merge points nearer than 1e-8 m.
+THINNEST, WIDEST = 1e-3, 1e7
+
+Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
+Size = Annotated[float, Field(ge=THINNEST, le=WIDEST)]
 Triple = tuple[float, float, float]
 Pair = tuple[float, float]
 
 
 class Strict(BaseModel):
-    """No unknown keys, no text in place of numbers, no NaN."""
+    """No unknown keys, no text in place of numbers, no NaN, no number beyond :data:`LARGEST`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    @field_validator("*")
+    @classmethod
+    def _not_beyond(cls, value: Any) -> Any:
+        for one in value if isinstance(value, tuple) else (value,):
+            if isinstance(one, int | float) and abs(one) > LARGEST:
+                raise ValueError(f"must be a number of at most {LARGEST:g}")
+        return value
 
 
 class Placed(Strict):
@@ -48,22 +65,22 @@ class BoxShape(Strict):
     """A box that stands on the xy plane, centred."""
 
     kind: Literal["box"]
-    size_mm: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+    size_mm: tuple[Size, Size, Size]
 
 
 class CylinderShape(Strict):
     """A cylinder along z from the xy plane up."""
 
     kind: Literal["cylinder"]
-    diameter_mm: PositiveFloat
-    length_mm: PositiveFloat
+    diameter_mm: Size
+    length_mm: Size
 
 
 class SphereShape(Strict):
     """A sphere about the origin."""
 
     kind: Literal["sphere"]
-    diameter_mm: PositiveFloat
+    diameter_mm: Size
 
 
 class MeshShape(Strict):
@@ -114,8 +131,8 @@ class FloorTable(Strict):
 class RobotTable(Placed):
     """The robot's base in the world with all linear axes at 0, and what robot descriptions do not say."""
 
-    joint_speed_deg_s: tuple[PositiveFloat, ...] | None = None
-    joint_acceleration_deg_s2: tuple[PositiveFloat, ...] | None = None
+    joint_speed_deg_s: tuple[Positive, ...] | None = None
+    joint_acceleration_deg_s2: tuple[Positive, ...] | None = None
     safety_mm: Annotated[float, Field(ge=0.0)] = 0.0
     home_deg: tuple[float, ...] | None = None
 
@@ -144,8 +161,8 @@ class LinearAxisTable(Strict):
     name: str
     direction: Triple
     limits_mm: Pair
-    speed_mm_s: PositiveFloat | None = None
-    acceleration_mm_s2: PositiveFloat | None = None
+    speed_mm_s: Positive | None = None
+    acceleration_mm_s2: Positive | None = None
     compliance_um_per_N: Triple | None = None  # noqa: N815 - units are in the names of the file's keys
     compliance_urad_per_Nm: Triple | None = None  # noqa: N815
     carriage: CarriageTable | None = None
@@ -168,8 +185,8 @@ class TurntableTable(Strict):
     axis: Triple
     limits_deg: Pair | None = None
     endless: bool = False
-    speed_deg_s: PositiveFloat | None = None
-    acceleration_deg_s2: PositiveFloat | None = None
+    speed_deg_s: Positive | None = None
+    acceleration_deg_s2: Positive | None = None
 
     @field_validator("axis")
     @classmethod

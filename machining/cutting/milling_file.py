@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
+from pydantic import Field, ValidationError
 
+from machining.cell.schema import Positive, Strict
 from machining.cutting.coefficients import CuttingCoefficients, published, shop_coefficients
 from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
 from machining.cutting.force import ASSUMED_SD, MillingForce
@@ -17,6 +18,8 @@ from robots import InputError, InputErrors
 from robots.files import parse_toml, read_text
 
 SCHEMA = "stiffarm-milling/1"
+# A face mill has some fifty; a helix near 90 deg is no cutter but a ring.
+MOST_TEETH, STEEPEST_DEG = 1000, 85.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,26 +30,22 @@ class MillingCut:
     tool: ToolBending | None
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+class _Mill(Strict):
+    diameter_mm: Positive
+    teeth: Annotated[int, Field(ge=1, le=MOST_TEETH)]
+    helix_deg: Annotated[float, Field(ge=0.0, le=STEEPEST_DEG)] = 0.0
 
 
-class _Mill(_Strict):
-    diameter_mm: PositiveFloat
-    teeth: Annotated[int, Field(ge=1)]
-    helix_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 0.0
-
-
-class _Cut(_Strict):
+class _Cut(Strict):
     kind: Literal["down", "up", "slot"]
-    axial_depth_mm: PositiveFloat
-    radial_depth_mm: PositiveFloat | None = None
-    feed_per_tooth_mm: PositiveFloat | None = None
-    spindle_rpm: PositiveFloat | None = None
+    axial_depth_mm: Positive
+    radial_depth_mm: Positive | None = None
+    feed_per_tooth_mm: Positive | None = None
+    spindle_rpm: Positive | None = None
     instant: Literal["mean", "generating"] = "mean"
 
 
-class _Material(_Strict):
+class _Material(Strict):
     published: str | None = None
     tc_N_per_mm2: float | None = None  # noqa: N815 - units are in the names of the file's keys
     te_N_per_mm: float | None = None  # noqa: N815
@@ -58,14 +57,14 @@ class _Material(_Strict):
     relative_sd: Annotated[float, Field(ge=0.0)] = ASSUMED_SD
 
 
-class _Bending(_Strict):
-    stickout_mm: PositiveFloat
-    diameter_mm: PositiveFloat
-    modulus_GPa: PositiveFloat = 600.0  # noqa: N815
+class _Bending(Strict):
+    stickout_mm: Positive
+    diameter_mm: Positive
+    modulus_GPa: Positive = 600.0  # noqa: N815
     relative_sd: Annotated[float, Field(ge=0.0, le=0.5)] = 0.2
 
 
-class _File(_Strict):
+class _File(Strict):
     milling_schema: Annotated[str, Field(alias="schema")]
     mill: _Mill
     cut: _Cut

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
+from fem.small_displacements import refuse_beyond
 from machining.cartesian import translational
 from machining.cutting.equilibrium import Balance, Balanced, balanced
 from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
@@ -137,8 +138,8 @@ def surface_error(
     Raises
     ------
     InputError
-        Postures off the path; a balance of another force than :class:`machining.cutting.MillingForce`; else as the
-        parts called.
+        Postures off the path; deflections beyond small displacements; a balance of another force than
+        :class:`machining.cutting.MillingForce`; else as the parts called.
     """
     q = as_poses(model.robot, q)
     _check_on_path(model, task, q)
@@ -163,6 +164,7 @@ def surface_error(
     acting: ForceAlong = force.along(task) if found is None else found.force
     gain = np.ones(len(q)) if found is None else found.gain
     d = np.einsum("nab,nb->na", C, acting.force)
+    refuse_beyond(model.robot, d, "deflection under the cutting force")
     normal = np.einsum("na,na->n", task.normals, d)
     form = np.einsum("na,njab,nkb->njk", task.normals, np.concatenate(terms, axis=1), acting.basis, optimize=True)
     form = form * gain[:, None, None]

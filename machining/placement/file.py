@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 SCHEMA = "stiffarm-placement/1"
+# Millimetres of a travel, degrees of an angle.
+LARGEST = 1e7
+# Moves of a source; as many as the readers of tool paths keep.
+MOST_MOVES = 10_000_000
 REMEDY = "write it again with `stiffarm place`"
 
 
@@ -103,8 +107,8 @@ def read_placement(path: str | Path) -> Placement:
 def _placement(content: Mapping[str, Any]) -> Placement:
     points = content["points"]
     axes = tuple(str(name) for name in content["linear_axes"])
-    moves = np.array(points["move"], dtype=np.int64)
-    n, count = len(moves), int(content["source_moves"])
+    moves = _whole(points["move"], "points.move")
+    n, count = len(moves), int(_whole([content["source_moves"]], "source_moves")[0])
     joints = tuple(name for name in points if name.startswith("q") and name.endswith("_deg"))
     travel = [_numbers(points, f"e{i + 1}_mm", n) * 1e-3 for i in range(len(axes))]
     q = [np.radians(_numbers(points, name, n)) for name in joints]
@@ -115,7 +119,7 @@ def _placement(content: Mapping[str, Any]) -> Placement:
         cell=str(content["cell"]),
         axes=axes,
         travel=np.stack(travel, axis=1) if travel else np.zeros((n, 0)),
-        table=float(np.radians(content["turntable_deg"])),
+        table=float(np.radians(_numbers(content, "turntable_deg")[0])),
         gamma=np.radians(_numbers(points, "gamma_deg", n)),
         joints=joints,
         q=np.stack(q, axis=1),
@@ -124,11 +128,19 @@ def _placement(content: Mapping[str, Any]) -> Placement:
     )
 
 
-def _numbers(points: Mapping[str, Any], name: str, n: int) -> Array:
-    column = np.array(points[name], dtype=np.float64)
-    if column.shape != (n,) or not np.isfinite(column).all():
-        raise ValueError(f"column {name} must hold {n} finite numbers")
+def _numbers(points: Mapping[str, Any], name: str, n: int | None = None) -> Array:
+    """Numbers (n,) of a column, or the one number of a key."""
+    column = np.array([points[name]] if n is None else points[name], dtype=np.float64)
+    if column.shape != (n or 1,) or not (np.abs(column) <= LARGEST).all():
+        raise ValueError(f"{name} must hold {n or 1} finite numbers of at most {LARGEST:g}")
     return column
+
+
+def _whole(values: Any, name: str) -> Integers:
+    """Whole numbers from 0 to the largest number of moves."""
+    if not isinstance(values, list) or not all(type(v) is int and 0 <= v <= MOST_MOVES for v in values):
+        raise ValueError(f"{name} must hold whole numbers from 0 to {MOST_MOVES}")
+    return np.array(values, dtype=np.int64)
 
 
 def _column(values: Array) -> list[float]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from machining import magnitudes as limits
 from machining.cell import Cell
 from machining.programs.commands import MM_MIN, RPM
 from machining.programs.neutral import FRAME, SCHEMA, columns
@@ -20,6 +21,16 @@ from robots.files import parse_json
 
 Array = NDArray[np.float64]
 
+# Degrees, and mm of external axes.
+LARGEST_ANGLE = limits.FARTHEST * 1e3
+_WHOLE = ("line", "inserted", "rapid", "tool", "operation", "branch")
+_RANGES = {
+    **dict.fromkeys(("line", "tool", "operation", "branch"), (-1.0, float(limits.LARGEST_NUMBER))),
+    **dict.fromkeys(("inserted", "rapid"), (0.0, 1.0)),
+    "feed_mm_min": (limits.SLOWEST / MM_MIN, limits.FASTEST / MM_MIN),
+    "spindle_rpm": (-limits.FASTEST_TURN / RPM, limits.FASTEST_TURN / RPM),
+    "dwell_s": (0.0, limits.LONGEST_REST),
+}
 # Quaternions farther from length 1 than this are a fault of the file, not of rounding.
 UNIT = 1e-6
 
@@ -136,9 +147,17 @@ def _columns(names: Sequence[str], rows: Sequence[Sequence[float]], where: str) 
     values = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
     table = dict(zip(names, values.T.copy(), strict=True))
     for name, column in table.items():
-        if name not in ("feed_mm_min", "spindle_rpm") and not np.isfinite(column).all():
-            row = int(np.argmin(np.isfinite(column))) + 1
-            raise InputError(f"{where}, move {row}, {name}", value="none", allowed="a finite number")
+        least, most = _RANGES.get(name, (-LARGEST_ANGLE, LARGEST_ANGLE))
+        good = (column >= least) & (column <= most)
+        if name in ("feed_mm_min", "spindle_rpm"):
+            good |= np.isnan(column)
+        elif name in _WHOLE:
+            good &= column == np.rint(column)
+        if not good.all():
+            row = int(np.argmin(good))
+            allowed = f"a {'whole' if name in _WHOLE else 'finite'} number from {least:g} to {most:g}"
+            value = "none" if np.isnan(column[row]) else f"{column[row]:g}"
+            raise InputError(f"{where}, move {row + 1}, {name}", value=value, allowed=allowed)
     return table
 
 

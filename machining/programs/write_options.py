@@ -11,9 +11,9 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, ValidationError, field_validator, model_validator
+from pydantic import Field, NonNegativeFloat, ValidationError, field_validator, model_validator
 
-from machining.cell.schema import Strict
+from machining.cell.schema import Positive, Strict
 from machining.programs.convention import ConventionTable, fault, tuples
 from robots.files import parse_json, parse_toml, read_text
 
@@ -58,7 +58,7 @@ class KrlOptions(Strict):
 class RapidOptions(Strict):
     """``tool_mass_kg``, ``tool_centre_mm``: load of the tool; without it the tooldata must stand on the controller."""
 
-    tool_mass_kg: PositiveFloat | None = None
+    tool_mass_kg: Positive | None = None
     tool_centre_mm: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
@@ -102,10 +102,10 @@ class WriteOptions(Strict):
     schema_version: Literal["stiffarm-post/1"] = Field(default=SCHEMA, alias="schema")
     name: str = "part"
     rapid: Literal["linear", "joint"] = "linear"
-    rapid_mm_s: PositiveFloat = 250.0
-    default_feed_mm_min: PositiveFloat | None = None
+    rapid_mm_s: Positive = 250.0
+    default_feed_mm_min: Positive | None = None
     blend_mm: NonNegativeFloat = 0.1
-    rotation_deg_s: PositiveFloat = 90.0
+    rotation_deg_s: Positive = 90.0
     joint_percent: Percent = 20.0
     moves_per_file: Annotated[int, Field(ge=1)] = 5000
     source_lines: bool = False

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from machining.drive import Drive
 from machining.objective import Objective
 from machining.posture import GammaRange, sweep_gamma
-from machining.service.asked import Arm, best_first, factor_of, generator, key_of, middle, near_of
+from machining.service.asked import Arm, best_first, factor_of, flag_of, generator, key_of, middle, near_of
 from machining.service.blocks import block_of, collisions_of, distances, gammas_of, quantity_of
 from machining.service.fields import Fields
 from machining.service.state import State, state_of
@@ -54,6 +54,7 @@ def best_angle(arm: Arm, fields: Fields) -> dict[str, Any]:
         "q_deg": numbers(np.degrees(found.q[at])),
         "branch": found.names[found.branch[at]],
         key_of(quantity): number(found.value[at] * factor_of(quantity)),
+        **flag_of(arm, quantity, found.value[at]),
     }
     return answer | {"clearance_mm": number(room * 1e3, 9)} if collisions else answer
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
+from fem.small_displacements import FLAG, beyond_small
 from machining.cartesian import translational
 from machining.cell import Scene
 from machining.indices import INDICES, evaluate, stiffness_index
@@ -214,6 +215,12 @@ def displacements(arm: Arm, state: State, q: Array, force: Array, moment: Array 
     if moment is not None:
         wrench[:, 3:] = moment
     return fem.deflection(arm.model, q, wrench, state.T_tool[:3, 3])
+
+
+def flag_of(arm: Arm, quantity: str, value: Array) -> dict[str, bool]:
+    """The flag of an answer, empty for indices and where linear statics holds; ``value`` SI, one or more."""
+    moved = np.reshape(value, (-1, 1)) if quantity in DISPLACEMENTS else np.zeros((1, 1))
+    return {FLAG: True} if beyond_small(arm.robot, moved).any() else {}
 
 
 def key_of(quantity: str) -> str:

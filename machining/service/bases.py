@@ -51,7 +51,7 @@ def best_base(arm: Arm, fields: Fields) -> dict[str, Any]:
     found = find_fixed(problem)
     travel, _ = problem.space.sites(found.x[None])
     answer = {"travel_mm": numbers(travel[0] * 1e3), "axes": [axis.name for axis in state.cell.linear_axes]}
-    return answer | course_payload(found.course, Objective("directional")) | {"collisions_looked_at": collisions}
+    return answer | course_payload(arm, found.course, Objective("directional")) | {"collisions_looked_at": collisions}
 
 
 def _force(fields: Fields, state: State) -> Array | None:

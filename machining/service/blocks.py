@@ -13,7 +13,7 @@ from machining.drive import Drive
 from machining.objective import Objective
 from machining.path_problem import Course
 from machining.posture import GammaRange
-from machining.service.asked import QUANTITIES, Arm, factor_of, fitting, force_of, key_of, need_force
+from machining.service.asked import QUANTITIES, Arm, factor_of, fitting, flag_of, force_of, key_of, need_force
 from machining.service.fields import Fields
 from machining.service.state import State, vectors_of
 from machining.service.wire import number, numbers
@@ -166,7 +166,7 @@ def _speeds(fields: Fields, value: Any, dof: int) -> Array:
     return np.array(values, dtype=np.float64)
 
 
-def course_payload(course: Course, objective: Objective) -> dict[str, Any]:
+def course_payload(arm: Arm, course: Course, objective: Objective) -> dict[str, Any]:
     """A course for an answer."""
     moves, factor, key = course.smoothness, factor_of(objective.quantity), key_of(objective.quantity)
     return {
@@ -179,4 +179,4 @@ def course_payload(course: Course, objective: Objective) -> dict[str, Any]:
         "largest_step_deg": numbers(np.degrees(moves.largest_step)),
         "limit_distance_deg": number(np.degrees(moves.limit_distance), 9),
         "singular_distance": number(moves.singular_distance),
-    }
+    } | flag_of(arm, objective.quantity, course.value)

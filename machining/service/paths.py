@@ -35,4 +35,4 @@ def best_path(arm: Arm, fields: Fields) -> dict[str, Any]:
         course = optimise_path(arm.model, task, objective, gammas, drive, generator=generator(arm)).course
     else:
         course = optimise_long_path(arm.model, task, objective, gammas, drive, free=free).course
-    return course_payload(course, objective) | {"collisions_looked_at": collisions}
+    return course_payload(arm, course, objective) | {"collisions_looked_at": collisions}

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.small_displacements import FLAG, beyond_small
 from machining.cartesian import translational
 from machining.cell import Scene, clearance
 from machining.indices import INDICES, evaluate, stiffness_index
@@ -17,6 +18,7 @@ from machining.service.asked import (
     direction_of,
     displacements,
     factor_of,
+    flag_of,
     flange_frames,
     force_of,
     in_base,
@@ -84,7 +86,8 @@ def ik(arm: Arm, fields: Fields) -> dict[str, Any]:
     merit = value if quantity in INDICES else -value
     # An index may be infinite; that is then the best.
     best = int(best_first(np.clip(merit, -MOST, MOST), found.q[0, columns], middle(arm) if near is None else near)[0])
-    return _branch(found, int(columns[best])) | {key_of(quantity): number(value[best])}
+    marks = flag_of(arm, quantity, value[best] / factor_of(quantity))
+    return _branch(found, int(columns[best])) | {key_of(quantity): number(value[best])} | marks
 
 
 def stiffness(arm: Arm, fields: Fields) -> dict[str, Any]:
@@ -133,6 +136,9 @@ def deflection(arm: Arm, fields: Fields) -> dict[str, Any]:
     if direction is not None:
         unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
         answer["along_direction_mm"] = poses.answer(numbers((shift * unit).sum(axis=1), None))
+    beyond = beyond_small(arm.robot, d)
+    if beyond.any():
+        answer[FLAG] = poses.answer(beyond.tolist())
     return answer
 
 

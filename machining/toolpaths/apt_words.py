@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 
+from machining.magnitudes import LARGEST
 from machining.toolpaths.motions import Tool, clean
 from machining.toolpaths.source import readable
 
@@ -54,14 +55,14 @@ def items(rest: str) -> list[str]:
 
 
 def as_number(text: str) -> float | None:
-    """Finite number, or None. Fortran exponents (1.5D+02) are read, Python's own forms (1_0, nan) are not."""
+    """Number up to :data:`LARGEST`, or None. Fortran exponents (1.5D+02) are read, Python's forms (1_0) are not."""
     if not text or text[0] not in "+-.0123456789" or "_" in text:
         return None
     try:
         value = float(text.replace("D", "E").replace("d", "e"))
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
+    return value if abs(value) <= LARGEST else None
 
 
 def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from machining.magnitudes import FARTHEST, PLACES
+
 Array = NDArray[np.float64]
 
 # Start and end nearer than this (m) across the axis are one point: the arc is a full turn.
@@ -66,9 +68,9 @@ def arc_points(
         ``arc_tolerance`` (at both ends, and from ``radius`` if that is given), more chords than ``limit``.
     """
     s, e, c, a = (np.asarray(v, dtype=np.float64) for v in (start, end, center, axis))
-    if not (np.isfinite(np.concatenate([s, e, c, a])).all() and float(np.abs(np.concatenate([s, e, c])).max()) < 1e6):
-        raise ArcError("arc", "coordinates that are not finite or beyond 1000 km", "finite numbers")
-    if not np.linalg.norm(a) > 1e-9:
+    if not (np.abs(np.concatenate([s, e, c])) <= FARTHEST).all():
+        raise ArcError("arc", "an end or a centre beyond that", PLACES)
+    if not 1e-9 < float(np.abs(a).max()) < 1e9:
         raise ArcError("axis of the arc", str(a.tolist()), "a direction")
     u, v, unit = _across(s, e, c, a)
     r0, r1 = float(np.linalg.norm(u)), float(np.linalg.norm(v))

@@ -136,7 +136,7 @@ class GcodeMotion:
 
     def _cycle(self, b: Block) -> None:
         m = self.modes
-        first, second, along = PLANES[m.plane]
+        along = PLANES[m.plane][2]
         letter = "XYZ"[along]
         for key in (letter, "R", "Q"):
             if key in b.words:
@@ -155,10 +155,14 @@ class GcodeMotion:
         self.axis = self._tool_axis(b)
         if self.axis[along] < 1.0 - 1e-9:
             raise BlockError("a cycle with the tool not along the normal of the plane", "post it as single moves")
-        for _ in range(int(b.words.get("L", 1.0))):
-            self._hole(b, first, second, along, letter)
+        before, times = len(self.recorder), int(b.words.get("L", 1.0))
+        for i in range(times):
+            self._hole(b, along, letter)
+            if i == 0:
+                # All holes have as many moves: too many are refused before they are made.
+                self.recorder.room((len(self.recorder) - before) * (times - 1))
 
-    def _hole(self, b: Block, first: int, second: int, along: int, letter: str) -> None:
+    def _hole(self, b: Block, along: int, letter: str) -> None:
         m = self.modes
         target = m.target(b)
         target[along] = m.here[along] if self.initial is None else self.initial

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from machining.magnitudes import LARGEST
+
 _COMMENT = re.compile(r"\(([^()]*)\)")
 _WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
 _LONG = re.compile(r"[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
@@ -12,6 +14,8 @@ _MACRO = re.compile(
     r"#|=|\[|\b(?:WHILE|IF|GOTO[BFC]?|DO\d*|END\d+|ENDIF|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|CALL|PROC|DEF|EXTERN)\b|"
     r"^\s*(?:N\d+\s*)?O\s*<|^\s*O\d+\s+(?:SUB|ENDSUB|IF|WHILE|DO|CALL|RETURN|REPEAT)"
 )
+# Words that count something, by the parts of one that they may have: G codes have tenths.
+WHOLE = {"G": 10, "M": 1, "T": 1}
 # Long words that change nothing here.
 QUIET = (
     "SUPA",
@@ -113,10 +117,15 @@ def _with_long(out: Block, text: str) -> Block:
 
 def _put(out: Block, letter: str, number: str) -> None:
     value = float(number)
-    if letter == "G":
+    if abs(value) > LARGEST:
+        out.bad = out.bad or f"{letter}{number[:12]}..."
+    elif letter in WHOLE and abs(value * WHOLE[letter] - round(value * WHOLE[letter])) > 1e-6:
+        # G43.45 and M3.5 are no codes; cut to G43.4 and M3 they would be others.
+        out.bad = out.bad or f"{letter}{number[:12]}"
+    elif letter == "G":
         out.codes.append(round(value * 10))
     elif letter == "M":
-        out.misc.append(int(value))
+        out.misc.append(round(value))
     elif letter in out.words:
         out.bad = out.bad or f"{letter} twice"
     elif letter != "N":

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from machining import magnitudes as limits
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -76,8 +77,8 @@ class Motions:
     Raises
     ------
     InputError
-        Shapes that do not fit, coordinates that are not finite, axes that are not unit vectors, feeds that are not
-        positive, dwells that are negative, indices out of their tables.
+        Shapes that do not fit, coordinates, feeds, spindle speeds and dwells that cannot be
+        (:mod:`machining.magnitudes`), axes that are not unit vectors, indices out of their tables.
     """
 
     points: Array
@@ -103,10 +104,11 @@ class Motions:
             if shape != wanted.get(name, (n,)):
                 raise InputError(f"motions, {name}", value=f"shape {shape}", allowed=f"shape {wanted.get(name, (n,))}")
         checks = (
-            ("points", np.isfinite(self.points).all(), "finite numbers in m"),
+            ("points", bool((np.abs(self.points) <= limits.FARTHEST).all()), limits.PLACES),
             ("axes", (np.abs(np.linalg.norm(self.axes, axis=1) - 1.0) < 1e-9).all(), "unit vectors"),
-            ("feed", not (self.feed <= 0.0).any() and not np.isinf(self.feed).any(), "m/s, more than 0, or NaN"),
-            ("dwell", bool((self.dwell >= 0.0).all()) and bool(np.isfinite(self.dwell).all()), "0 s or more"),
+            ("feed", bool(limits.feeds(self.feed).all()), f"{limits.FEEDS}, or none"),
+            ("spindle", not (np.abs(self.spindle) > limits.FASTEST_TURN).any(), f"up to {limits.FASTEST_TURN:g} rad/s"),
+            ("dwell", _within(self.dwell, limits.LONGEST_REST), f"0 to {limits.LONGEST_REST:g} s"),
             ("tool", _within(self.tool, len(self.tools)), "indices into tools"),
             ("operation", _within(self.operation, len(self.operations)), "indices into operations"),
         )
@@ -127,7 +129,7 @@ class Motions:
         return out
 
 
-def _within(index: NDArray[np.int64], size: int) -> bool:
+def _within(index: NDArray[np.int64] | Array, size: float) -> bool:
     return bool(((index >= 0) & (index < size)).all())
 
 

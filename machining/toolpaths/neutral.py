@@ -10,9 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from machining import magnitudes as limits
+from machining.faults import Faults
 from machining.toolpaths.motions import Motions, Note, Tool
 from machining.toolpaths.source import content
-from robots import InputError, InputErrors
+from robots import InputError
+from robots.csv_text import as_read, write_rows
 from robots.written import written_whole
 
 MARK = "# stiffarm motions 1"
@@ -22,8 +25,15 @@ COLUMNS = (
 )  # fmt: skip
 TOOL = "#tool"
 OPERATION = "#operation"
+RANGES = {
+    **dict.fromkeys(COLUMNS[:3], (-limits.FARTHEST * 1e3, limits.FARTHEST * 1e3)),
+    "rapid": (0.0, 1.0),
+    "feed_mm_per_min": (limits.SLOWEST * 6e4, limits.FASTEST * 6e4),
+    **dict.fromkeys(("line", "tool", "operation"), (0.0, float(limits.LARGEST_NUMBER))),
+    "spindle_rpm": (-limits.FASTEST_TURN * 9.5, limits.FASTEST_TURN * 9.5),
+    "dwell_s": (0.0, limits.LONGEST_REST),
+}
 _RPM = 2.0 * math.pi / 60.0
-_SHOWN = 20
 
 
 def write_motions(path: str | Path, motions: Motions) -> None:
@@ -32,14 +42,11 @@ def write_motions(path: str | Path, motions: Motions) -> None:
     Every number has the digits that make it come back within a rounding error (coordinates within 1e-9 m and better).
     """
     with written_whole(Path(path)) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([MARK])
+        head: list[list[object]] = [[MARK]]
         for tool in motions.tools:
             sizes = [v * 1e3 for v in (tool.diameter, tool.corner_radius, tool.length)]
-            writer.writerow([TOOL, "" if tool.number is None else tool.number, tool.name, *map(_text, sizes)])
-        for name in motions.operations:
-            writer.writerow([OPERATION, name])
-        writer.writerow(COLUMNS)
+            head.append([TOOL, tool.number, tool.name, *sizes])
+        write_rows(file, [*head, *([OPERATION, name] for name in motions.operations), COLUMNS], "\r\n")
         columns = (
             *(motions.points * 1e3).T,
             *motions.axes.T,
@@ -53,11 +60,7 @@ def write_motions(path: str | Path, motions: Motions) -> None:
         )
         for start in range(0, motions.n, 4096):
             rows = zip(*(column[start : start + 4096].tolist() for column in columns), strict=True)
-            writer.writerows([_text(value) for value in row] for row in rows)
-
-
-def _text(value: float) -> str:
-    return "" if value != value else repr(value)
+            write_rows(file, rows, "\r\n")
 
 
 def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
@@ -74,8 +77,7 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
     tools: list[Tool] = []
     operations: list[str] = []
     table = [array("d") for _ in COLUMNS]
-    errors: list[InputError] = []
-    faults = 0
+    faults = Faults()
     data = io.BytesIO(content(path, max_bytes))
     with io.TextIOWrapper(data, encoding="utf-8", errors="replace", newline="") as file:
         reader = csv.reader(file)
@@ -90,25 +92,20 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                     if headed:
                         _row(row, table)
                     elif row[0] == TOOL:
-                        tools.append(_tool(row))
+                        tools.append(_tool(list(map(as_read, row))))
                     elif row[0] == OPERATION and len(row) == 2:
-                        operations.append(row[1])
+                        operations.append(as_read(row[1]))
                     elif tuple(row) == COLUMNS:
                         headed = True
                     else:
                         _refuse_line()
                 except ValueError as error:
-                    faults += 1
-                    if len(errors) < _SHOWN:
-                        errors.append(InputError(f"{path.name}, line {reader.line_num}: {error}"))
+                    faults.add(f"{path.name}, line {reader.line_num}: {error}")
         except csv.Error as error:
             raise InputError(f"{path.name}, line {reader.line_num} ({error})") from error
     if not faults and not len(table[0]):
         raise InputError(f"{path.name} has no moves", allowed=",".join(COLUMNS))
-    if faults:
-        if faults > len(errors):
-            errors.append(InputError(f"and {faults - len(errors)} more like these"))
-        raise InputErrors(f"motions {path.name}", errors)
+    faults.check(f"motions {path.name}")
     return _motions(table, tools, operations, path.name)
 
 
@@ -124,10 +121,13 @@ def _row(row: list[str], table: list[array[float]]) -> None:
         empty = not cell and name in ("feed_mm_per_min", "spindle_rpm")
         if "_" in cell or not (math.isfinite(value) or empty):
             raise ValueError(f"column {name}: {cell[:40]!r} is no finite number")
+        least, most = RANGES.get(name, (-math.inf, math.inf))
+        if not (least <= value <= most or empty):
+            raise ValueError(f"column {name}: {cell[:40]!r} is not from {least:g} to {most:g}")
         if name in ("rapid", "line", "tool", "operation") and value != int(value):
             raise ValueError(f"column {name}: {cell[:40]!r} is no whole number")
-    if math.hypot(*values[3:6]) < 1e-9:
-        raise ValueError("tool axis of length zero")
+    if not 1e-9 < math.hypot(*values[3:6]) < 1e9:
+        raise ValueError("tool axis without a direction: of length zero, or endless")
     for column, value in zip(table, values, strict=True):
         column.append(value)
 
@@ -135,7 +135,11 @@ def _row(row: list[str], table: list[array[float]]) -> None:
 def _tool(row: list[str]) -> Tool:
     if len(row) != 6:
         raise ValueError(f"a tool with {len(row)} cells, not 6")
+    if row[1] and not (row[1].isascii() and row[1].isdecimal() and len(row[1]) < 11):
+        raise ValueError(f"tool number {row[1][:40]!r} is no whole number of up to ten digits")
     sizes = [float(cell) * 1e-3 if cell else math.nan for cell in row[3:]]
+    if not all(0.0 <= size <= limits.FARTHEST for cell, size in zip(row[3:], sizes, strict=True) if cell):
+        raise ValueError(f"sizes of a tool {', '.join(row[3:])[:80]!r} are none")
     return Tool(int(row[1]) if row[1] else None, row[2], *sizes)
 
 

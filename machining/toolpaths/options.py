@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from machining.magnitudes import FARTHEST
 from robots import InputError
 
 UNITS = {"mm": 1e-3, "inch": 25.4e-3}
@@ -79,5 +79,5 @@ class ReadOptions:
             if getattr(self, name) < 1:
                 raise InputError(f"option {name}", value=getattr(self, name), allowed="1 or more")
         for name, point in (("start", self.start), *self.offsets.items()):
-            if point is not None and (len(point) != 3 or not all(math.isfinite(v) for v in point)):
-                raise InputError(f"option {name}", value=str(point), allowed="three finite numbers in m")
+            if point is not None and (len(point) != 3 or not all(abs(v) <= FARTHEST for v in point)):
+                raise InputError(f"option {name}", value=str(point), allowed=f"three numbers of at most {FARTHEST:g} m")

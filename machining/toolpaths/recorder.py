@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from machining import magnitudes as limits
+from machining.faults import Faults
 from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
-from robots import InputError, InputErrors
+from robots import InputError
 
 Vector = tuple[float, float, float]
 
-SHOWN = 20
 EVENTS = 100_000
 NOTES = 1000
 # Deviation of a tool axis from length 1 that is remarked on; four decimals leave at most 1e-4.
@@ -37,8 +38,7 @@ class Recorder:
         self.events: list[Event] = []
         self._lost_events = 0
         self._notes: dict[str, tuple[int, int]] = {}
-        self.errors: list[InputError] = []
-        self.faults = 0
+        self.faults = Faults()
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -78,11 +78,12 @@ class Recorder:
 
     def dwell(self, line: int, seconds: float) -> None:
         """Rest after the last move."""
-        if not np.isfinite(seconds) or seconds < 0.0:
-            self.error(line, "dwell", value=seconds, allowed="0 s or more")
+        last = len(self.lines) - 1
+        whole = self._dwells.get(last, 0.0) + seconds
+        if not 0.0 <= whole <= limits.LONGEST_REST:
+            self.error(line, "dwell", value=seconds, allowed=f"0 to {limits.LONGEST_REST:g} s")
         elif len(self.lines):
-            last = len(self.lines) - 1
-            self._dwells[last] = self._dwells.get(last, 0.0) + seconds
+            self._dwells[last] = whole
         elif seconds:
             self.note(line, "a dwell before the first move is left out")
 
@@ -101,13 +102,11 @@ class Recorder:
             self._notes[text] = (first, count + 1)
 
     def error(self, line: int, what: str, **parts: Any) -> None:
-        """Fault; the first ``SHOWN`` are kept, the rest counted."""
-        self.faults += 1
-        if len(self.errors) < SHOWN:
-            if isinstance(parts.get("value"), str):
-                parts["value"] = clean(parts["value"])
-            where = f"{self.source}, line {line}: " if line else f"{self.source}: "
-            self.errors.append(InputError(where + clean(what), **parts))
+        """Fault of a line; 0: of the file."""
+        if isinstance(parts.get("value"), str):
+            parts["value"] = clean(parts["value"])
+        where = f"{self.source}, line {line}: " if line else f"{self.source}: "
+        self.faults.add(where + clean(what), **parts)
 
     def motions(self) -> Motions:
         """The result.
@@ -115,16 +114,12 @@ class Recorder:
         Raises
         ------
         InputErrors
-            All faults found, at most ``SHOWN`` with their lines and the number of the rest.
+            All faults found, the first ones with their lines, and their number.
         """
         points, axes, line = self._checked()
         if not self.faults and not len(line):
             self.error(0, "no motion in the file", remedy="give the file of a tool path")
-        if self.faults:
-            shown = list(self.errors)
-            if self.faults > len(shown):
-                shown.append(InputError(f"and {self.faults - len(shown)} more like these"))
-            raise InputErrors(f"tool path file {self.source}", shown)
+        self.faults.check(f"tool path file {self.source}")
         if self._lost_events:
             self.note(0, f"{self._lost_events} words that are no motion are not kept, beyond {EVENTS}")
         return self._table(points, axes, line)
@@ -133,11 +128,13 @@ class Recorder:
         line = np.frombuffer(self.lines, dtype=np.int64) if len(self.lines) else np.zeros(0, dtype=np.int64)
         points = np.frombuffer(self.points, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
         axes = np.frombuffer(self.axes, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
-        for i in np.flatnonzero(~np.isfinite(points).all(axis=1)):
-            self.error(int(line[i]), "coordinates", value=str(points[i].tolist()), allowed="finite numbers")
+        for i in np.flatnonzero(~(np.abs(points) <= limits.FARTHEST).all(axis=1)):
+            value = ", ".join(f"{v * 1e3:g}" for v in points[i])
+            self.error(int(line[i]), "coordinates, mm", value=value, allowed=limits.PLACES)
+        self._check_states(line)
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.linalg.norm(axes, axis=1)
-        bad = ~(np.isfinite(length) & (length > 1e-9))
+        bad = ~((length > 1e-9) & (length < 1e9))
         for i in np.flatnonzero(bad):
             allowed = "a direction from the tip into the holder"
             self.error(int(line[i]), "tool axis", value=str(axes[i].tolist()), allowed=allowed, remedy="give i,j,k")
@@ -147,6 +144,22 @@ class Recorder:
             self.note(int(line[off[0]]), text + "; made unit vectors")
         length[bad] = 1.0
         return points, axes / length[:, None], line
+
+    def _check_states(self, line: NDArray[np.int64]) -> None:
+        """Faults of feeds and spindle speeds, each with the line of the first move that it holds for."""
+        starts = np.append(np.array(self._starts, dtype=np.int64), len(line))
+        rapid = np.append(np.array(self.rapids, dtype=bool), True)
+        feed, spindle = np.array(self._feeds), np.array(self._spindles)
+        wrong = ~limits.feeds(feed), np.abs(spindle) > limits.FASTEST_TURN
+        for i in np.flatnonzero(wrong[0] | wrong[1]):
+            first, last = starts[i : i + 2]
+            cutting = first + np.flatnonzero(~rapid[first:last])
+            if wrong[0][i] and len(cutting):
+                value = f"{feed[i] * 6e4:g}"
+                self.error(int(line[cutting[0]]), "feed, mm/min", value=value, allowed=limits.FEEDS)
+            if wrong[1][i] and last > first:
+                value, allowed = f"{spindle[i] * 30.0 / np.pi:g}", f"up to {limits.FASTEST_TURN * 30.0 / np.pi:.3g}"
+                self.error(int(line[first]), "spindle speed, rpm", value=value, allowed=allowed)
 
     def _turns(self, axes: NDArray[np.float64], rapid: NDArray[np.bool_], line: NDArray[np.int64]) -> None:
         """Remark on moves at feed that turn the tool far: how it turns on the way is the control's."""

@@ -1,13 +1,16 @@
-"""A map on disk while it is made: one .npy file an array, and a record of the blocks that are done.
+"""A map on disk while it is made: one .npy file an array, and a record of the blocks that are done, with hashes.
 
 Blocks are written as parts of files, not through memory maps, whose pages would count as the process's memory.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import logging
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,11 +20,17 @@ from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.written import is_draft, write_whole
 
 Array = NDArray[np.generic]
 
-FORM = "stiffarm-map-work/1"
+FORM = "stiffarm-map-work/2"
 _RECORD, _DONE = "work.json", "done.txt"
+_LINE = re.compile(r"(\d{1,18}) ([0-9a-f]{64})", re.ASCII)
+# A disk that spoils what is written more often than this is no place for a map.
+TRIES = 3
+
+_log = logging.getLogger("stiffarm")
 
 
 @dataclass(frozen=True)
@@ -36,8 +45,9 @@ class Column:
 class MapStore:
     """Arrays of n points in .npy files of a folder, written block by block, in any order.
 
-    A folder that holds the same map (``key``) already is gone on with: what its record says is done stays. A block
-    counts as done when its arrays are on disk and the record has its line, so a process may die at any time.
+    A folder that holds the same map (``key``) already is gone on with. A block counts as done when the record has its
+    line with the SHA-256 of what the arrays hold, which are on the disk before; so a process may die at any time, and
+    a block that has changed since is made again and named in the log.
 
     Parameters
     ----------
@@ -55,7 +65,7 @@ class MapStore:
     n: int
     size: int
     columns: Mapping[str, Column]
-    done: set[int] = field(init=False, default_factory=set)
+    done: dict[int, str] = field(init=False, default_factory=dict)
     starts: dict[str, int] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -111,13 +121,32 @@ class MapStore:
             if given is None or given.shape != shape or given.dtype != np.dtype(column.dtype):
                 found = "missing" if given is None else f"{given.dtype} {given.shape}"
                 raise InputError(f"block {number} of the map: {name}", value=found, allowed=f"{column.dtype} {shape}")
-        for name in self.columns:
-            self._put(name, rows.start, np.ascontiguousarray(block[name]))
+        arrays = {name: np.ascontiguousarray(block[name]) for name in self.columns}
+        for name, values in arrays.items():
+            self._put(name, rows.start, values)
+        sha256 = self._sha256(number, {name: memoryview(values.tobytes()) for name, values in arrays.items()})
         with (self.folder / _DONE).open("a", encoding="ascii") as file:
-            file.write(f"{number}\n")
+            file.write(f"{number} {sha256}\n")
             file.flush()
             os.fsync(file.fileno())
-        self.done.add(number)
+        self.done[number] = sha256
+
+    def complete(self, make: Callable[[], None]) -> None:
+        """Have ``make`` write the blocks that are missing until all are there as they were written.
+
+        Raises
+        ------
+        InputError
+            The disk does not keep what is written.
+        """
+        for _ in range(TRIES):
+            make()
+            if not self._spoilt():
+                return
+        raise InputError(
+            f"work folder {self.folder}: blocks come back other than they were written, {TRIES} times over",
+            remedy="choose a folder on another disk, and check this one",
+        )
 
     def finished(self) -> dict[str, Array]:
         """All arrays, to be read only.
@@ -131,6 +160,37 @@ class MapStore:
             raise InputError("map", value=f"{len(self.missing())} of {self.blocks} blocks are missing")
         return {name: np.load(self._file(name), mmap_mode="r", allow_pickle=False) for name in self.columns}
 
+    def _spoilt(self) -> list[int]:
+        """Blocks whose arrays are not as they were written; they count as missing from now on, and are named."""
+        spoilt = [number for number, sha256 in self.done.items() if self._sha256(number, self._read(number)) != sha256]
+        for number in spoilt:
+            del self.done[number]
+        if spoilt:
+            few = ", ".join(map(str, sorted(spoilt)[:5])) + (", ..." if len(spoilt) > 5 else "")
+            _log.warning(
+                "work folder %s: %d of %d blocks are damaged (%s); they are made again",
+                self.folder, len(spoilt), self.blocks, few,
+            )  # fmt: skip
+        return spoilt
+
+    def _sha256(self, number: int, arrays: Mapping[str, memoryview]) -> str:
+        """Hash of a block's arrays, and of whose they are."""
+        digest = hashlib.sha256(f"{self.key} {number}\n".encode())
+        for name in sorted(arrays):
+            digest.update(f"{name}\n".encode())
+            digest.update(arrays[name])
+        return digest.hexdigest()
+
+    def _read(self, number: int) -> dict[str, memoryview]:
+        """The bytes of a block as they are on the disk."""
+        rows, out = self.rows(number), dict[str, memoryview]()
+        for name, column in self.columns.items():
+            itemsize = np.dtype(column.dtype).itemsize * int(np.prod(column.shape))
+            with self._file(name).open("rb") as file:
+                file.seek(self.starts[name] + rows.start * itemsize)
+                out[name] = memoryview(file.read((rows.stop - rows.start) * itemsize))
+        return out
+
     def _put(self, name: str, row: int, values: Array) -> None:
         itemsize = values.dtype.itemsize * int(np.prod(values.shape[1:]))
         with self._file(name).open("r+b") as file:
@@ -141,8 +201,8 @@ class MapStore:
 
     def _begin(self, record: Mapping[str, object]) -> None:
         # What a process left that died before it had written the record may be written over.
-        own = {*(f"{name}.npy" for name in self.columns), _DONE, f"{_RECORD}.part"}
-        if any(file.name not in own for file in self.folder.iterdir()):
+        own = {*(f"{name}.npy" for name in self.columns), _DONE}
+        if any(file.name not in own and not is_draft(file.name) for file in self.folder.iterdir()):
             raise InputError(
                 f"work folder {self.folder}", value="holds other files", allowed="a new or empty folder, or one of "
                 "the same map", remedy="choose another folder",
@@ -161,9 +221,7 @@ class MapStore:
             del made
         (self.folder / _DONE).write_text("", encoding="ascii")
         # Last and in one go: a folder without a record is begun anew.
-        draft = self.folder / f"{_RECORD}.part"
-        draft.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-        draft.replace(self.folder / _RECORD)
+        write_whole(self.folder / _RECORD, json.dumps(record, indent=2) + "\n")
 
     def _go_on(self, record: Mapping[str, object]) -> None:
         try:
@@ -179,19 +237,16 @@ class MapStore:
             )
         for name, column in self.columns.items():
             array = self._opened(name)
-            if array.shape != (self.n, *column.shape) or array.dtype != np.dtype(column.dtype):
+            right = array.shape == (self.n, *column.shape) and array.dtype == np.dtype(column.dtype)
+            if not right or not array.flags.c_contiguous:
                 raise InputError(f"work folder {self.folder}: {name}", value=f"{array.dtype} {array.shape}")
             self.starts[name] = array.offset
-        # A line without its end was being written when the process died.
-        lines = (self.folder / _DONE).read_text(encoding="ascii").split("\n")[:-1]
-        if not all(line.isdigit() and int(line) < self.blocks for line in lines):
-            raise InputError(
-                f"work folder {self.folder}: {_DONE}", allowed="numbers of blocks", remedy="remove the folder"
-            )
-        self.done = set(map(int, lines))
-        draft = self.folder / f"{_DONE}.part"
-        draft.write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
-        draft.replace(self.folder / _DONE)
+        # A line that is not whole was being written when the process died, or has been damaged since.
+        lines = (self.folder / _DONE).read_bytes().decode("ascii", "replace").split("\n")[:-1]
+        found = [line for line in map(_LINE.fullmatch, lines) if line and int(line[1]) < self.blocks]
+        self.done = {int(line[1]): line[2] for line in found}
+        self._spoilt()
+        write_whole(self.folder / _DONE, "".join(f"{number} {sha256}\n" for number, sha256 in self.done.items()))
 
     def _opened(self, name: str) -> Any:
         try:

@@ -93,6 +93,7 @@ def test_the_distribution_is_the_rule_of_the_readings(
         np.testing.assert_allclose(found, k, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_figs_10_and_11_are_what_the_page_says(planes: dict[str, PlaneResult]) -> None:
     def shown(start: str) -> list[str]:
         return row(start)[2:]
@@ -118,12 +119,14 @@ def test_figs_10_and_11_are_what_the_page_says(planes: dict[str, PlaneResult]) -
     assert [n for n, b in zip(planes, best, strict=True) if b.endswith("/ 60")] == ["B"]
 
 
+@pytest.mark.slow
 def test_the_standard_deviation_varies_more_than_the_mean(planes: dict[str, PlaneResult]) -> None:
     for plane in planes.values():
         s = plane.statistics()
         assert s["std"].max() / s["std"].min() > s["mean"].max() / s["mean"].min()
 
 
+@pytest.mark.slow
 def test_mean_and_peak_to_valley_go_together_but_not_with_a_spindle(planes: dict[str, PlaneResult]) -> None:
     opposite = (PLANE_GAMMA_DEG[:-1] >= 15.0) & (PLANE_GAMMA_DEG[1:] <= 45.0)
     together = {name: plane.together() for name, plane in planes.items()}

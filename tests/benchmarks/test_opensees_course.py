@@ -12,7 +12,7 @@ from opensees_shell import run_opensees
 from shell_problems import COURSE
 
 pytestmark = pytest.mark.oracle
-oracles.load("openseespy")
+oracles.load_apart("openseespy.opensees")
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_opensees.md"
 OURS = {"quads here": "quad", "triangles here": "tri"}

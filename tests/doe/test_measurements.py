@@ -226,7 +226,7 @@ def test_optional_cells_may_be_empty(table: Write, xr701: Robot) -> None:
 def test_blank_lines_are_named_and_lines_still_counted(table: Write, xr701: Robot) -> None:
     m = read_measurements(table(HEADER, "", ROW, ",,,", "0,77.5,-650,-1.9", "", ""), xr701)
     assert m.row_numbers == (3, 5)
-    assert m.notes[-1] == "blank lines skipped: 2, 4, 6, 7"
+    assert m.notes[-1] == "blank lines skipped: 2, 4, 6-7"
 
 
 def test_a_quoted_cell_over_two_lines_keeps_the_line_numbers(table: Write, xr701: Robot) -> None:
@@ -241,7 +241,8 @@ def test_xlsx_reads_like_csv(tmp_path: Path, xr701: Robot) -> None:
     rows += [[float(cell) for cell in line] for line in lines[1:]]
     m = read_measurements(workbook(tmp_path / "data.XLSX", rows), xr701)
     assert_same(m, plain, rtol=0.0)  # the same decimal texts give the same doubles
-    assert (m.row_numbers, m.notes) == (plain.row_numbers, plain.notes)
+    left_out = "only the first sheet, Sheet, is read; left out: second"
+    assert (m.row_numbers, m.notes) == (plain.row_numbers, (*plain.notes, left_out))
 
 
 def test_xlsx_faults_have_line_numbers_after_blank_rows(tmp_path: Path, xr701: Robot) -> None:
@@ -250,7 +251,7 @@ def test_xlsx_faults_have_line_numbers_after_blank_rows(tmp_path: Path, xr701: R
         header,
         [5, 77.5, -650, -1.88],
         [None],
-        [5, 77.5, "=1/0", None],
+        [5, 77.5, "-650 N", None],
         [0, 77.5, True, "x"],
     ]
     found = faults(workbook(tmp_path / "data.xlsx", rows), xr701)
@@ -259,15 +260,6 @@ def test_xlsx_faults_have_line_numbers_after_blank_rows(tmp_path: Path, xr701: R
         "row 5, column fz_N",
         "row 5, column dz_mm",
     ]
-
-
-def test_xlsx_error_cell_is_not_an_empty_cell(tmp_path: Path, xr701: Robot) -> None:
-    book = openpyxl.Workbook()
-    book.active.append(HEADER.split(","))
-    book.active.append([5, 77.5, -650, "#DIV/0!"])
-    book.active["D2"].data_type = "e"
-    book.save(tmp_path / "data.xlsx")
-    assert "row 2, column dz_mm" in only_fault(tmp_path / "data.xlsx", xr701)
 
 
 # --- the file as a whole -------------------------------------------------------------------------
@@ -631,10 +623,10 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     target = tmp_path / "data.csv"
     target.write_text("old")
 
-    def full(self: Path, other: Path) -> None:
+    def full(source: Path, place: Path) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr("os.replace", full)
     with pytest.raises(OSError, match="disk full"):
         write_measurements(m, target, xr701)
     assert [path.name for path in tmp_path.iterdir()] == ["data.csv"]

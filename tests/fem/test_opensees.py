@@ -18,7 +18,7 @@ from meshes.shell_mesh import ShellMesh
 from robots import load_description
 
 pytestmark = pytest.mark.oracle
-oracles.load("openseespy")
+oracles.load_apart("openseespy.opensees")
 
 Array = NDArray[np.float64]
 

@@ -30,7 +30,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", action="append", default=[], help="a reader's name; may be given several times")
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="where failing inputs go")
     parser.add_argument("--no-metamorphic", action="store_true", help="leave out the changes that must not matter")
-    parser.add_argument("--replay", type=Path, nargs="+", help="try saved inputs, named READER/FILE, and say what they do")
+    parser.add_argument(
+        "--replay", type=Path, nargs="+", help="try saved inputs, named READER/FILE, and say what they do"
+    )
     a = parser.parse_args(arguments)
     if a.replay:
         return replay(a.replay)
@@ -65,7 +67,7 @@ def attack(a: argparse.Namespace) -> int:
 
 
 def save(finding: workers.Finding, out: Path) -> None:
-    """Keep a failing input, smaller where it fails the same, and say how to see it again."""
+    """Keep a failing input, and say how to see it again."""
     folder = out / folder_of(finding.reader)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{finding.signature}{finding.suffix}"

@@ -82,7 +82,11 @@ def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answ
     estimates = certainty(found.stages[0].result.estimate).estimates
     numbers = {"rms_mm": found.found.rms_mm, "left out": found.left_out_rms_mm}
     for e in estimates:
-        numbers |= {e.parameter.name: e.value, f"{e.parameter.name} low": e.interval[0], f"{e.parameter.name} high": e.interval[1]}
+        numbers |= {
+            e.parameter.name: e.value,
+            f"{e.parameter.name} low": e.interval[0],
+            f"{e.parameter.name} high": e.interval[1],
+        }
     return Answer(numbers, tuple(e.status for e in estimates))
 
 
@@ -99,7 +103,12 @@ def simulated(tables: list[Measurements]) -> Answer:
     data = join(tables)
     moved = steps.simulate(arm("xr701").model, data)
     return Answer(
-        {f"{pose} {load:.6g} N, {k}": float(v) for pose, load, row in zip(data.pose, data.loads_N, moved, strict=True) for k, v in enumerate(row)}, ()
+        {
+            f"{pose} {load:.6g} N, {k}": float(v)
+            for pose, load, row in zip(data.pose, data.loads_N, moved, strict=True)
+            for k, v in enumerate(row)
+        },
+        (),
     )
 
 
@@ -129,7 +138,15 @@ def repeated() -> tuple[tuple[str, ...], ...]:
             moved = deflection(model, q[None], np.array([[*force, 0.0, 0.0, 0.0]]))[0, :3] * 1e3
             for repeat in (1, 2):
                 read = moved + 0.01 * rng.normal(size=3)
-                rows.append((f"P{k}", str(repeat), *(f"{v:.4f}" for v in np.degrees(q)), *(f"{f:g}" for f in force), *(f"{v:.4f}" for v in read)))
+                rows.append(
+                    (
+                        f"P{k}",
+                        str(repeat),
+                        *(f"{v:.4f}" for v in np.degrees(q)),
+                        *(f"{f:g}" for f in force),
+                        *(f"{v:.4f}" for v in read),
+                    )
+                )
     return tuple(rows)
 
 
@@ -244,7 +261,9 @@ CHANGES: dict[str, Change] = {
 TURNED: Change = _one(_turned)
 
 
-def _differences(plain: Answer, changed: Answer, springs: float, ends: float, ignore: tuple[str, ...] = ()) -> list[str]:
+def _differences(
+    plain: Answer, changed: Answer, springs: float, ends: float, ignore: tuple[str, ...] = ()
+) -> list[str]:
     out = [] if plain.words == changed.words else [f"says {changed.words} instead of {plain.words}"]
     if plain.numbers.keys() != changed.numbers.keys():
         return [*out, f"has numbers of {sorted(plain.numbers.keys() ^ changed.numbers.keys())} in one of both only"]
@@ -288,7 +307,9 @@ def _plain(name: str) -> Answer:
     return engine.ask([read(arm(engine.robot).robot, text_of(engine.rows))])
 
 
-def compare(name: str, change: Change, ignore: tuple[str, ...] = (), springs: float | None = None, ends: float | None = None) -> list[str]:
+def compare(
+    name: str, change: Change, ignore: tuple[str, ...] = (), springs: float | None = None, ends: float | None = None
+) -> list[str]:
     """What an engine says otherwise of a changed table."""
     engine = ENGINES[name]
     changed = engine.ask(change(arm(engine.robot).robot, engine.rows))
@@ -302,7 +323,9 @@ def _check(engine: str, change: Change, ignore: tuple[str, ...] = ()) -> Check:
     return lambda: compare(engine, change, ignore)
 
 
-CHECKS: dict[str, Check] = {f"{engine}: {words}": _check(engine, change) for engine in ENGINES for words, change in CHANGES.items()}
+CHECKS: dict[str, Check] = {
+    f"{engine}: {words}": _check(engine, change) for engine in ENGINES for words, change in CHANGES.items()
+}
 del CHECKS["calibrate, staged: labels renamed"]  # the scheme names the poses
 del CHECKS["simulate: labels renamed"]  # answers go by labels here
 CHECKS |= {
@@ -312,9 +335,13 @@ CHECKS |= {
 }
 CHECKS |= {
     "calibrate, repeats: repeats in two tables": _check("calibrate, repeats", _split),
-    # Noise is estimated, and twice the readings have twice of it; the gauge's 0.01 mm stays, a thousandth of its square.
-    "calibrate, free springs: twice the load": lambda: compare("calibrate, free springs", _one(_scaled), ("rms", "left"), 1e-3, 1e-2),
-    "calibrate, repeats: twice the load": lambda: compare("calibrate, repeats", _one(_scaled), ("rms", "left"), 1e-3, 1e-2),
+    # Noise is estimated, and twice the readings have twice of it; only the gauge's 0.01 mm stays.
+    "calibrate, free springs: twice the load": lambda: compare(
+        "calibrate, free springs", _one(_scaled), ("rms", "left"), 1e-3, 1e-2
+    ),
+    "calibrate, repeats: twice the load": lambda: compare(
+        "calibrate, repeats", _one(_scaled), ("rms", "left"), 1e-3, 1e-2
+    ),
 }
 
 

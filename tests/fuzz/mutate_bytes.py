@@ -58,7 +58,8 @@ def insert(data: bytes, rng: Rng, _: Sequence[bytes]) -> bytes:
 def run_of_one(data: bytes, rng: Rng, _: Sequence[bytes]) -> bytes:
     """A very long run of one character or of an opening bracket."""
     at = below(rng, len(data) + 1)
-    return data[:at] + one(rng, (b"[", b"{", b"(", b"9", b"A", b" ", b",", b"\n", b"<a>", b"-")) * one(rng, _LONG) + data[at:]
+    piece = one(rng, (b"[", b"{", b"(", b"9", b"A", b" ", b",", b"\n", b"<a>", b"-"))
+    return data[:at] + piece * one(rng, _LONG) + data[at:]
 
 
 def reencode(data: bytes, rng: Rng, _: Sequence[bytes]) -> bytes:
@@ -132,7 +133,8 @@ def line(data: bytes, rng: Rng, others: Sequence[bytes]) -> bytes:
 
 
 PLAIN: tuple[Mutation, ...] = (
-    flip, delete, duplicate, splice, truncate, insert, run_of_one, reencode, number, number, number, scaled, word, line, line,
+    flip, delete, duplicate, splice, truncate, insert, run_of_one, reencode, number, number, number, scaled, word, line,
+    line,
 )  # fmt: skip
 
 

@@ -17,8 +17,10 @@ from .mutate_bytes import Mutation
 from .samples import NUMBERS, TEXTS, Rng, below, chance, one, span
 
 _ATTRIBUTES = (
-    b"0 0 0", b"0 0 1", b"1e200 1e200 1e200", b"nan 0 0", b"0 0", b"0 0 0 0", b"1e-320 0 0", b"fixed", b"revolute", b"continuous",
-    b"prismatic", b"mimic", b"base_link", b"package://x/y.stl", b"file:///etc/passwd", b"1e308 1e308 1e308", b"${x}", b"$(arg x)",
+    b"0 0 0", b"0 0 1", b"1e200 1e200 1e200", b"nan 0 0", b"0 0", b"0 0 0 0", b"1e-320 0 0", b"fixed", b"revolute",
+    b"continuous",
+    b"prismatic", b"mimic", b"base_link", b"package://x/y.stl", b"file:///etc/passwd", b"1e308 1e308 1e308", b"${x}",
+    b"$(arg x)",
 )  # fmt: skip
 
 
@@ -66,17 +68,26 @@ def _attribute(a: etree._Element, b: etree._Element, rng: Rng, how: int) -> None
 
 
 GCODE = (
-    b"G0", b"G1 X1 Y2 Z3", b"G2 X10 Y0 I5 J0", b"G3 X0 Y0 R-5", b"G2 X0 Y0 I0 J0 K1", b"G17", b"G18", b"G20", b"G21", b"G28",
-    b"G40", b"G41 D1", b"G43 H1", b"G43.4 H1", b"G54", b"G68 R90", b"G81 Z-5 R2 F100", b"G83 Z-50 Q1e-9 R2", b"G90", b"G91", b"G92 X0", b"G93",
-    b"G94", b"G95", b"G98", b"M3 S1e9", b"M6 T1", b"M30", b"M98 P1000 L999999", b"F0", b"F1e308", b"(", b")", b"%", b"/", b"O1000", b"#1=5",
-    b"X#1", b"G4 P1e300", b"G1 A1e9 B90 C-90", b"TRAORI", b"N" + b"9" * 400, b"G" + b"9" * 400, b"G1 X1e200 Y1e200", b"G90.1", b"G2 X1 I1e-200",
+    b"G0", b"G1 X1 Y2 Z3", b"G2 X10 Y0 I5 J0", b"G3 X0 Y0 R-5", b"G2 X0 Y0 I0 J0 K1", b"G17", b"G18", b"G20", b"G21",
+    b"G28",
+    b"G40", b"G41 D1", b"G43 H1", b"G43.4 H1", b"G54", b"G68 R90", b"G81 Z-5 R2 F100", b"G83 Z-50 Q1e-9 R2", b"G90",
+    b"G91", b"G92 X0", b"G93",
+    b"G94", b"G95", b"G98", b"M3 S1e9", b"M6 T1", b"M30", b"M98 P1000 L999999", b"F0", b"F1e308", b"(", b")", b"%",
+    b"/", b"O1000", b"#1=5",
+    b"X#1", b"G4 P1e300", b"G1 A1e9 B90 C-90", b"TRAORI", b"N" + b"9" * 400, b"G" + b"9" * 400, b"G1 X1e200 Y1e200",
+    b"G90.1", b"G2 X1 I1e-200",
 )  # fmt: skip
 APT = (
-    b"GOTO/1,2,3", b"GOTO/1,2,3,0,0,0", b"GOTO/1e200,0,0,0,0,1", b"GODLTA/1,1,1", b"FEDRAT/0,MMPM", b"FEDRAT/1e308,IPM", b"FEDRAT/0.1,MMPR",
-    b"RAPID", b"SPINDL/RPM,1e308,CLW", b"UNITS/INCHES", b"UNITS/MM", b"MULTAX/ON", b"CIRCLE/0,0,0,0,0,1,5", b"CIRCLE/0,0,0,0,0,0,5",
-    b"CYCLE/DRILL,DEPTH,10,MMPM,100,CLEAR,3", b"CYCLE/DEEP,10,STEP,1e-9", b"CYCLE/OFF", b"MSYS/0,0,0,1,0,0,0,1,0", b"MSYS/0,0,0,0,0,0,0,0,0", b"TRANS/1e308,0,0",
-    b"ORIGIN/1,2,3", b"LOADTL/" + b"9" * 400, b"TLDATA/MILL,nan,0,0,0,0", b"CUTTER/1e308", b"PAINT/COLOR,1", b"FINI", b"INDIRV/0,0,1", b"TLON,GOFWD/ (CIRCLE/0,0,0,$",
-    b"END-OF-PATH", b"$$", b"COPY/1,SAME,999999", b"ARCSLP/ON", b"MOVARC/0,0,0,0,0,1,5,ANGLE,1e9", b"GOTO/$", b"PPRINT/" + b"x" * 3000,
+    b"GOTO/1,2,3", b"GOTO/1,2,3,0,0,0", b"GOTO/1e200,0,0,0,0,1", b"GODLTA/1,1,1", b"FEDRAT/0,MMPM",
+    b"FEDRAT/1e308,IPM", b"FEDRAT/0.1,MMPR",
+    b"RAPID", b"SPINDL/RPM,1e308,CLW", b"UNITS/INCHES", b"UNITS/MM", b"MULTAX/ON", b"CIRCLE/0,0,0,0,0,1,5",
+    b"CIRCLE/0,0,0,0,0,0,5",
+    b"CYCLE/DRILL,DEPTH,10,MMPM,100,CLEAR,3", b"CYCLE/DEEP,10,STEP,1e-9", b"CYCLE/OFF", b"MSYS/0,0,0,1,0,0,0,1,0",
+    b"MSYS/0,0,0,0,0,0,0,0,0", b"TRANS/1e308,0,0",
+    b"ORIGIN/1,2,3", b"LOADTL/" + b"9" * 400, b"TLDATA/MILL,nan,0,0,0,0", b"CUTTER/1e308", b"PAINT/COLOR,1", b"FINI",
+    b"INDIRV/0,0,1", b"TLON,GOFWD/ (CIRCLE/0,0,0,$",
+    b"END-OF-PATH", b"$$", b"COPY/1,SAME,999999", b"ARCSLP/ON", b"MOVARC/0,0,0,0,0,1,5,ANGLE,1e9", b"GOTO/$",
+    b"PPRINT/" + b"x" * 3000,
 )  # fmt: skip
 _PIECE = re.compile(rb"[A-Za-z_$%#]+|[-+]?[\d.]+(?:[eE][-+]?\d+)?|\s+|.", re.S)
 
@@ -106,7 +117,9 @@ def _words(data: bytes, rng: Rng, others: Sequence[bytes], vocabulary: tuple[byt
         pieces = _PIECE.findall(lines[i])
         if pieces:
             k = below(rng, len(pieces))
-            pieces[k : k + 1] = one(rng, ([], [pieces[k]] * 2, [one(rng, NUMBERS)], [one(rng, pieces)], [b"-" + pieces[k]]))
+            pieces[k : k + 1] = one(
+                rng, ([], [pieces[k]] * 2, [one(rng, NUMBERS)], [one(rng, pieces)], [b"-" + pieces[k]])
+            )
             lines[i] = b"".join(pieces)
     return b"\n".join(lines)
 

@@ -53,8 +53,22 @@ def _swap_names(rows: Rows, rng: Rng) -> Rows:
 def _rename_column(rows: Rows, rng: Rng) -> Rows:
     head = list(rows[0])
     k = below(rng, len(head))
-    extra = (b"", b"Q1_DEG", b"sigma_mm", b"px_mm", b"repeat", b"phase", b"step", b"pose", b"dx_mm", b"rz_mrad", b"joint")
-    head[k] = one(rng, (head[k].replace(b"_mm", b"_m"), head[k].replace(b"_deg", b"_rad"), head[k] + b".1", *extra, *TEXTS))
+    extra = (
+        b"",
+        b"Q1_DEG",
+        b"sigma_mm",
+        b"px_mm",
+        b"repeat",
+        b"phase",
+        b"step",
+        b"pose",
+        b"dx_mm",
+        b"rz_mrad",
+        b"joint",
+    )
+    head[k] = one(
+        rng, (head[k].replace(b"_mm", b"_m"), head[k].replace(b"_deg", b"_rad"), head[k] + b".1", *extra, *TEXTS)
+    )
     return [head, *rows[1:]]
 
 
@@ -76,7 +90,20 @@ def _ragged(rows: Rows, rng: Rng) -> Rows:
 def _cell(rows: Rows, rng: Rng) -> Rows:
     k = below(rng, len(rows))
     row = list(rows[k])
-    new = (b'"', b'""', b'"1', b"=A1", b"=1/0", b"#DIV/0!", b"1,5", b"2026-11-22", b"loading", b"unloading", b"1e400", b" 1 ")
+    new = (
+        b'"',
+        b'""',
+        b'"1',
+        b"=A1",
+        b"=1/0",
+        b"#DIV/0!",
+        b"1,5",
+        b"2026-11-22",
+        b"loading",
+        b"unloading",
+        b"1e400",
+        b" 1 ",
+    )
     row[below(rng, len(row))] = one(rng, (*NUMBERS, *TEXTS, *new))
     return [*rows[:k], row, *rows[k + 1 :]]
 
@@ -102,21 +129,24 @@ def _fewer_rows(rows: Rows, rng: Rng) -> Rows:
 
 
 _CHANGES: tuple[Callable[[Rows, Rng], Rows], ...] = (
-    _drop_column, _double_column, _order_columns, _swap_names, _rename_column, _shuffle_rows, _header_again, _ragged, _cell,
+    _drop_column, _double_column, _order_columns, _swap_names, _rename_column, _shuffle_rows, _header_again, _ragged,
+    _cell,
     _cell, _cell, _column_of_one, _more_rows, _more_columns, _fewer_rows,
 )  # fmt: skip
 
 _CELL = re.compile(rb"<c\b[^>]*?(?:/>|>.*?</c>)", re.S)
 _PLACE = re.compile(rb'\br="[A-Z]+\d+"')
 _INSTEAD = (
-    b"<c r=%s><f>A1+1</f></c>", b"<c r=%s><f>A1+1</f><v></v></c>", b'<c r=%s t="e"><v>#DIV/0!</v></c>', b'<c r=%s t="b"><v>1</v></c>',
-    b'<c r=%s t="s"><v>99999</v></c>', b'<c r=%s t="inlineStr"><is><t>1,5</t></is></c>', b'<c r=%s t="d"><v>2026-11-22</v></c>',
+    b"<c r=%s><f>A1+1</f></c>", b"<c r=%s><f>A1+1</f><v></v></c>", b'<c r=%s t="e"><v>#DIV/0!</v></c>',
+    b'<c r=%s t="b"><v>1</v></c>',
+    b'<c r=%s t="s"><v>99999</v></c>', b'<c r=%s t="inlineStr"><is><t>1,5</t></is></c>',
+    b'<c r=%s t="d"><v>2026-11-22</v></c>',
     b"<c r=%s><v>1e400</v></c>", b"<c r=%s><v>nan</v></c>", b'<c r=%s t="x"><v>1</v></c>', b"<c r=%s/>", b"",
 )  # fmt: skip
 
 
 def workbook(data: bytes, rng: Rng, others: Sequence[bytes]) -> bytes:
-    """A change of one member of an XLSX, its archive whole: a cell, a merge, a cell far away, the XML, a lost member."""
+    """A change of one member of an XLSX, its archive whole: a cell, a merge, a far cell, the XML, a lost member."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
@@ -160,7 +190,9 @@ def _other_cell(sheet: bytes, rng: Rng) -> bytes:
 
 def _merged(sheet: bytes, rng: Rng) -> bytes:
     area = one(rng, (b"A1:B2", b"B2:B4", b"A2:G2", b"A1:XFD1048576", b"D3", b"Z9:A1", b""))
-    return sheet.replace(b"</sheetData>", b'</sheetData><mergeCells count="1"><mergeCell ref="%s"/></mergeCells>' % area)
+    return sheet.replace(
+        b"</sheetData>", b'</sheetData><mergeCells count="1"><mergeCell ref="%s"/></mergeCells>' % area
+    )
 
 
 def _far_cell(sheet: bytes, rng: Rng) -> bytes:

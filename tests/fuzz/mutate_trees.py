@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from .mutate_bytes import Mutation
-from .samples import NUMBERS, TEXTS, Rng, below, chance, one
+from .samples import NUMBERS, TEXTS, Rng, chance, one
 
 Path = tuple[str | int, ...]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -242,10 +242,13 @@ _VALUES: tuple[Callable[[Any, Rng], Any], ...] = (
     lambda node, _: node[0] if isinstance(node, list) and node else node,
     lambda _, rng: _nest(rng),
     lambda _, rng: [1.0] * one(rng, (1, 2, 4, 7, 5000)),
-    lambda _, rng: one(rng, ("deg", "rad", "mm", "m", "kg", "lb", "N", "inch", "1", "N m/rad", "j1", "j2", "base", "tool0")),
+    lambda _, rng: one(
+        rng, ("deg", "rad", "mm", "m", "kg", "lb", "N", "inch", "1", "N m/rad", "j1", "j2", "base", "tool0")
+    ),
     lambda _, rng: Raw(one(rng, ("1979-05-27", "07:32:00", "'''x'''", '"\\u0000"', '"\\ud800"', "+inf"))),
 )
 _CHANGES: tuple[Callable[[Any, Rng], Any], ...] = (
-    _drop, _retype, _retype, _figure, _figure, _figure, _swap, _copy_over, _copy_over, _twice, _grow, _reorder, _unknown,
+    _drop, _retype, _retype, _figure, _figure, _figure, _swap, _copy_over, _copy_over, _twice, _grow, _reorder,
+    _unknown,
     _rename,
 )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from functools import cache
 from pathlib import Path
@@ -13,17 +14,22 @@ import numpy as np
 import trimesh
 
 import fem
-from fem.effects import build_arm
+from doe import bundled_data, read_measurements
+from doe.campaign import campaign_of
+from fem.effects import build_arm, reading_effects
 from meshes.array_cache import ArrayCache
 from meshes.shell_files import load_shell, save_shell
 from meshes.shell_mesh import ShellMesh
 from meshes.surface_reading import read_surface
 from robots import forward_kinematics, load_description, load_robot, read_urdf
 from robots.library import parse_description, to_toml
+from robots.published import FORM, JOURNAL, heal
 from robots.robot import Robot, robot_from
-from stiffarm.inputs import read_model
+from stiffarm.calibrating import Request, calibrate
+from stiffarm.inputs import ModelInput, read_model
 from stiffarm.map_options import read_map_options
 from stiffarm.map_request import MapRequest, evaluate
+from stiffarm.simulation import of_pose
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.fit import fit
@@ -61,6 +67,43 @@ def _checked_robot(robot: Robot, where: str) -> None:
     require(np.allclose(R @ R.swapaxes(1, 2), np.eye(3), atol=1e-6), f"{where} rotations: no rotations")
 
 
+LAWS = {
+    "j1": 'stiffness = { value = 2e6, unit = "N m/rad", source = "assumed" }',
+    "j2": 'stiffness = { kind = "table", input = "q2_deg", nodes_deg = [-90, 0], stiffness_Nm_per_rad = [1e6, 2e6], '
+    'source = "assumed" }',
+    "j3": 'stiffness = { kind = "log-fourier", input = "q3_deg", coefficients = [14, 0.1, -0.1], source = "assumed" }',
+    "j4": 'stiffness = { kind = "log-polynomial", inputs = ["q4_deg"], centre_deg = [0], half_range_deg = [180], '
+    'exponents = [[0], [2]], coefficients = [12, 0.1], source = "assumed" }',
+}
+EFFECTS = """
+[[effect]]
+code = "backlash:j2"
+parameters.gap = { value = 0.5, unit = "mrad", source = "assumed" }
+parameters.crossing = { value = 20, unit = "N m", source = "assumed" }
+parameters.preload = { value = 100, unit = "%", source = "assumed" }
+[[effect]]
+code = "friction:j3"
+parameters.share = { value = 1, unit = "1", source = "assumed" }
+parameters.friction = { value = 100, unit = "N m", source = "assumed" }
+[[effect]]
+code = "base-tilt"
+parameters.stiffness_y = { value = 2e7, unit = "N m/rad", source = "assumed" }
+"""
+
+
+def _models() -> list[Sample]:
+    """The bundled robots; one with laws and effects; one as a calibration leaves it, covariance and all."""
+    sprung = re.sub(r"\nstiffness = .*", "", (DATA / "kr60-3.toml").read_text(encoding="utf-8"))
+    for joint, law in LAWS.items():
+        sprung = sprung.replace(f'[[joint]]\nname = "{joint}"', f'[[joint]]\nname = "{joint}"\n{law}')
+    given = read_model("xr701", "beam", None)
+    data = read_measurements(bundled_data("xr701"), given.robot)
+    request = Request(campaign_of("xr701", ("j2.stiffness", "j3.stiffness")))
+    calibrated = to_toml(calibrate(given, data, request).description)
+    made = [Sample(".toml", text.encode()) for text in (sprung + EFFECTS, calibrated)]
+    return [*texts(*sorted(DATA.glob("*.toml"))), *made]
+
+
 def _model(path: Path) -> object:
     description = load_description(path)
     _checked_robot(robot_from(description), "model")
@@ -74,6 +117,9 @@ def _model(path: Path) -> object:
     with np.errstate(all="ignore"):
         scaled = np.nan_to_num(C[0] / np.outer(scale, scale))
     require(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() > -1e-6, "model compliance: energy out of nothing")
+    given = ModelInput(description, model.robot, model, reading_effects(description, model))
+    found = of_pose(given, q[0], np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]), False)
+    require(None not in found["displacement"].values(), "model deflection: not finite")
     return model
 
 
@@ -89,9 +135,9 @@ def _urdf(path: Path) -> object:
 @cache
 def _surfaces() -> tuple[Sample, ...]:
     box = trimesh.creation.box((0.4, 0.3, 0.2))
-    out = [Sample(f".{kind}", _bytes(box.export(file_type=kind))) for kind in ("stl", "stl_ascii", "obj", "ply", "dae")]
+    kinds = ("stl", "stl_ascii", "obj", "ply", "dae")
+    out = [Sample(f".{kind.partition('_')[0]}", _bytes(box.export(file_type=kind))) for kind in kinds]
     plain = _bytes(box.export(file_type="ply", encoding="ascii"))
-    out = [Sample(".stl", s.data) if s.suffix == ".stl_ascii" else s for s in out]
     quads = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nusemtl x\nf 1//1 2//1 3//1 4//1\nf -1 -2 -3\n"
     return (*out, Sample(".ply", plain), Sample(".obj", quads), *texts(ROOT / "tests/robots/data/meshes/pyramid.stl"))
 
@@ -103,14 +149,16 @@ def _bytes(data: bytes | str) -> bytes:
 def _surface(path: Path) -> object:
     nodes, faces, notes = read_surface(path, None)
     require(np.isfinite(nodes).all(), "surface corners: not finite")
-    require(bool(faces.size) and faces.min() >= 0 and faces.max() < len(nodes), "surface faces: of corners that are not there")
+    there = bool(faces.size) and faces.min() >= 0 and faces.max() < len(nodes)
+    require(there, "surface faces: of corners that are not there")
     return notes
 
 
 @cache
 def _shell_mesh() -> ShellMesh:
-    corners = np.array([[x, y, z] for z in (0.0, 0.5, 1.0) for x, y in ((0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1))], dtype=float)
-    quads = [[4 * k + i, 4 * k + (i + 1) % 4, 4 * k + 4 + (i + 1) % 4, 4 * k + 4 + i] for k in range(2) for i in range(4)]
+    square = ((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1))
+    corners = np.array([[x, y, z] for z in (0.0, 0.5, 1.0) for x, y in square])
+    quads = [[4 * k + i, 4 * k + (i + 1) % 4, 4 * k + 4 + (i + 1) % 4, 4 * k + 4 + i] for k in (0, 1) for i in range(4)]
     rings = {"root": np.arange(4), "tip": np.arange(8, 12)}
     triangles = np.zeros((0, 3), dtype=np.int64)
     return ShellMesh("tube", corners, triangles, np.array(quads), np.full(8, 0.01), 2.1e11, 0.3, rings)
@@ -159,7 +207,8 @@ def _cached(path: Path) -> object:
     found = ArrayCache(folder).get(KEY)
     # The mark, the key and the checksum are in the head: what comes back is what was put, or nothing.
     if found is not None:
-        require(all(same(found.get(name), array) for name, array in _KEPT.items()), "kept arrays: not those that were put")
+        whole = all(same(found.get(name), array) for name, array in _KEPT.items())
+        require(whole, "kept arrays: not those that were put")
     return found
 
 
@@ -181,7 +230,8 @@ def _learned() -> Surrogate:
     couplings = Couplings(("sum",), np.array([[1.0, 1.0]]), np.array([-np.inf]), np.array([2.7]))
     scope = Scope(
         robot="xr701", model_hash="0f" * 32, load_direction=(0.6, 0.0, -0.8), inputs=("q2_deg", "q3real_deg"),
-        fixed_deg={"q1_deg": 0.1, "q4_deg": -12.3}, lower=lower, upper=upper, couplings=couplings, periodic=(False, True),
+        fixed_deg={"q1_deg": 0.1, "q4_deg": -12.3}, lower=lower, upper=upper, couplings=couplings,
+        periodic=(False, True),
     )  # fmt: skip
     rng = np.random.default_rng(0)
     Q = space_filling_design(lower, upper, 60, rng, couplings=couplings)
@@ -191,15 +241,21 @@ def _learned() -> Surrogate:
     small = found.basis.take(np.arange(3))
     return Surrogate(
         **{name: getattr(scope, name) for name in Scope.__dataclass_fields__},
-        quantity=Quantity("compliance", "m/N", "compliance"), basis="polynomial", degree=found.basis.degree, target="logarithm",
+        quantity=Quantity("compliance", "m/N", "compliance"), basis="polynomial", degree=found.basis.degree,
+        target="logarithm",
         expansion=found.basis.expansion(found.coefficients),
         errors=ErrorFigures("polynomial", 2, "logarithm", 3, 4, 5, *(0.1,) * 5, 0.95, 300.0, None, 0.2),
         bars=bars,
         parameters=ParameterBars(
-            small.expansion(1e-8 * np.arange(6.0).reshape(3, 2)), ("j2", "j3"), 0.01, ("j4",), small.expansion(np.array([0.1, 0.0, 0.0]))
+            small.expansion(1e-8 * np.arange(6.0).reshape(3, 2)), ("j2",
+            "j3"), 0.01, ("j4",), small.expansion(np.array([0.1, 0.0, 0.0]))
         ),
         kinematics=load_robot("xr701"), fixed_influence={"q1_deg": 0.0, "q4_deg": 1.0 / 3.0}, notes=("made up",),
     )  # fmt: skip
+
+
+def _surrogates() -> list[Sample]:
+    return [_saved(lambda path: save_surrogate(_learned(), path), ".json")]
 
 
 def _surrogate(path: Path) -> object:
@@ -207,7 +263,9 @@ def _surrogate(path: Path) -> object:
     copy = path.with_name("copy.json")
     save_surrogate(found, copy)
     again = load_surrogate(copy)
-    require(same(again.expansion.coefficients, found.expansion.coefficients), "surrogate round trip: other coefficients")
+    require(
+        same(again.expansion.coefficients, found.expansion.coefficients), "surrogate round trip: other coefficients"
+    )
     answer = query(found, 0.5 * (found.lower + found.upper)[None])
     if not answer.faults:
         require_finite(answer.value, "surrogate value")
@@ -254,6 +312,10 @@ def _worked() -> dict[str, bytes]:
     return _work()
 
 
+def _work_files() -> list[Sample]:
+    return [Sample(f".{name}", data) for name, data in _worked().items()]
+
+
 def _map_work(path: Path) -> object:
     """One file of a work folder changed: a block that counts as done holds what was written."""
     folder = path.parent / "work"
@@ -270,16 +332,51 @@ def _map_work(path: Path) -> object:
     return store
 
 
-OBJ: tuple[Mutation, ...] = (words((b"f 1 2 3", b"f 1 2 99999", b"f 0 0 0", b"v nan 0 0", b"v 1e308 1e308 1e308", b"f -9 -8 -7", b"l 1 2", b"g x")), binary_stl, xml)
-REQUEST: tuple[Mutation, ...] = (JSON,)
+OBJ = words((b"f 1 2 3", b"f 1 2 99999", b"f 0 0 0", b"v nan 0 0", b"v 1e308 1e308 1e308", b"f -9 -8 -7", b"l 1 2"))
+
+
+def _journals() -> list[Sample]:
+    names = {name: hashlib.sha256(content).hexdigest() for name, content in _NEW.items()}
+    content = {"schema": FORM, "stage": _STAGE, "backup": "previous/20261122-101112", "made": ["sub"], "sha256": names}
+    return [Sample(".json", json.dumps(content, indent=1).encode())]
+
+
+_STAGE, _NEW = ".partial-0123456789ab", {"a.txt": b"new a", "sub/b.txt": b"new b"}
+
+
+def _journal(path: Path) -> object:
+    """A run killed while its results moved, and a journal that says anything: nothing is lost, nothing gets out."""
+    folder, beside = path.parent / "published", path.parent / "beside.txt"
+    shutil.rmtree(folder, ignore_errors=True)
+    for name, content in {"a.txt": b"old a", **{f"{_STAGE}/{name}": new for name, new in _NEW.items()}}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    beside.write_bytes(b"somebody else's")
+    shutil.copyfile(path, folder / JOURNAL)
+    try:
+        heal(folder)
+    finally:
+        require(beside.read_bytes() == b"somebody else's", "journal: a file outside of the folder has changed")
+        kept = [p.read_bytes() for p in folder.rglob("*") if p.is_file()]
+        require(b"old a" in kept, "journal: the result before is lost")
+    return None
+
+
+SURFACE: tuple[Mutation, ...] = (OBJ, binary_stl, xml)
 
 READERS: dict[str, Reader] = {
-    "model file": Reader(lambda: texts(*sorted(DATA.glob("*.toml"))), _model, (TOML,), cost=12.0),
-    "URDF": Reader(lambda: texts(*sorted(URDFS.glob("*.urdf"))), _urdf, (xml,), cost=3.0),
-    "surface file": Reader(lambda: list(_surfaces()), _surface, OBJ, cost=3.0),
+    "model file": Reader(_models, _model, (TOML,), cost=12.0),
+    "URDF": Reader(
+        lambda: texts(*(URDFS / f"{name}.urdf" for name in ("six_axis", "crooked", "offset_wrist"))),
+        _urdf,
+        (xml,),
+        cost=3.0,
+    ),
+    "surface file": Reader(lambda: list(_surfaces()), _surface, SURFACE, cost=3.0),
     "shell file": Reader(_shells, _shell, (arrays,)),
     "array cache": Reader(_kept, _cached, (arrays,)),
-    "surrogate file": Reader(lambda: [_saved(lambda p: save_surrogate(_learned(), p), ".json")], _surrogate, (JSON,), _seal_json, cost=2.0),
-    "map request": Reader(lambda: [Sample(".json", _request().text.encode())], _map_request, REQUEST, cost=20.0),
-    "map work": Reader(lambda: [Sample(f".{name}", data) for name, data in _worked().items()], _map_work, (JSON,), cost=2.0),
+    "surrogate file": Reader(_surrogates, _surrogate, (JSON,), _seal_json, cost=2.0),
+    "map request": Reader(lambda: [Sample(".json", _request().text.encode())], _map_request, (JSON,), cost=4.0),
+    "journal of results": Reader(_journals, _journal, (JSON,), cost=6.0),
+    "map work": Reader(_work_files, _map_work, (JSON,), cost=2.0),
 }

@@ -15,7 +15,7 @@ from doe.campaign import load_campaign
 from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from fem import ArmModel, build_model
-from robots import load_description, load_robot
+from robots import load_description
 
 from .mutate_tables import TABLE, WORKBOOK
 from .readers_arm import TOML
@@ -23,8 +23,8 @@ from .registry import Reader
 from .samples import Sample
 from .trial import ROOT, require, require_finite
 
-WIDE = """pose,repeat,phase,step,q1_deg,q2_deg,q3real_deg,q4_deg,q5_deg,q6_deg,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,dx_mm,dy_mm,dz_mm,\
-rx_mrad,ry_mrad,rz_mrad,px_mm,py_mm,pz_mm,sigma_mm,who
+WIDE = """pose,repeat,phase,step,q1_deg,q2_deg,q3real_deg,q4_deg,q5_deg,q6_deg,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,\
+dx_mm,dy_mm,dz_mm,rx_mrad,ry_mrad,rz_mrad,px_mm,py_mm,pz_mm,sigma_mm,who
 A,1,loading,1,0,10,90,0,10,0,0,0,-100,0,0,1,0.1,-0.02,-0.21,,0.1,,0,0,200,0.01,anna
 A,2,loading,2,0,10,90,0,10,0,0,0,-200,0,0,2,0.2,-0.04,-0.42,,0.2,,0,0,200,0.01,anna
 A,3,unloading,3,0,10,90,0,10,0,0,0,-100,0,0,1,0.11,-0.02,-0.23,,0.11,,0,0,200,0.01,bert
@@ -117,7 +117,9 @@ def _measurements(path: Path) -> object:
     robot = _xr701().robot
     found = read_measurements(path, robot)
     require_finite(found, "measurements", frozenset({"displacement", "point", "sigma", "step"}))
-    require(not np.isinf(found.displacement).any() and not np.isinf(found.point).any(), "measurements: infinite readings")
+    require(
+        not np.isinf(found.displacement).any() and not np.isinf(found.point).any(), "measurements: infinite readings"
+    )
     require(found.used.any(axis=1).all(), "measurements: a row without a reading")
     require(bool(robot.reachable(found.q).all()), "measurements: a pose off the limits")
     copy = path.with_name("copy.csv")
@@ -173,8 +175,12 @@ def _campaign(path: Path) -> object:
 READERS: dict[str, Reader] = {
     "measurement file": Reader(_tables, _measurements, TABLE, cost=2.0),
     "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
-    "measurement file: joint twists": Reader(lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0),
-    "measurement file: workbook of joint twists": Reader(lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0),
+    "measurement file: joint twists": Reader(
+        lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0
+    ),
+    "measurement file: workbook of joint twists": Reader(
+        lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0
+    ),
     "scheme file": Reader(lambda: [Sample(".toml", (ROOT / "doe/schemes/xr701.toml").read_bytes())], _scheme, (TOML,)),
     "calibration file": Reader(lambda: [Sample(".toml", CAMPAIGN), Sample(".toml", POLYNOMIAL)], _campaign, (TOML,)),
 }

@@ -34,7 +34,7 @@ from .samples import Sample
 from .trial import ROOT, require, require_finite
 
 sys.path.append(str(ROOT / "tests" / "machining"))  # the programs that the tests of the shop floor share
-from program_cases import PLAIN, busy, program_of  # noqa: E402
+from program_cases import PLAIN, busy, program_of
 
 SAMPLES = ROOT / "tests" / "machining" / "toolpath_samples"
 EXAMPLES = ROOT / "docs" / "examples"
@@ -195,7 +195,8 @@ def _placements() -> list[Sample]:
 def _placement(path: Path) -> object:
     found = read_placement(path)
     require_finite(found, "placement")
-    for name, values in (("travels", found.at_moves()), ("gamma", found.gamma_at_moves()), ("joints", found.joints_at_moves())):
+    at = {"travels": found.at_moves(), "gamma": found.gamma_at_moves(), "joints": found.joints_at_moves()}
+    for name, values in at.items():
         require(len(values) == found.count, f"placement {name}: not one for each move")
         require_finite(values, f"placement {name}")
     return found
@@ -219,7 +220,8 @@ def _program(robot: str = "kr60-3") -> JointProgram:
 
 
 def _programs() -> list[Sample]:
-    return [Sample(f".{name}", next(iter(write_program(_program(), name).texts().values())).encode()) for name in ("json", "csv")]
+    texts_of = {name: write_program(_program(), name).texts() for name in ("json", "csv")}
+    return [Sample(f".{name}", next(iter(files.values())).encode()) for name, files in texts_of.items()]
 
 
 def _read_program(path: Path) -> object:
@@ -274,9 +276,12 @@ def _read_back(path: Path) -> object:
 
 TEMPLATES = ROOT / "machining" / "programs" / "templates"
 JINJA = (
-    b"{% for i in range(10**9) %}x{% endfor %}", b"{{ 7 * 7 }}", b"{% include 'krl/main.j2' %}", b"{% import 'x' as y %}", b"{{ o }}",
-    b"{{ undefined }}", b"{% macro a() %}{{ a() }}{% endmacro %}{{ a() }}", b"{{ 'x' * 10**9 }}", b"{{ ''.__class__ }}", b"{% if %}", b"{{",
-    b"{{ 10**10**8 }}", b"{{ [0] * 10**9 }}", b"{{ 1 / 0 }}", b"{{ '%0999999999d' % 1 }}", b"{{ 'x'.rjust(10**9) }}", b"{% set x = namespace() %}",
+    b"{% for i in range(10**9) %}x{% endfor %}", b"{{ 7 * 7 }}", b"{% include 'krl/main.j2' %}",
+    b"{% import 'x' as y %}", b"{{ o }}",
+    b"{{ undefined }}", b"{% macro a() %}{{ a() }}{% endmacro %}{{ a() }}", b"{{ 'x' * 10**9 }}",
+    b"{{ ''.__class__ }}", b"{% if %}", b"{{",
+    b"{{ 10**10**8 }}", b"{{ [0] * 10**9 }}", b"{{ 1 / 0 }}", b"{{ '%0999999999d' % 1 }}", b"{{ 'x'.rjust(10**9) }}",
+    b"{% set x = namespace() %}",
 )  # fmt: skip
 
 
@@ -302,15 +307,18 @@ def _session() -> Session:
     # Equal springs: the bundled arm has none, and nothing would give way.
     model = build_model(load_description("kr60-3"), "rigid")
     cell = (EXAMPLES / "serve" / "cell.toml").read_text(encoding="utf-8")
-    return Session(model.with_springs(dict.fromkeys(model.robot.joint_names, 1e6)), parse_cell(cell, "cell", EXAMPLES / "serve"))
+    sprung = model.with_springs(dict.fromkeys(model.robot.joint_names, 1e6))
+    return Session(sprung, parse_cell(cell, "cell", EXAMPLES / "serve"))
 
 
 _POSE = [10.0, -80.0, 40.0, 15.0, 60.0, 20.0]
 _AT = {"point_mm": [0, 0, 0], "tool_axis": [0.1, 0.2, 1]}
 REQUESTS: tuple[dict[str, Any], ...] = (
-    {"do": "hello"}, {"do": "ping"}, {"do": "fk", "q_deg": _POSE}, {"do": "stiffness", "q_deg": _POSE, "direction": [0, 0, 1]},
+    {"do": "hello"}, {"do": "ping"}, {"do": "fk", "q_deg": _POSE}, {"do": "stiffness", "q_deg": _POSE,
+    "direction": [0, 0, 1]},
     {"do": "deflection", "q_deg": [_POSE, _POSE], "force_N": [0, 0, -100]}, {"do": "ik", **_AT, "gamma_deg": 10},
-    {"do": "ik", "T": np.eye(4).tolist()}, {"do": "set", "force_N": [0, 0, -100], "direction": [0, 0, 1], "travel_mm": [100]},
+    {"do": "ik", "T": np.eye(4).tolist()}, {"do": "set", "force_N": [0, 0, -100], "direction": [0, 0, 1],
+    "travel_mm": [100]},
     {"do": "set", "reset": True, "part": {"position_mm": [1500, 0, 700], "rpy_deg": [0, 0, 10]}},
     {"do": "batch", "requests": [{"do": "ping"}, {"do": "fk", "q_deg": _POSE}]}, {"do": "clearance", "q_deg": _POSE},
     {"do": "best_angle", **_AT}, {"do": "quit"},
@@ -345,16 +353,30 @@ def _no_internal_error(said: Any) -> None:
 
 
 APT_WORDS, GCODE_WORDS = words(APT), words(GCODE)
-PROGRAM: tuple[Mutation, ...] = (words((b"END", b"ENDPROC", b"LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}", b"MoveL [[1,2,3],[1,0,0,0]]", b"PTP {A1 0}", b"G1 A1=1e308")),)
+PROGRAM: tuple[Mutation, ...] = (
+    words(
+        (
+            b"END",
+            b"ENDPROC",
+            b"LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}",
+            b"MoveL [[1,2,3],[1,0,0,0]]",
+            b"PTP {A1 0}",
+            b"G1 A1=1e308",
+        )
+    ),
+)
+_APT_FILES = sorted(path for path in SAMPLES.iterdir() if path.suffix != ".nc")
+_WING, _SLOT = EXAMPLES / "tx200_wing" / "cell.toml", EXAMPLES / "kr60_posture" / "milling.toml"
+COMMAS = CURVE.replace(b";", b",")
 
 READERS: dict[str, Reader] = {
-    "tool path file: APT": Reader(lambda: texts(*(SAMPLES / n for n in ("autodesk.apt", "catia.aptsource", "creo.ncl", "nx.cls"))), _toolpath, (APT_WORDS,)),
-    "tool path file: G-code": Reader(lambda: texts(SAMPLES / "mill.nc", SAMPLES / "five_axis.nc"), _toolpath, (GCODE_WORDS,)),
+    "tool path file: APT": Reader(lambda: texts(*_APT_FILES), _toolpath, (APT_WORDS,)),
+    "tool path file: G-code": Reader(lambda: texts(*sorted(SAMPLES.glob("*.nc"))), _toolpath, (GCODE_WORDS,)),
     "tool path file: motions": Reader(lambda: [_neutral()], _motions, TABLE),
-    "tool path file": Reader(lambda: [Sample(".csv", CURVE), Sample(".csv", CURVE.replace(b";", b","))], _path, TABLE),
-    "tool path file: any": Reader(lambda: [Sample(".csv", CURVE.replace(b";", b",")), _neutral()], _toolpath, TABLE),
-    "cell file": Reader(lambda: [Sample(".toml", CELL), *texts(EXAMPLES / "tx200_wing/cell.toml")], _cell, (TOML,), cost=2.0),
-    "milling file": Reader(lambda: [Sample(".toml", MILLING), *texts(EXAMPLES / "kr60_posture/milling.toml")], _milling, (TOML,)),
+    "tool path file": Reader(lambda: [Sample(".csv", CURVE), Sample(".csv", COMMAS)], _path, TABLE),
+    "tool path file: any": Reader(lambda: [Sample(".csv", COMMAS), _neutral()], _toolpath, TABLE),
+    "cell file": Reader(lambda: [Sample(".toml", CELL), *texts(_WING)], _cell, (TOML,), cost=2.0),
+    "milling file": Reader(lambda: [Sample(".toml", MILLING), *texts(_SLOT)], _milling, (TOML,)),
     "placement": Reader(_placements, _placement, (JSON,)),
     "options": Reader(_options_seeds, _options, (TOML, JSON)),
     "program": Reader(_programs, _read_program, (JSON, *TABLE), cost=2.0),

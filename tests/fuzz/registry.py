@@ -1,4 +1,4 @@
-"""Every reader of the project, by the kind of file that it asks :mod:`robots.files` for: how it is called, fed and checked.
+"""Every reader of the project, by the kind of file that it asks :mod:`robots.files` for: how to call and check it.
 
 A reader that is not here fails ``test_reader_registry.py``: whoever adds one adds its row, and the attack covers it.
 """
@@ -21,7 +21,7 @@ class Reader:
 
     ``seeds``: files that it reads without a word, small ones; ``run``: reads a file and checks what came, or raises
     InputError; ``own``: mutations that know the kind of file; ``seal``: writes checksums anew, so that what lies
-    behind them is reached; ``cost``: how many times slower than a quick one it is, and so how many times rarer its turn.
+    behind them is reached; ``cost``: how many times slower than a quick one it is, so many times rarer is its turn.
     """
 
     seeds: Callable[[], Sequence[Sample]]
@@ -49,7 +49,7 @@ class Reader:
 
 
 def readers() -> dict[str, Reader]:
-    """All readers by kind; where a kind has several, what it holds follows after a colon. Imported late: they are slow."""
+    """All readers by kind; where a kind has several, what it holds follows after a colon. Imported late, for speed."""
     from . import readers_arm, readers_data, readers_shop
 
     return {**readers_arm.READERS, **readers_data.READERS, **readers_shop.READERS}

@@ -45,14 +45,16 @@ def span(rng: Rng, n: int, most: int) -> tuple[int, int]:
 NUMBERS: tuple[bytes, ...] = (
     b"0", b"-0.0", b"1", b"-1", b"0.5", b"1e308", b"-1e308", b"1e999", b"-1e999", b"1e154", b"1e-154", b"1e-320",
     b"5e-324", b"1e16", b"1e9", b"1e-9", b"nan", b"NaN", b"inf", b"-inf", b"Infinity", b"-Infinity", b"9" * 400,
-    b"-" + b"9" * 400, b"0." + b"3" * 400, b"9223372036854775808", b"-9223372036854775809", b"4294967296", b"2147483648",
+    b"-" + b"9" * 400, b"0." + b"3" * 400, b"9223372036854775808", b"-9223372036854775809", b"4294967296",
+    b"2147483648",
     b"0x10", b"0o17", b"0b1", b"1_000", b"1,5", b"1.5.2", b"1e", b"e5", b"--1", b"+1", b".5", b"5.", b"007", b"",
     b"12mm", b"1/2", "\u2212" "1".encode(), "\u0661".encode(), b"true", b"null", b"1" * 5000, b"1e-400", b"360",
     b"89.999999999", b"1e5", b"1e6", b"255", b"-128", b"3.4028236e38",
 )  # fmt: skip
 # Texts that files, terminals, spreadsheets, pages and parsers take for something else.
 TEXTS: tuple[bytes, ...] = (
-    b"", b" ", b"\x00", b"\x1b[2J\x1b]0;x\x07", b"\n", b"\r", b"\t", b"../../etc/passwd", b"/dev/zero", b"=1+1", b"@SUM(A1)",
+    b"", b" ", b"\x00", b"\x1b[2J\x1b]0;x\x07", b"\n", b"\r", b"\t", b"../../etc/passwd", b"/dev/zero", b"=1+1",
+    b"@SUM(A1)",
     b"<script>alert(1)</script>", b"{{ 7 * 7 }}", b"{% for i in range(10**9) %}", b"%s%n", b"\xff\xfe", b"\xc3\x28",
     "\u202e\u0000".encode(), "\U0001f9be".encode(), b"a" * 5000, b"None", b"nan", b"true", b"'", b'"', b"\\", b"$(id)",
     b"__class__", b"\xef\xbb\xbf", "e\u0301".encode(), b";" * 50, b"[", b"]", b"{", b"}", b"#",

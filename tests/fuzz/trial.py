@@ -87,7 +87,10 @@ def attempt(reader: str, run: Callable[[Path], object], sample: Sample, folder: 
 
 def _of_message(reader: str, text: str) -> Fault | None:
     if len(text) > LONGEST_MESSAGE:
-        return Fault(reader, "endless message", " ".join(text[:60].split()), f"{len(text)} characters")
+        return Fault(reader, "endless message", "the error", f"{len(text)} characters: {' '.join(text[:100].split())}")
+    odd = next((c for c in text if not c.isprintable() and c != "\n"), None)
+    if odd is not None:
+        return Fault(reader, "a message that steers the terminal", "the error", f"{odd!r} in {text[:200]!a}")
     return None
 
 

@@ -290,6 +290,7 @@ def _use(folder: str, seed: int, rounds: int) -> None:
         cache.put(KEY, expected)
 
 
+@pytest.mark.slow
 def test_several_processes_at_once(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     workers = [context.Process(target=_use, args=(str(tmp_path), seed, 30)) for seed in range(2)]

@@ -52,7 +52,7 @@ def settings(**changes: object) -> ImportSettings:
 def method(request: pytest.FixtureRequest) -> str:
     """Each way to wrap; alpha wrapping is pymeshlab's."""
     if request.param == "alpha":
-        oracles.load("pymeshlab")
+        oracles.load_apart("pymeshlab")
     return str(request.param)
 
 

@@ -237,8 +237,8 @@ def test_stages_are_resumed_and_give_the_same_again(
         ("values", ("contradicts that of row 2", "column repeat")),
         ("no load", ("1 problem(s)", "the load is zero in every component, here and in every row", "remove the row")),
         ("load's sign", ("64 of 64 readings move against the load", "check the sign")),
-        ("metres", ("stiffness at the tool", "check the units")),
-        ("micrometres", ("stiffness at the tool", "check the units")),
+        ("metres", ("these look like deflections in metres", "stiffness at the tool", "--confirm-units")),
+        ("micrometres", ("deflections in micrometres", "stiffness at the tool", "--confirm-units")),
     ],
 )
 def test_bad_tables(cli: Command, small: Path, tmp_path: Path, change: str, words: tuple[str, ...]) -> None:

@@ -66,6 +66,7 @@ def _spring(angle: float) -> float:
 # --- laws --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_law_is_found_and_drawn_over_its_angle(cli: Command, small: Path, tmp_path: Path) -> None:
     write_readings(small / "small.urdf", tmp_path / "law.csv", 12, shoulder=_spring)
     (tmp_path / "law.toml").write_text(LAW, encoding="utf-8")

@@ -225,6 +225,7 @@ def test_the_test_on_the_page_passes(flange: Path) -> None:
     module_of(flange).test_the_flange_settles_along_the_force()
 
 
+@pytest.mark.slow
 def test_the_example_of_the_page(
     page: str, flange: Path, cli: Command, model: Callable[..., Path], tmp_path: Path
 ) -> None:

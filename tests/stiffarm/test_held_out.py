@@ -51,7 +51,7 @@ def test_a_variant_predicts_what_it_would_do_itself(given: inputs.ModelInput, da
 def test_poses_that_were_seen_are_refused(given: inputs.ModelInput, data_file: Path) -> None:
     table = read_measurements(data_file, given.robot)
     with pytest.raises(InputError, match="poses that are in"):
-        held_out.read(data_file, given.robot, table)
+        held_out.read(data_file, given, table)
 
 
 @pytest.mark.slow

@@ -254,7 +254,7 @@ def test_one_file_becomes_a_link_of_a_model(cli: Command, tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_alpha_wrap_gives_a_like_model(tmp_path: Path) -> None:
-    oracles.load("pymeshlab")
+    oracles.load_apart("pymeshlab")
     urdf = Arm().write(tmp_path / "arm")
     outcome = run_here("import", urdf, "--out", tmp_path / "out", *COARSE, *ONE, "--wrap", "alpha", "--json")
     assert outcome.code == 0, outcome.err

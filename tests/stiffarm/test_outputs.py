@@ -66,6 +66,29 @@ def test_run_json_says_what_was_run(tmp_path: Path) -> None:
     assert run["finished_utc"].endswith("+00:00")
 
 
+@pytest.mark.parametrize("existed", [True, False])
+def test_run_json_lists_the_results_with_their_hashes(tmp_path: Path, existed: bool) -> None:
+    target = tmp_path / "out"
+    if existed:
+        with folder(target) as out:
+            out.write_text("one.txt", "old")
+    with folder(target) as out:
+        out.write_text("one.txt", "1")
+        out.write_text("sub/two.txt", "2")
+    listed = json.loads((target / "run.json").read_text(encoding="utf-8"))["outputs_sha256"]
+    lying = {name: sha256 for name, sha256 in tree(target).items() if not name.startswith("previous")}
+    assert listed == {name: lying[name] for name in ("one.txt", "sub/two.txt")}
+
+
+def test_a_link_that_leads_nowhere_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "one.txt").symlink_to("nowhere")
+    with folder(tmp_path) as out:
+        out.write_text("one.txt", "1")
+    assert not (tmp_path / "one.txt").is_symlink()
+    (kept,) = (tmp_path / "previous").iterdir()
+    assert os.readlink(kept / "one.txt") == "nowhere"
+
+
 def test_a_package_that_is_not_installed_does_not_spoil_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,6 +301,74 @@ print("not reached")
     assert (process.returncode, process.stdout) == (130, "")
     assert process.stderr == "stiffarm: stopped by the user; no half-written files are left\n"
     assert set(tree(tmp_path / "out")) == {"a.txt", "b.txt", "run.json"}
+
+
+def test_ctrl_c_takes_drafts_of_files_away(tmp_path: Path) -> None:
+    code = """
+import os, signal, sys
+from pathlib import Path
+from stiffarm.interruption import heed_for_life
+heed_for_life()
+from robots.written import written_whole
+with written_whole(Path(sys.argv[1])) as draft:
+    draft.write_text("half")
+    assert len(list(draft.parent.iterdir())) == 1
+    os.kill(os.getpid(), signal.SIGINT)
+print("not reached")
+"""
+    process = subprocess.run(  # noqa: S603 - our own interpreter with a constant argument
+        [sys.executable, "-c", code, str(tmp_path / "a.txt")],
+        env=environment(),
+        preexec_fn=heed_ctrl_c,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (process.returncode, process.stdout) == (130, "")
+    assert process.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("module", ["typer", "numpy", "stiffarm.commands.calibration"])
+def test_ctrl_c_in_an_import_is_not_swallowed(tmp_path: Path, module: str) -> None:
+    """Modules that catch whatever their own imports raise once swallowed it, and typer made it a silent exit."""
+    code = f"""
+import importlib.abc, os, signal, sys
+class Finder(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+                for _ in range(1000):
+                    pass
+            except BaseException:
+                pass
+        return None
+sys.meta_path.insert(0, Finder())
+sys.argv = ["stiffarm", "calibrate", "xr701"]
+from stiffarm.__main__ import main
+main()
+"""
+    process = subprocess.run(  # noqa: S603 - our own interpreter with a constant argument
+        [sys.executable, "-c", code],
+        env=environment(),
+        preexec_fn=heed_ctrl_c,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (process.returncode, process.stdout) == (130, "")
+    assert process.stderr == "stiffarm: stopped by the user; no half-written files are left\n"
+
+
+def test_the_package_itself_imports_nothing_before_ctrl_c_is_heeded() -> None:
+    code = "import sys; before = set(sys.modules); import stiffarm; print(sorted(set(sys.modules) - before))"
+    process = subprocess.run(  # noqa: S603 - our own interpreter with a constant argument
+        [sys.executable, "-c", code], env=environment(), capture_output=True, encoding="utf-8", check=True
+    )
+    assert process.stdout == "['stiffarm']\n"
 
 
 def test_who_ignores_ctrl_c_keeps_ignoring_it() -> None:

@@ -200,6 +200,7 @@ def test_a_post_beside_the_part_is_kept_clear_of(cli: Command, dome: Path, tmp_p
     assert least[1] < 0.01
 
 
+@pytest.mark.slow
 def test_a_milling_file_predicts_the_error_before_and_after(cli: Command, dome: Path, tmp_path: Path) -> None:
     milling = tmp_path / "milling.toml"
     milling.write_text(MILLING)

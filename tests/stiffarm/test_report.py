@@ -76,6 +76,7 @@ def page(full_run: FullRun) -> Page:
     return Page(full_run.report)
 
 
+@pytest.mark.slow
 def test_the_run_leaves_what_it_promises(full_run: FullRun) -> None:
     assert full_run.outcome.code == 0, full_run.outcome.err
     assert full_run.outcome.out == "", "stdout is for --json"
@@ -90,6 +91,7 @@ def test_the_run_leaves_what_it_promises(full_run: FullRun) -> None:
     assert load_surrogate(full_run.folder / "surrogate.json").robot == "xr701"
 
 
+@pytest.mark.slow
 def test_the_page_stands_by_itself(page: Page) -> None:
     assert not ACTIVE & {tag for tag, _ in page.elements}
     for tag, attributes in page.elements:
@@ -103,6 +105,7 @@ def test_the_page_stands_by_itself(page: Page) -> None:
     assert "@import" not in style
 
 
+@pytest.mark.slow
 def test_the_page_is_well_formed(page: Page) -> None:
     assert page.faults == []
     assert page.open == []
@@ -111,6 +114,7 @@ def test_the_page_is_well_formed(page: Page) -> None:
     assert {str(a["href"]) for a in page.all("a")} == {f"#{i}" for i in ids}
 
 
+@pytest.mark.slow
 def test_each_picture_is_inside_with_words_for_those_who_do_not_see_it(page: Page) -> None:
     pictures = page.all("img")
     assert len(pictures) >= 12
@@ -124,6 +128,7 @@ def test_each_picture_is_inside_with_words_for_those_who_do_not_see_it(page: Pag
     assert all(len(caption) > 40 for caption in captions)
 
 
+@pytest.mark.slow
 def test_the_sections_come_in_order(page: Page) -> None:
     titles = page.texts["h2"]
     assert len(titles) == len(STORY)
@@ -133,6 +138,7 @@ def test_the_sections_come_in_order(page: Page) -> None:
     assert page.texts["a"] == titles, "the list of contents"
 
 
+@pytest.mark.slow
 def test_figures_carry_units_and_are_those_of_results_json(page: Page, full_run: FullRun) -> None:
     for unit in ("mm", "N/mm", "N m/rad", "um/N", "deg"):
         assert f" {unit}" in page.text
@@ -150,6 +156,7 @@ def test_figures_carry_units_and_are_those_of_results_json(page: Page, full_run:
     assert not re.search(r"\b(nan|inf|None)\b", page.text)
 
 
+@pytest.mark.slow
 def test_the_link_models_stand_beside_each_other(page: Page, full_run: FullRun) -> None:
     compared = full_run.results["link_models"]
     assert (compared["own"], compared["beside"]) == ("beam", "rigid"), "no shells unless asked for"
@@ -165,6 +172,7 @@ def test_the_link_models_stand_beside_each_other(page: Page, full_run: FullRun) 
     )
 
 
+@pytest.mark.slow
 def test_what_is_assumed_is_marked(page: Page) -> None:
     marked = [a for a in page.all("td") if "assumed" in (a.get("class") or "").split()]
     # Geometry, sections and material of the xr701 were never published; the file has dozens of such figures.
@@ -176,6 +184,7 @@ def test_what_is_assumed_is_marked(page: Page) -> None:
     assert "may be swapped" in page.text
 
 
+@pytest.mark.slow
 def test_titles_and_notes_from_a_model_file_are_text(page: Page, full_run: FullRun) -> None:
     assert page.texts["title"][0].startswith(HOSTILE_TITLE)
     assert page.texts["h1"][0].startswith(HOSTILE_TITLE)
@@ -184,6 +193,7 @@ def test_titles_and_notes_from_a_model_file_are_text(page: Page, full_run: FullR
     assert "49" not in page.texts["li"][page.texts["li"].index(HOSTILE_NOTE)], "{{ 7 * 7 }} is not calculated"
 
 
+@pytest.mark.slow
 def test_the_same_title_does_no_harm_elsewhere(full_run: FullRun) -> None:
     assert "Traceback" not in full_run.outcome.err
     title = load_description(full_run.folder / "model.toml").title

@@ -1,0 +1,296 @@
+"""The first sheet of an XLSX workbook as text, read only if each of its cells holds what a person sees in it.
+
+A workbook is a ZIP archive of XML files. What openpyxl would expand is measured first (:class:`_Scan`): a small file
+can hold billions of cells. What openpyxl passes over in silence is refused: a formula without a stored value (programs
+write such files), cells merged into one, rows that a filter hides.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from posixpath import join, normpath
+from typing import Any, Final
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from openpyxl import load_workbook  # type: ignore[import-untyped]
+from openpyxl.utils import get_column_letter  # type: ignore[import-untyped]
+
+from robots import InputError, InputErrors
+from robots.errors import line_ranges, listed
+
+# Columns and cells of a table: sixteen columns and a hundred thousand readings fit; a campaign has thousands.
+MOST_COLUMNS, MOST_CELLS = 1000, 2_000_000
+# Bytes and files in an archive when unpacked: a sheet of MOST_CELLS numbers has 80 MB.
+_LARGEST_UNPACKED, _MOST_FILES = 200 * 2**20, 10_000
+# Up to here a float holds every whole number.
+_EXACT = 2.0**53
+_CELL: Final = re.compile(r"([A-Z]{1,3})([1-9]\d{0,6})", re.ASCII)
+_SAVE: Final = "open the file in a spreadsheet program, save it, and use that file"
+_OWN: Final = "http://schemas.openxmlformats.org/"
+_SHEET: Final = f"{_OWN}spreadsheetml/2006/main"
+_RELATION: Final = f"{_OWN}officeDocument/2006/relationships"
+_PACKAGE: Final = f"{_OWN}package/2006/relationships"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet as text: its rows from the first on, "" where nothing stands; and what is to be said of it."""
+
+    rows: list[list[str]]
+    notes: tuple[str, ...]
+
+
+def read_first_sheet(data: bytes, where: str) -> Sheet:
+    """Cells of the first sheet of a workbook; ``where`` names the file in messages.
+
+    Raises
+    ------
+    InputError
+        It is no workbook, or one that would expand beyond all measure, or its first sheet is hidden.
+    InputErrors
+        Cells that do not hold what they show, each with its address.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            _check_archive(archive, where)
+            name, part, others, stale = _first_sheet(archive, where)
+            scan = _Scan(f"{where}, sheet {name}", stale)
+            scan.read(archive, part)
+        scan.raise_if_faulty()
+        rows = _rows(data, scan)
+    except InputError:
+        raise
+    except Exception as error:  # a broken workbook raises zip, XML, key and value errors alike
+        raise InputError(
+            f"{where} is not a readable XLSX workbook ({error})", remedy="save it again as XLSX, or as CSV (UTF-8)"
+        ) from error
+    notes = [f"only the first sheet, {name}, is read; left out: {listed(others)}"] if others else []
+    if scan.hidden_columns:
+        notes.append(f"hidden columns of sheet {name} are read too: {listed(scan.hidden_columns)}")
+    return Sheet(rows, tuple(notes))
+
+
+def _check_archive(archive: zipfile.ZipFile, where: str) -> None:
+    parts = archive.infolist()
+    size = sum(part.file_size for part in parts)
+    if len(parts) > _MOST_FILES or size > _LARGEST_UNPACKED:
+        raise InputError(
+            f"{where}: unpacked",
+            value=f"{size / 2**20:.0f} MB in {len(parts)} files",
+            allowed=f"up to {_LARGEST_UNPACKED / 2**20:.0f} MB in {_MOST_FILES} files",
+            remedy="save the table alone in a workbook, or as CSV (UTF-8)",
+        )
+    for part in parts:
+        if part.filename.endswith((".xml", ".rels")):
+            _refuse_document_type(archive, part, where)
+
+
+def _refuse_document_type(archive: zipfile.ZipFile, part: zipfile.ZipInfo, where: str) -> None:
+    """No workbook has one; what it defines can expand a thousandfold, or name files of this machine."""
+
+    def refuse(*_: object) -> None:
+        raise InputError(f"{where}: {part.filename} has a document type (<!DOCTYPE>)", remedy=_SAVE)
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    with archive.open(part) as file:
+        parser.ParseFile(file)
+
+
+def _first_sheet(archive: zipfile.ZipFile, where: str) -> tuple[str, str, list[str], bool]:
+    """Name and part of the first sheet, names of the others, and whether formulas wait to be calculated."""
+    book = ElementTree.fromstring(archive.read("xl/workbook.xml"))  # noqa: S314 - without a document type
+    links = ElementTree.fromstring(archive.read("xl/_rels/workbook.xml.rels"))  # noqa: S314 - as above
+    targets = {link.get("Id"): link for link in links.iter(f"{{{_PACKAGE}}}Relationship")}
+    sheets = [s for s in book.iter(f"{{{_SHEET}}}sheet") if _is_worksheet(targets.get(s.get(f"{{{_RELATION}}}id")))]
+    if not sheets:
+        raise InputError(f"{where} has no sheet of cells", remedy=_SAVE)
+    names = [sheet.get("name", "") for sheet in sheets]
+    if sheets[0].get("state", "visible") != "visible":
+        raise InputError(
+            f"{where}: the first sheet, {names[0]}, is hidden",
+            allowed="the readings on the first sheet",
+            remedy="show it, or move the sheet with the readings to the front",
+        )
+    target = targets[sheets[0].get(f"{{{_RELATION}}}id")].get("Target", "")
+    calculation = next(book.iter(f"{{{_SHEET}}}calcPr"), None)
+    stale = calculation is not None and calculation.get("fullCalcOnLoad", "0") in ("1", "true")
+    part = target.lstrip("/") if target.startswith("/") else normpath(join("xl", target))
+    return names[0], part, names[1:], stale
+
+
+def _is_worksheet(link: ElementTree.Element | None) -> bool:
+    return link is not None and link.get("Type", "").endswith("/worksheet")
+
+
+@dataclass
+class _Scan:
+    """How far a sheet's cells reach, and which of them do not hold what they show.
+
+    ``stale``: the program that wrote the workbook left its formulas to whoever opens it next; the values beside them
+    are placeholders (0, for instance).
+    """
+
+    where: str
+    stale: bool
+    rows: int = 0
+    columns: int = 0
+    _hidden_columns: list[tuple[int, int]] = field(default_factory=list)
+    _hidden_rows: list[int] = field(default_factory=list)
+    _formulas: list[str] = field(default_factory=list)
+    _errors: list[str] = field(default_factory=list)
+    _merged: list[str] = field(default_factory=list)
+    _cells: int = 0
+    _row: int = 0
+    _column: int = 0
+    _row_hidden: bool = False
+    _kind: str = ""
+    _formula: bool = False
+    _value: bool = False
+    _text: bool = False
+
+    def read(self, archive: zipfile.ZipFile, part: str) -> None:
+        """Go through the sheet once; raises InputError where it cannot be a table."""
+        parser = expat.ParserCreate(namespace_separator=" ")
+        parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
+        parser.CharacterDataHandler = self._characters
+        with archive.open(part) as file:
+            parser.ParseFile(file)
+
+    def raise_if_faulty(self) -> None:
+        """Raise InputErrors where cells within the table do not hold what they show."""
+        kinds = (
+            (self._formulas, "a formula without a stored value",
+             f"{_SAVE}; or copy the cells and paste them as values"),
+            (self._errors, "an error in place of a value", "correct it, or clear the cell"),
+        )  # fmt: skip
+        faults = [
+            InputError(f"{self.where}: {what} in {listed(cells)}", allowed="numbers and text", remedy=remedy)
+            for cells, what, remedy in kinds
+            if cells
+        ]
+        if merged := [area for area in self._merged if self._within(area)]:
+            faults.append(
+                InputError(
+                    f"{self.where}: merged cells {listed(merged)}: all but the first of each would count as empty",
+                    allowed="one value in each cell",
+                    remedy="unmerge them and write the value that was read into each cell",
+                )
+            )
+        if self._hidden_rows:
+            faults.append(
+                InputError(
+                    f"{self.where}: rows {line_ranges(self._hidden_rows)} are hidden",
+                    allowed="rows that can be seen",
+                    remedy="show them (clear the filter) if they count, or delete them",
+                )
+            )
+        if faults:
+            raise faults[0] if len(faults) == 1 else InputErrors(self.where, faults)
+
+    @property
+    def hidden_columns(self) -> list[str]:
+        """Letters of the table's columns that cannot be seen."""
+        ranges = [range(max(first, 1), min(last, self.columns) + 1) for first, last in self._hidden_columns]
+        return [get_column_letter(i) for one in ranges for i in one]
+
+    def _within(self, area: str) -> bool:
+        first = _CELL.fullmatch(area.partition(":")[0].replace("$", ""))
+        return first is None or (int(first[2]) <= self.rows and _column_number(first[1]) <= self.columns)
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        namespace, _, tag = name.rpartition(" ")
+        if namespace != _SHEET:
+            return
+        if tag == "c":
+            self._open_cell(attributes)
+        elif tag == "row":
+            self._open_row(attributes)
+        elif tag == "f":
+            self._formula = True
+        elif tag in ("v", "t"):
+            self._text = True
+            self._value |= tag == "v" and self._kind == "str"  # a formula's text may be empty
+        elif tag == "mergeCell":
+            self._merged.append(attributes.get("ref", "?"))
+        elif tag == "col" and attributes.get("hidden") in ("1", "true"):
+            self._hidden_columns.append((int(attributes.get("min", "1")), int(attributes.get("max", "1"))))
+
+    def _open_row(self, attributes: dict[str, str]) -> None:
+        row = int(attributes["r"]) if attributes.get("r", "").isdecimal() else self._row + 1
+        if row <= self._row:
+            raise InputError(f"{self.where}: row {row} stands behind row {self._row}", remedy=_SAVE)
+        self._row, self._column = row, 0
+        self._row_hidden = attributes.get("hidden") in ("1", "true")
+
+    def _open_cell(self, attributes: dict[str, str]) -> None:
+        self._kind, self._formula, self._value, self._text = attributes.get("t", "n"), False, False, False
+        if "r" not in attributes:
+            self._column += 1
+            return
+        place = _CELL.fullmatch(attributes["r"])
+        column = 0 if place is None else _column_number(place[1])
+        if place is None or int(place[2]) != self._row or column <= self._column:
+            raise InputError(f"{self.where}: cell {attributes['r']} stands in a wrong place", remedy=_SAVE)
+        self._column = column
+
+    def _characters(self, text: str) -> None:
+        self._value |= self._text
+
+    def _end(self, name: str) -> None:
+        if name == f"{_SHEET} c":
+            self._close_cell()
+        elif name in (f"{_SHEET} v", f"{_SHEET} t"):
+            self._text = False
+
+    def _close_cell(self) -> None:
+        if not (self._value or self._formula):
+            return  # formatted, nothing in it
+        address = f"{get_column_letter(self._column)}{self._row}"
+        if self._formula and (self.stale or not self._value):
+            self._formulas.append(address)
+        if self._kind == "e":
+            self._errors.append(address)
+        if self._row_hidden and self._hidden_rows[-1:] != [self._row]:
+            self._hidden_rows.append(self._row)
+        self._cells += 1
+        self.rows, self.columns = self._row, max(self.columns, self._column)
+        if self.columns > MOST_COLUMNS or self.rows * self.columns > MOST_CELLS:
+            raise InputError(
+                f"{self.where}: cell {address} makes this a table",
+                value=f"of {self.rows} rows and {self.columns} columns",
+                allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
+                remedy="clear the cells away from the readings, or save the readings alone as CSV (UTF-8)",
+            )
+
+
+def _column_number(letters: str) -> int:
+    number = 0
+    for letter in letters:
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return number
+
+
+def _rows(data: bytes, scan: _Scan) -> list[list[str]]:
+    """The cells that the scan has found, as text."""
+    book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+    try:
+        sheet: Any = book.worksheets[0]
+        sheet.reset_dimensions()  # what the file says of them may be wrong
+        found: Iterator[tuple[object, ...]] = sheet.iter_rows(
+            min_row=1, max_row=scan.rows, max_col=scan.columns, values_only=True
+        )
+        return [[_as_text(cell) for cell in row] for row in found] if scan.rows else []
+    finally:
+        book.close()
+
+
+def _as_text(cell: object) -> str:
+    if isinstance(cell, float) and cell.is_integer() and abs(cell) < _EXACT:
+        return str(int(cell))  # some programs write every number as 1.0, counts too
+    return "" if cell is None else str(cell)
