@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_runs import run_here
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cli_runs import run_here
 from doe.joint_twists import LawKind, TwistReadings, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from fem import build_model
