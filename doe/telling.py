@@ -52,9 +52,7 @@ class Told:
     @property
     def words(self) -> str:
         """Why the readings tell nothing, in a phrase."""
-        share, drawn = max(
-            (self.by_sign, "with signs drawn at random"), (self.by_order, "in another order of the rows")
-        )
+        share, drawn = max((self.by_sign, "with signs drawn at random"), (self.by_order, "in another order of the rows"))
         return (
             f"the springs that fit them best leave {100.0 * self.scatter:.0f} % of their size (RMS) unexplained, and in "
             f"{100.0 * share:.0f} of 100 trials the same readings {drawn} fit better"
