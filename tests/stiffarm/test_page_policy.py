@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 TEMPLATES = sorted((ROOT / "stiffarm" / "templates").glob("*.html.j2"))
 HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>"
 WORDS: dict[str, Any] = dict.fromkeys(
-    ("title", "verdict", "robot", "hash", "digits", "near", "load", "version"), HOSTILE
+    ("title", "verdict", "robot", "hash", "digits", "near", "load", "version", "thinned"), HOSTILE
 )
 WORDS |= {"about": [(HOSTILE, HOSTILE)], "notes": [HOSTILE], "quantities": [(HOSTILE,) * 5]}
 
