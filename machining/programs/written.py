@@ -156,8 +156,8 @@ def whole(where: str, text: str) -> int:
 class Language:
     """What of a controller's language a reader must not pass over.
 
-    ``comment``: sign that starts one; ``motion``: words that move, anywhere in a line; ``opens`` and ``closes`` of loops
-    and conditions; ``jumps``.
+    ``comment``: sign that starts one; ``motion``: words that move, anywhere in a line; ``opens`` and ``closes``: of
+    loops and conditions; ``jumps``.
     """
 
     comment: str
