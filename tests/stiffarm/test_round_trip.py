@@ -106,6 +106,7 @@ def test_a_shift_of_the_point_goes_where_readings_have_theirs(tmp_path: Path) ->
         moved = trip.back.robot.T_flange_tool[:3, 3] - before
         assert moved == pytest.approx([shift if tool else 0.0, 0.0, 0.0], abs=1e-12)
         assert trip.back.model.load_point == pytest.approx([shift if own else 0.0, 0.0, 0.0], abs=1e-12)
+        assert any("points of the table" in remark for remark in trip.found.remarks) == own
 
 
 @pytest.mark.slow
