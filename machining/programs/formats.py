@@ -223,6 +223,10 @@ def round_trip(
 
 
 def _pace(found: ReadMoves, speed: Array, duration: Array, options: WriteOptions, name: str) -> float:
+    said = found.speed if name != "sinumerik" else np.where(found.joint, 0.0, found.duration)
+    if np.isnan(said).any():
+        number = int(np.argmax(np.isnan(said))) + 1
+        raise InputError(f"{name} program, move {number}", value="no speed", allowed="a speed before each move")
     if name != "sinumerik":
         return float(np.abs(found.speed / speed - 1.0).max())
     timed = ~found.joint

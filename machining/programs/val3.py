@@ -22,7 +22,7 @@ from machining.programs.orientation import framed, from_xyz_degrees, xyz_degrees
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, configurations_of, frame_words, plain, speeds_of, words_of
-from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -123,7 +123,7 @@ def read(files: Mapping[str, str]) -> ReadMoves:
             where = f"{source}, line {i}"
             motion = _MOTION.match(line)
             if motion is not None:
-                point = data.get(motion[2], {}).get(int(motion[3]))
+                point = data.get(motion[2], {}).get(whole(f"{where}, {motion[2]}", motion[3]))
                 if point is None:
                     raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
                 kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)
@@ -145,10 +145,7 @@ def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:
         value = _VALUE.match(line)
         if value is not None:
             attributes = dict(_ATTRIBUTE.findall(value[1]))
-            key = attributes.get("key", "")
-            if not key.isdecimal():
-                raise InputError(f"{source}, line {i}, key", value=key, allowed="a whole number")
-            here[int(key)] = attributes
+            here[whole(f"{source}, line {i}, key", attributes.get("key", ""))] = attributes
         elif (found := _DATA.match(line)) is not None:
             here = out.setdefault(found[1], {})
     return out

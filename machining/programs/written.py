@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from machining.magnitudes import LARGEST, LARGEST_NUMBER
 from robots import InputError
 from robots.written import written_whole
 
@@ -128,14 +129,21 @@ def called(files: Mapping[str, str], calls: Sequence[str], suffix: str) -> list[
 
 
 def number(where: str, text: str) -> float:
-    """A finite number. Raises InputError for anything else."""
+    """A number that a program can hold. Raises InputError for anything else."""
     try:
         value = float(text)
     except ValueError as error:
         raise InputError(where, value=text.strip(), allowed="a number") from error
-    if not np.isfinite(value):
-        raise InputError(where, value=text.strip(), allowed="a finite number")
+    if not abs(value) <= LARGEST:
+        raise InputError(where, value=text.strip(), allowed=f"a number of at most {LARGEST:g} in size")
     return value
+
+
+def whole(where: str, text: str) -> int:
+    """A number of an entry, from 0. Raises InputError for anything else."""
+    if not text.isdecimal() or len(text) > len(str(LARGEST_NUMBER)):
+        raise InputError(where, value=text, allowed="a whole number")
+    return int(text)
 
 
 def main_file(files: Mapping[str, str], suffix: str) -> tuple[str, str]:
