@@ -77,7 +77,7 @@ def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:
     good = [value for value in out if value is not None]
     if len(good) != len(parts):
         bad = parts[out.index(None)]
-        raise WordError(f"{bad!r} where a number belongs", f"numbers of at most {LARGEST:g} in size")
+        raise WordError(f"{bad!r} where a number belongs", f"finite numbers of at most {LARGEST:g} in size")
     if len(good) not in allowed:
         raise WordError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers")
     return good
