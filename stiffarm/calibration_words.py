@@ -15,6 +15,7 @@ from doe.estimate import Estimate
 from doe.lack_of_fit import FLAGGED, LackOfFit, downweighted
 from doe.noise import FEWEST_POSES, Noise, estimable
 from doe.problem import Problem
+from doe.readings import PointOf
 from doe.telling import NOISY
 from doe.uncertainty import Certainty, ParameterEstimate
 from fem.parameters import TURN, Parameter
@@ -106,6 +107,17 @@ def remarks(stages: Sequence[StageResult], expected: tuple[float, float] | None)
         place = f"stage {s.stage.name}: " if len(stages) > 1 else ""
         out += [place + text for text in _stage_remarks(s, expected)]
     return tuple(out)
+
+
+def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str, ...]:
+    """Which points a shift of the point (``names``) moved, where readings have their own."""
+    if not names or "table" not in points:
+        return ()
+    tool = "the model's tool point moves with them" if "tool" in points else "the model's tool point stays"
+    return (
+        f"{', '.join(names)}: the points of the table (px_mm, py_mm, pz_mm) are off by this, which the model file "
+        f"holds as [load] point; {tool}",
+    )
 
 
 def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list[str]:
