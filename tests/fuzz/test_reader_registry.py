@@ -39,6 +39,9 @@ ELSEWHERE = {
     "robots/published.py _digest": "whether a result is the one that moved",
     "robots/published.py _locked": "folders, to lock them",
     "robots/written.py settle": "to wait for the disk",
+    "robots/written.py sha256_of": "hashes results",
+    "doe/workbook.py read": "members of a workbook in memory",
+    "doe/workbook.py _refuse_document_type": "members of a workbook in memory",
     "stiffarm/post_run.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
