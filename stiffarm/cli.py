@@ -10,8 +10,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from robots import InputError
 from robots.errors import one_line
 from stiffarm import __version__
+from stiffarm.console import EXIT_BAD_INPUT, say_error
 
 # Name of a command -> its module in stiffarm.commands and its function there.
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -52,8 +54,8 @@ class _Commands(TyperGroup):
         return typer.main.get_command(one)
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **more: Any) -> Any:
+        _refuse_empty(args)
         with _printable():
-            _refuse_empty(args)
             return super().make_context(info_name, args, *rest, **more)
 
     def invoke(self, ctx: Any) -> Any:
@@ -66,7 +68,10 @@ def _refuse_empty(args: list[str]) -> None:
     for before, argument in zip(["", *args], args, strict=False):
         if not argument.strip() or (argument.startswith("--") and argument.endswith("=")):
             place = argument if argument.strip() else f"the argument after {before}" if before else "the first argument"
-            raise typer.BadParameter(f"{place} is empty: give a value, or leave it out ('.' is the folder you are in)")
+            say_error(
+                InputError(f"{place} is empty", remedy="give a value, or leave it out ('.' is the folder you are in)")
+            )
+            raise SystemExit(EXIT_BAD_INPUT)
 
 
 @contextmanager

@@ -203,7 +203,7 @@ OPTIONS = {
     "--scheme": Case("calibrate xr701 --scheme local --out out", ("--scheme: got 'local'", "staged, global")),
     "--spacing": Case("calibrate xr701 --spacing cubic --out out", ("--spacing: got 'cubic'", "log, linear")),
     "--links": Case("calibrate xr701 --links shelf --out out", ("--links: got 'shelf'", "beam")),
-    "--links empty": Case("calibrate xr701 --links= --out out", ("--links: got ''",)),
+    "--links empty": Case("calibrate xr701 --links= --out out", ("--links= is empty", "leave it")),
     "--load-path": Case("sensitivity xr701 --load-path straight --out out", ("'straight'", "parallelogram, serial")),
     "--low above --high": Case("calibrate xr701 --scheme global --low 1e7 --out out", ("1e+07, 1e+06", "low < high")),
     "--high infinite": Case("calibrate xr701 --scheme global --high inf --out out", ("inf", "finite")),
@@ -231,7 +231,7 @@ OPTIONS = {
     "--pose with a table": Case("simulate xr701 FILE --pose q3real_deg=80 --out out", ("not both",), DATA),
     "--load name": Case("simulate xr701 --pose q3real_deg=80 --load fz=1 --out out", ("--load", "'fz'", "fz_N")),
     "--load zero": Case("simulate xr701 --pose q3real_deg=80 --load fz_N=0 --out out", ("not zero",)),
-    "--load empty": Case("simulate xr701 --pose q3real_deg=80 --load= --out out", ("--load", "fz_N")),
+    "--load empty": Case("simulate xr701 --pose q3real_deg=80 --load= --out out", ("--load= is empty",)),
     "--load beyond all reason": Case(
         "simulate xr701 --pose q3real_deg=80 --load fz_N=1e200 --out out", ("'fz_N=1e200'", "1e+09 N")
     ),
