@@ -119,7 +119,8 @@ class _Reader(AptMotion):
                         values = list(map(float, rest.split(",")))
                     except ValueError:
                         values = []
-                    if len(values) in (3, 6):
+                    # NaN is not less than anything.
+                    if len(values) in (3, 6) and sum(map(abs, values)) < words.LARGEST:
                         self.line = number
                         if len(values) == 6:
                             self.axis = (values[3], values[4], values[5])
