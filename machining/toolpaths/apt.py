@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from machining.magnitudes import LARGEST
 from machining.toolpaths import apt_words as words
 from machining.toolpaths.apt_motion import AptMotion
 from machining.toolpaths.apt_state import Handler
@@ -120,7 +121,7 @@ class _Reader(AptMotion):
                     except ValueError:
                         values = []
                     # NaN is not less than anything.
-                    if len(values) in (3, 6) and sum(map(abs, values)) < words.LARGEST:
+                    if len(values) in (3, 6) and sum(map(abs, values)) < LARGEST:
                         self.line = number
                         if len(values) == 6:
                             self.axis = (values[3], values[4], values[5])
