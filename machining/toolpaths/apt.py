@@ -120,7 +120,7 @@ class _Reader(AptMotion):
                         values = list(map(float, rest.split(",")))
                     except ValueError:
                         values = []
-                    # NaN is not less than anything.
+                    # What no machine goes to is told by the long way; NaN is not less than anything.
                     if len(values) in (3, 6) and sum(map(abs, values)) < LARGEST:
                         self.line = number
                         if len(values) == 6:
