@@ -120,8 +120,8 @@ class _Reader(AptMotion):
                         values = list(map(float, rest.split(",")))
                     except ValueError:
                         values = []
-                    # What no machine goes to is told by the long way, before anything is reckoned with it.
-                    if len(values) in (3, 6) and all(abs(v) <= LARGEST for v in values):
+                    # What no machine goes to is told by the long way; NaN is not less than anything.
+                    if len(values) in (3, 6) and sum(map(abs, values)) < LARGEST:
                         self.line = number
                         if len(values) == 6:
                             self.axis = (values[3], values[4], values[5])

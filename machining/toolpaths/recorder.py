@@ -155,10 +155,13 @@ class Recorder:
             first, last = starts[i : i + 2]
             cutting = first + np.flatnonzero(~rapid[first:last])
             if wrong[0][i] and len(cutting):
-                value = f"{feed[i] * 6e4:g}"
+                value = f"{float(feed[i]) * 6e4:g}"
                 self.error(int(line[cutting[0]]), "feed, mm/min", value=value, allowed=limits.FEEDS)
             if wrong[1][i] and last > first:
-                value, allowed = f"{spindle[i] * 30.0 / np.pi:g}", f"up to {limits.FASTEST_TURN * 30.0 / np.pi:.3g}"
+                value, allowed = (
+                    f"{float(spindle[i]) * 30.0 / np.pi:g}",
+                    f"up to {limits.FASTEST_TURN * 30.0 / np.pi:.3g}",
+                )
                 self.error(int(line[first]), "spindle speed, rpm", value=value, allowed=allowed)
 
     def _turns(self, axes: NDArray[np.float64], rapid: NDArray[np.bool_], line: NDArray[np.int64]) -> None:

@@ -16,6 +16,8 @@ import fem
 from machining.cell import Cell, Turntable
 from machining.service import PROTOCOL, Session, serve
 from machining.service.session import COMMANDS
+from machining.service.wire import read_line
+from robots import InputError
 
 
 @pytest.fixture
