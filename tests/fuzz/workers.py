@@ -14,8 +14,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-# An alarm ends what Python runs after five seconds; what sits in a library's own loop is killed after these.
-HANG_SECONDS = 20.0
+# An alarm ends what Python runs (:mod:`.trial`); what sits in a library's own loop is killed after these.
+HANG_SECONDS = 60.0
 # Importing everything and making the seeds, on a busy machine.
 START_SECONDS = 180.0
 WORKER_MEMORY = 3 * 2**30
