@@ -28,7 +28,8 @@ class Loop:
     """Hysteresis of one row of one joint.
 
     ``width`` (m or rad): up against down at the same load, positive where the way down reads more, mean over the
-    ``cycles`` that load the row; ``spread``: its standard deviation, NaN where nothing tells the noise; ``share`` of the range (0 to the top load).
+    ``cycles`` that load the row; ``spread``: its standard deviation, NaN where nothing tells the noise;
+    ``share`` of the range (0 to the top load).
     ``loading_only``: stiffness from the way up alone over that from both, minus one.
     """
 

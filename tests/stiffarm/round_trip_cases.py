@@ -230,10 +230,10 @@ CASES: dict[Kind, tuple[Case, ...]] = {
     ),
 }
 STAGED = Case(
-    ("j2.stiffness", "load.x", "load.tilt_x", "load.tilt_y", "point.x"), arm(load=LOAD),
+    ("j2.stiffness", "load.x", "load.tilt_y", "point.x"), arm(load=LOAD),
     stages=(
         {"name": "spring", "parameters": ["j2.stiffness"]},
-        {"name": "load", "parameters": ["load.x", "load.tilt_x"], "poses": ["P0", "P1", "P2", "P3"]},
+        {"name": "load", "parameters": ["load.x"], "poses": ["P0", "P1", "P2", "P3"]},
         {"name": "tilt", "parameters": ["load.tilt_y"], "loads_N": [650.0]},
         {"name": "point", "parameters": ["point.x"]},
     ),
