@@ -129,7 +129,7 @@ def test_bad_caps_and_paths_that_mill_nothing_are_refused(kr60: fem.ArmModel, po
     task, kept, _ = posted.task()
     with pytest.raises(InputError, match="no move mills"):
         milling_force(ConstantForce([0.0, 0.0, 50.0]), task, np.zeros(len(kept), dtype=np.bool_))
-    with pytest.raises(InputError, match=r"cannot be reached|come to rest"):
+    with pytest.raises(InputError, match="beyond small displacements"):
         compensate(kr60, posted, ConstantForce([0.0, 0.0, 1e7]), cap=10.0)
 
 

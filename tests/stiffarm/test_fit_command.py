@@ -208,6 +208,7 @@ def test_a_table_with_rows_outside_is_answered_row_by_row(exact: Path, cli: Comm
     inside, outside, straight = outcome.json["answers"]
     assert inside["flags"] == ""
     assert inside["near_singular"] is False
+    assert inside["beyond_small_displacements"] is False
     assert inside["low95"] <= inside["stiffness_N_per_mm"] <= inside["high95"]
     for name in ("stiffness_N_per_mm", "low95", "high95", "relative_error95"):
         assert outside[name] is None

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from arm_cases import COUPLED, arm_compliance, few_runs, fitted, poses, sprung
 
+from doe.arm_class import usual_load
 from fem import compliance, directional_stiffness
+from fem.small_displacements import LIMIT
 from robots.errors import InputError
+from robots.kinematics import stretched_length
 from robots.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate import compliance_matrix, full_poses, query, scope_of, task_of, train
-from surrogate.model import Quantity, predict, predict_compliance
+from surrogate.model import Quantity, Surrogate, predict, predict_compliance
 
 
 @pytest.fixture(scope="module")
@@ -175,9 +178,31 @@ def test_near_singular_poses_are_flagged(arm):
     assert np.count_nonzero(~answer.near_singular) > 0
 
 
+def test_stiffnesses_beyond_small_displacements_are_flagged_or_refused(arm, rng):
+    """Rows of the compliance's factor so many times as large make the arm so much softer, squared."""
+    task, one = arm
+    Q = task.over_domain(50, rng)
+    stiffness = query(one, Q).value
+    assert not query(one, Q).beyond_small.any()
+    robot = task.model.robot
+    limit = usual_load(robot) / (LIMIT * stretched_length(robot))  # N/m: softer ones are beyond
+
+    def softer(times: float) -> Surrogate:
+        scaled = replace(one.expansion, coefficients=one.expansion.coefficients * np.sqrt(times))
+        return replace(one, expansion=scaled)
+
+    times = float(np.median(stiffness)) / limit
+    answer = query(softer(times), Q)
+    np.testing.assert_array_equal(answer.beyond_small, answer.value < limit)
+    assert 10 < np.count_nonzero(answer.beyond_small) < 40
+    with pytest.raises(InputError, match="beyond small displacements"):
+        query(softer(1e3 * times), Q)
+
+
 def test_an_unknown_robot_has_no_flag(plain):
     answer = query(plain, poses(3, 2))
     assert np.isnan(answer.singularity).all()
+    assert not answer.beyond_small.any()
     assert not answer.near_singular.any()
 
 
