@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-EXAMPLES = ROOT / "docs" / "examples"
 JOURNAL = ".publishing.json"
 LINE = "stiffarm: stopped by the user; no half-written files are left"
 # A command that takes longer than this hangs.
@@ -50,14 +49,6 @@ COMMANDS: dict[str, tuple[tuple[str, ...], str]] = {
     "diagnose": (("diagnose", "xr701", "--out", "{out}"), ""),
     "fit": (("fit", "kr60-3", "--out", "{out}"), "surrogate.json"),
     "plan": (("plan", "xr701", "--poses", "2", "--out", "{out}"), ""),
-    "posture": (
-        (
-            "posture", "kr60-3", str(EXAMPLES / "kr60_posture/path.csv"), "--cell",
-            str(EXAMPLES / "kr60_posture/cell.toml"), "--milling", str(EXAMPLES / "kr60_posture/milling.toml"),
-            "--out", "{out}",
-        ),
-        "posture.csv",
-    ),
     "run": (("run", "xr701", "--points", "4", "--out", "{out}"), ""),
 }  # fmt: skip
 
