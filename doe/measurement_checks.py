@@ -82,7 +82,13 @@ def check_duplicates(m: Measurements, faults: Faults) -> None:
 
 def check_limits(m: Measurements, robot: Robot, faults: Faults) -> None:
     """Record poses that the robot cannot take."""
-    for i in np.flatnonzero(~robot.reachable(m.q)):
+    outside = np.flatnonzero(~robot.reachable(m.q))
+    if outside.size and robot.reachable(np.degrees(m.q)).all():
+        faults.add(m.row_numbers[outside[0]], f"{outside.size} of {m.n} poses cannot be taken as they are typed, all of "
+                   "them with their angles read as radians", allowed="joint angles in degrees",
+                   remedy="convert the joint columns to degrees")  # fmt: skip
+        return
+    for i in outside:
         for problem in robot.violations(m.q[i]):
             faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}",
                        allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
+from fem.small_displacements import beyond_small, refuse_beyond
 from machining.cartesian import translational
 from machining.indices import INDICES, evaluate, stiffness_index
 from machining.inputs import as_vectors
@@ -67,7 +68,8 @@ class Objective:
         Raises
         ------
         InputError
-            A value that is not finite (an index that is infinite where nothing gives way), or as the quantity.
+            A value that is not finite (an index that is infinite where nothing gives way), displacements that are all
+            beyond small ones, or as the quantity.
         """
         normal, forces = task.normals[point], self.forces(task.path.n)
         force = None if forces is None else forces[point]
@@ -75,6 +77,8 @@ class Objective:
             value = stiffness_index(model, q, normal, task.tip)
         elif force is not None and self.minimised:
             d = fem.deflection(model, q, np.hstack([force, np.zeros_like(force)]), task.tip)[:, :3]
+            if len(d) and beyond_small(model.robot, d).all():
+                refuse_beyond(model.robot, d, f"{self.quantity} under the force on the tool")
             along = np.abs(np.einsum("ni,ni->n", d, normal))
             value = np.linalg.norm(d, axis=1) if self.quantity == "displacement" else along
         else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import hashlib
-import json
 import platform
 import sys
 import time
@@ -21,6 +20,7 @@ from robots.published import Stage
 from robots.unfinished import tidied_by
 from robots.written import sha256_of
 from stiffarm.interruption import undisturbed
+from stiffarm.json_text import json_text
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
 
@@ -104,7 +104,7 @@ class OutputFolder:
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file."""
-        self.write_text(name, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        self.write_text(name, json_text(content))
 
     def _provenance(self) -> dict[str, Any]:
         return {

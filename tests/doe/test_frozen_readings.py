@@ -69,7 +69,7 @@ def test_rotations_that_stand_while_the_point_moves_are_named() -> None:
 
 def test_the_file_of_a_joined_table_is_named() -> None:
     first, second = (replace(campaign(k), source=f"{k}.csv", sha256=str(k)) for k in (1, 2))
-    with pytest.raises(InputError, match="2.csv: column dz_mm"):
+    with pytest.raises(InputError, match=r"2\.csv: column dz_mm"):
         refuse_frozen(MODEL, join([first, set_to(second, -0.4e-3)]))
 
 

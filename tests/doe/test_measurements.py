@@ -680,3 +680,15 @@ def test_round_trip(m: Measurements, tmp_path: Path, xr701: Robot) -> None:
     assert_same(again, m, rtol=1e-14)  # 15 written digits: 5e-15, and two roundings of the unit's factor
     assert again.row_numbers == m.row_numbers
     assert {item.name for item in fields(again)} == {item.name for item in fields(m)}
+
+
+def test_angles_in_radians_that_leave_the_limits_are_one_fault(table: Write, xr701: Robot) -> None:
+    """q3real of 77.5 deg typed as 1.35 is below its 40 deg: said once, not row by row."""
+    rows = [f"{np.radians(q2):.6f},{np.radians(77.5):.6f},-650,-1.9" for q2 in (0, 5, 10)]
+    with pytest.raises(InputError) as info:
+        read_measurements(table(HEADER, *rows), xr701)
+    assert "3 of 3 poses cannot be taken as they are typed, all of them with their angles read as" in str(info.value)
+    assert "1 problem(s)" in str(info.value)
+    # One slip among degrees is what it was: a row with its own fault.
+    with pytest.raises(InputError, match="q3real_deg = 1.35 is outside"):
+        read_measurements(table(HEADER, "5,77.5,-650,-1.9", "6,1.35,-650,-1.9"), xr701)

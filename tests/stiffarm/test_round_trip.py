@@ -16,7 +16,6 @@ from doe.measurements import write_measurements
 from doe.uncertainty import ParameterEstimate
 from fem.effects import build_plain, catalogue
 from fem.parameters import Kind, parameter
-from fem.walls import WALLS
 from robots import ModelDescription, save_description
 from robots.robot import robot_from
 from stiffarm import calibrating, diagnosing, inputs, steps
@@ -106,6 +105,7 @@ def test_a_shift_of_the_point_goes_where_readings_have_theirs(tmp_path: Path) ->
         moved = trip.back.robot.T_flange_tool[:3, 3] - before
         assert moved == pytest.approx([shift if tool else 0.0, 0.0, 0.0], abs=1e-12)
         assert trip.back.model.load_point == pytest.approx([shift if own else 0.0, 0.0, 0.0], abs=1e-12)
+        assert any("points of the table" in remark for remark in trip.found.remarks) == own
 
 
 @pytest.mark.slow
@@ -169,7 +169,7 @@ def test_all_walls_of_a_link_get_thicker_together() -> None:
     found = ParameterEstimate(wall, 1.25 * wall.value, (wall.value, 1.5 * wall.value), 1.0, "determined", 10.0)
     changed = next(x for x in apply_estimates(description, [found]).link if x.name == "forearm")
     before = next(x for x in description.link if x.name == "forearm")
-    for part in WALLS:
+    for part in ("section", "section_end", "rim"):
         if getattr(before, part) is not None:
             assert getattr(changed, part).wall.si == pytest.approx(1.25 * getattr(before, part).wall.si, rel=1e-12)
     assert changed.rim is not None
