@@ -73,8 +73,7 @@ class OutputFolder:
             if kind is None:
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
-                with undisturbed():
-                    self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
+                self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
         finally:
             self._close()
 
@@ -127,7 +126,9 @@ class OutputFolder:
     def _publish(self, sha256: Mapping[str, str]) -> None:
         assert self._stage is not None  # noqa: S101 - it has been entered
         try:
-            self._stage.publish(sha256)
+            self._stage.settle()
+            with undisturbed():
+                self._stage.publish(sha256)
         except OSError as error:
             raise InputError(
                 f"output folder {self.target} cannot take the results ({error})",

@@ -15,7 +15,7 @@ from fem.effects.structure import load_path as load_path_effect
 from fem.model import ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription
 from robots.schema import EffectNumber, EffectTable
-from robots.units import factor
+from robots.units import check_magnitude, factor
 
 LOAD_PATH = "load-path"
 # So many times beyond its plausible range a number of a law is a slip; estimates search ten times, of pure numbers
@@ -239,6 +239,12 @@ def _si(parameter: EffectParameter, number: EffectNumber, place: str, faults: li
             InputError(place, value=number.value, allowed=f"not far from what is plausible, {_range(parameter)}")
         )
         return None
+    if must_be_positive:
+        try:
+            check_magnitude(parameter.dimension, number.unit, number.value, positive=True)
+        except ValueError as error:
+            faults.append(InputError(f"{place}: {error}", value=number.value, allowed=f"plausible {_range(parameter)}"))
+            return None
     if not parameter.signed and low >= 0.0 and value < 0.0:
         faults.append(InputError(place, value=number.value, allowed=f"0 or more, plausible {_range(parameter)}"))
         return None

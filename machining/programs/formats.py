@@ -262,6 +262,10 @@ def _same_sides(found: ReadMoves, program: JointProgram, convention: Convention,
 
 
 def _pace(found: ReadMoves, speed: Array, duration: Array, options: WriteOptions, name: str) -> float:
+    said = found.speed if name != "sinumerik" else np.where(found.joint, 0.0, found.duration)
+    if np.isnan(said).any():
+        number = int(np.argmax(np.isnan(said))) + 1
+        raise InputError(f"{name} program, move {number}", value="no speed", allowed="a speed before each move")
     if name != "sinumerik":
         unknown = int((~np.isfinite(found.speed)).sum())
         if unknown:

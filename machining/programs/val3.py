@@ -22,7 +22,7 @@ from machining.programs.orientation import framed, from_xyz_degrees, xyz_degrees
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, configurations_of, frame_words, plain, speeds_of, words_of
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ def read(files: Mapping[str, str]) -> ReadMoves:
             motion = _MOTION.match(line.code)
             line.check_read("movel or movej to pPath[i] or jPath[i]", read=motion is not None)
             if motion is not None:
-                point = data.get(motion[2], {}).get(int(motion[3]))
+                point = data.get(motion[2], {}).get(whole(f"{where}, {motion[2]}", motion[3]))
                 if point is None:
                     raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
                 kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)

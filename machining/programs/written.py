@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from machining.magnitudes import LARGEST
 from robots import InputError
 from robots.written import written_whole
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# Numbers beyond are none of a program: RAPID writes 9E9 for axes that are not there.
-LARGEST = 1e10
 STRAIGHT, IN_ORDER = "motion line after line", "keep moves out of loops, conditions and jumps in the template"
 _STRING = re.compile(r'"[^"]*"')
 
@@ -134,7 +133,7 @@ def called(files: Mapping[str, str], calls: Sequence[str], suffix: str) -> list[
 
 
 def number(where: str, text: str) -> float:
-    """A finite number. Raises InputError for anything else."""
+    """A number that a program can hold. Raises InputError for anything else."""
     try:
         value = float(text) if text.isascii() and "_" not in text else np.nan
     except ValueError as error:

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Arm
-from table_cases import THREE_WAYS, campaign, plain_arm, table, with_springs
+from table_cases import THREE_WAYS, Arm, campaign, plain_arm, table, with_springs
 
 from doe.frozen_readings import refuse_frozen
 from doe.joined_measurements import join

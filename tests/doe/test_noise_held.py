@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from table_cases import THREE_WAYS, campaign, plain_arm, spoilt
+from table_cases import THREE_WAYS, Arm, campaign, plain_arm, spoilt
 
 from doe.diagnosis.diagnose import state_of
 from doe.diagnosis.outset import setting_of
