@@ -130,7 +130,8 @@ def tlon(rest: str, scale: float, start: Array, tangent: Array) -> tuple[ArcWord
         raise WordError(f"{rest.strip()[:60]!r} behind TLON,GOFWD", "a CIRCLE with a LINE, or a CYLNDR with a POINT")
     lever, length = start - center, float(np.linalg.norm(tangent))
     lever = lever - (lever @ axis) / max(float(axis @ axis), 1e-300) * axis
-    if not length or abs(lever @ tangent) > TANGENT * length * float(np.linalg.norm(lever)) or not np.any(axis):
+    turns = 1e-9 < float(np.abs(axis).max()) < 1e9
+    if not length or abs(lever @ tangent) > TANGENT * length * float(np.linalg.norm(lever)) or not turns:
         raise WordError("INDIRV is not tangent to the arc at its start", "the direction in which the arc starts")
     if second is not None and np.linalg.norm(end - start) > 1e-6:
         sweep = sweep_about(start, end, center, axis)

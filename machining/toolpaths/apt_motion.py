@@ -76,10 +76,10 @@ class AptMotion(AptState):
         self.arc = None
         if self.here is None:
             raise words.WordError("an arc without a point before it", "GOTO or FROM before the arc")
-        arc, remark = arc.settled(np.array(self.here), np.array(end))
-        if remark:
-            self.recorder.note(self.line, remark)
         try:
+            arc, remark = arc.settled(np.array(self.here), np.array(end))
+            if remark:
+                self.recorder.note(self.line, remark)
             fraction, points = arc_points(
                 self.here,
                 end,

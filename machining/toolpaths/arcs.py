@@ -36,7 +36,13 @@ def chord_count(sweep: float, radius: float, tolerance: float) -> float:
 
 
 def sweep_about(start: ArrayLike, end: ArrayLike, center: ArrayLike, axis: ArrayLike) -> float:
-    """Angle in (0, 2 pi] rad from start to end, right-handed about ``axis``; a full turn if they coincide."""
+    """Angle in (0, 2 pi] rad from start to end, right-handed about ``axis``; a full turn if they coincide.
+
+    Raises
+    ------
+    ArcError
+        An axis of length zero.
+    """
     u, v, unit = _across(start, end, center, axis)
     if np.linalg.norm(u - v) < CLOSED:
         return 2.0 * math.pi
@@ -70,8 +76,6 @@ def arc_points(
     s, e, c, a = (np.asarray(v, dtype=np.float64) for v in (start, end, center, axis))
     if not (np.abs(np.concatenate([s, e, c])) <= FARTHEST).all():
         raise ArcError("arc", "an end or a centre beyond that", PLACES)
-    if not 1e-9 < float(np.abs(a).max()) < 1e9:
-        raise ArcError("axis of the arc", str(a.tolist()), "a direction")
     u, v, unit = _across(s, e, c, a)
     r0, r1 = float(np.linalg.norm(u)), float(np.linalg.norm(v))
     if r0 < CLOSED:
@@ -106,7 +110,9 @@ def between(first: ArrayLike, last: ArrayLike, fraction: Array) -> Array:
 
 
 def _across(start: ArrayLike, end: ArrayLike, center: ArrayLike, axis: ArrayLike) -> tuple[Array, Array, Array]:
-    c = np.asarray(center, dtype=np.float64)
-    unit = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
+    c, a = np.asarray(center, dtype=np.float64), np.asarray(axis, dtype=np.float64)
+    if not 1e-9 < float(np.abs(a).max()) < 1e9:
+        raise ArcError("axis of the arc", str(a.tolist()), "a direction")
+    unit = a / np.linalg.norm(a)
     u, v = np.asarray(start, dtype=np.float64) - c, np.asarray(end, dtype=np.float64) - c
     return u - (u @ unit) * unit, v - (v @ unit) * unit, unit
