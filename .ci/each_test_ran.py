@@ -6,31 +6,27 @@ import sys
 import xml.etree.ElementTree as ET
 
 
-def outcomes(path: str) -> dict[str, str | None]:
-    """Why each test of a pass did not run; None for those that did."""
-    found: dict[str, str | None] = {}
-    for case in ET.parse(path).iter("testcase"):  # noqa: S314 - written by our own pytest
-        skipped = case.find("skipped")
-        # What fails as expected has run.
-        ran = skipped is None or skipped.get("type") == "pytest.xfail"
-        module, name = case.get("classname", ""), case.get("name", "")
-        found["::".join(filter(None, (module, name)))] = None if skipped is None or ran else skipped.get("message")
-        if ran:
-            found[module] = None  # A file that skips as a whole is named like this.
-    return found
+def judge(paths: list[str]) -> tuple[set[str], dict[str, str]]:
+    """Tests that ran in a pass, and why each other one did not. A file that skips as a whole counts as one test."""
+    ran: set[str] = set()
+    skipped: dict[str, str] = {}
+    files: set[str] = set()
+    for path in paths:
+        for case in ET.parse(path).iter("testcase"):  # noqa: S314 - written by our own pytest
+            file, reason = case.get("classname", ""), case.find("skipped")
+            name = "::".join(filter(None, (file, case.get("name"))))
+            # What fails as expected has run.
+            if reason is None or reason.get("type") == "pytest.xfail":
+                ran.add(name)
+                files.add(file)
+            else:
+                skipped.setdefault(name, str(reason.get("message")))
+    return ran, {name: why for name, why in skipped.items() if name not in ran | files}
 
 
-def main() -> None:
-    """Exit 1 where a test ran in no pass, or there is none."""
-    why: dict[str, str | None] = {}
-    for path in sys.argv[1:]:
-        for name, reason in outcomes(path).items():
-            why[name] = None if reason is None else why.get(name, reason)
-    never = {name: reason for name, reason in why.items() if reason is not None}
-    for name, reason in sorted(never.items()):
-        print(f"ran in no pass: {name}: {reason}")
-    print(f"{len(why) - len(never)} ran, {len(never)} did not")
-    sys.exit(bool(never) or not why)
-
-
-main()
+if __name__ == "__main__":
+    some_ran, none_ran = judge(sys.argv[1:])
+    for test, why in sorted(none_ran.items()):
+        print(f"ran in no pass: {test}: {why}")
+    print(f"{len(some_ran)} ran, {len(none_ran)} did not")
+    sys.exit(bool(none_ran) or not some_ran)

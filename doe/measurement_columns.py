@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from doe.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
 from robots import InputError, InputErrors, Robot
+from robots.csv_text import as_read
 from robots.errors import FAULTS_SHOWN, line_ranges
 from robots.files import read_bytes
 from robots.units import factor
@@ -160,7 +161,7 @@ def _csv_rows(data: bytes, where: str) -> list[tuple[int, list[str]]]:
     rows, line, cells = list[tuple[int, list[str]]](), 1, 0
     try:
         for row in reader:
-            rows.append((line, row))
+            rows.append((line, list(map(as_read, row))))
             cells += len(row)
             if len(row) > MOST_COLUMNS or cells > MOST_CELLS:
                 what, found = f"{where}, row {line}: columns", str(len(row))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from importlib import resources
@@ -23,6 +22,7 @@ from doe.measurement_checks import (
 )
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
 from robots import InputError, Robot
+from robots.csv_text import write_rows
 from robots.errors import line_ranges, listed
 from robots.written import written_whole
 
@@ -202,9 +202,7 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fi
         raise InputError("measurements: joints", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
     columns = _text_columns(m, robot, to_fill)
     with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+        write_rows(stream, [columns, *zip(*columns.values(), strict=True)])
 
 
 def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

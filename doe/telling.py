@@ -36,11 +36,11 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Told:
-    """What readings tell: ``scatter``, what the nearest passive arm leaves of them, over their RMS, at most 1 (NaN: none
-    spare).
+    """What readings tell.
 
-    ``by_sign``, ``by_order``: share of the draws with random signs, and with rows exchanged, that follow the arm
-    better than the readings as they stand; NaN where it was not asked.
+    ``scatter``: what the nearest passive arm leaves of them, over their RMS, at most 1 (NaN: none spare). ``by_sign``,
+    ``by_order``: share of the draws with random signs, and with rows exchanged, that follow the arm better than the
+    readings as they stand; NaN where it was not asked.
     """
 
     anything: bool
@@ -56,8 +56,8 @@ class Told:
             (self.by_sign, "with signs drawn at random"), (self.by_order, "in another order of the rows")
         )
         return (
-            f"the springs that fit them best leave {100.0 * self.scatter:.0f} % of their size (RMS) unexplained, and in "
-            f"{100.0 * share:.0f} of 100 trials the same readings {drawn} fit better"
+            f"the springs that fit them best leave {100.0 * self.scatter:.0f} % of their size (RMS) unexplained, and "
+            f"in {100.0 * share:.0f} of 100 trials the same readings {drawn} fit better"
         )
 
 

@@ -304,7 +304,14 @@ def _described_link(
 
 def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
     nodes = np.array(list(mesh.interfaces.values()))
-    element = condense(name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
+    try:
+        element = condense(name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
+    except ArithmeticError as error:
+        raise InputError(
+            f"link {name}: {error}",
+            allowed="sections, lengths and an elastic modulus that a solver can take together",
+            remedy="look for a figure of the link, or of the joints at its ends, that is far too small or too large",
+        ) from error
     return LinkPart(name, body, element, mesh)
 
 

@@ -99,11 +99,11 @@ def user_cache() -> ArrayCache:
     chosen = os.environ.get(VARIABLE, "").strip()
     if chosen.lower() == OFF:
         return ArrayCache(None)
-    if chosen:
-        return ArrayCache(Path(os.path.expanduser(chosen)))
-    place = platformdirs.user_cache_path("stiffarm", appauthor=False)
-    # Without a home folder the place would be one called "~" right here.
-    return ArrayCache(place if place.is_absolute() else None)
+    try:
+        place = Path(chosen or platformdirs.user_cache_path("stiffarm", appauthor=False)).expanduser()
+    except RuntimeError:  # Without a home folder; the place would be one called "~" right here.
+        return ArrayCache(None)
+    return ArrayCache(place)
 
 
 @cache

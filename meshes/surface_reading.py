@@ -26,6 +26,8 @@ SPAN_RATIO = (0.5, 5.0)
 SCALES = (0.001, 1000.0, 0.01, 100.0, 0.0254, 0.3048)
 # Rows: x, y, z of a Z_UP file from those of another (COLLADA 1.4.1, up_axis: right, up and in axes).
 UP = {"Y_UP": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), "X_UP": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])}
+# In any unit of length; an arm in micrometres stays far below.
+LARGEST_COORDINATE = 1e9
 # The asset with the up axis stands at the start of a DAE file.
 _HEAD_BYTES = 1 << 18
 
@@ -54,17 +56,24 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     data = read_bytes(path, "surface file")
     try:
         # From the bytes: a mesh that names other files (materials, pictures) gets none of them opened.
-        mesh = trimesh.load_mesh(io.BytesIO(data), file_type=path.suffix.lower().removeprefix("."), process=False)
-        nodes = np.asarray(mesh.vertices, dtype=np.float64)
-        faces = np.asarray(mesh.faces, dtype=np.int64)
+        with np.errstate(all="ignore"):  # whether the corners are numbers is checked below
+            mesh = trimesh.load_mesh(io.BytesIO(data), file_type=path.suffix.lower().removeprefix("."), process=False)
+            nodes = np.asarray(mesh.vertices, dtype=np.float64)
+            faces = np.asarray(mesh.faces, dtype=np.int64)
     except Exception as error:  # the readers raise whatever their parsers do
         raise InputError(
             f"surface {path.name} cannot be read ({type(error).__name__}: {error})", remedy="export it again"
         ) from error
     if not faces.size:
         raise InputError(f"surface {path.name} has no triangles", remedy="export a surface, not points or curves")
-    if not np.isfinite(nodes).all():
-        raise InputError(f"surface {path.name}: corners that are not finite numbers", remedy="export it again")
+    if not 0 <= faces.min() <= faces.max() < len(nodes):
+        raise InputError(f"surface {path.name}: triangles of corners that are not there", remedy="export it again")
+    if not (np.abs(nodes) <= LARGEST_COORDINATE).all():
+        raise InputError(
+            f"surface {path.name}: corners that are not finite numbers",
+            allowed=f"at most {LARGEST_COORDINATE:g} in size",
+            remedy="export it again",
+        )
     notes = [f"read {len(faces)} triangles from {path.name}"]
     up = _up_axis(path, data)
     if up in UP:

@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -30,6 +31,8 @@ MOST_KEPT = 256 * 2**20
 DEEPEST = 64
 # Beyond 64 bits whole numbers fit no array.
 _WHOLE_DIGITS, _LARGEST_WHOLE = 19, 2**63 - 1
+# A key of more parts than that; in a list of numbers commas stand between the dots.
+_DOTTED = re.compile(rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -141,6 +144,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     """
     remedy = "mend the file at that line"
     try:
+        _check_keys(text)
         data = tomllib.loads(text.removeprefix("\ufeff"))
         _check_depth(data)
         _check_whole_numbers(data)
@@ -201,6 +205,12 @@ def _ordinary(path: Path | str, kind: str, most: int, remedy: str) -> bytes:
             remedy="split it, or leave out what is not needed",
         )
     return data
+
+
+def _check_keys(text: str) -> None:
+    """Refuse keys of too many parts before tomllib takes minutes over one of a hundred thousand."""
+    if _DOTTED.search(text):
+        raise ValueError(f"nested more than {DEEPEST} deep")
 
 
 def _check_depth(data: object) -> None:

@@ -59,8 +59,13 @@ class Stage:
         _remove_leftovers(target)
         self.path, self._lock = _locked_folder(target.parent, _beside(target)) if fresh else _locked_folder(target)
 
+    def settle(self) -> None:
+        """Wait until the disk holds all that has been written; for large files that takes a while."""
+        for path in [*self.path.rglob("*"), self.path]:
+            settle(path)
+
     def publish(self, sha256: Mapping[str, str]) -> None:
-        """Make the stage's files the target's; ``sha256``: hashes of all of them by name.
+        """Make the stage's files, which are settled, the target's; ``sha256``: hashes of all of them by name.
 
         Raises
         ------
@@ -69,8 +74,6 @@ class Stage:
         InputError
             As of :func:`heal`.
         """
-        for path in [*self.path.rglob("*"), self.path]:
-            settle(path)
         if self._fresh:
             try:
                 os.rename(self.path, self.target)  # onto the empty folder that the run has made

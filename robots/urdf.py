@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from robots.errors import InputError, InputErrors
 from robots.quantities import AngleRange, Angles, Mass, Position
 from robots.schema import Flange, FrameRow, Joint, ModelDescription, Tool
+from robots.units import RANGES
 from robots.urdf_chain import Chain, Tree, find_chain, is_fixed, kinematic_tree, links_below, rigid_group, transform
 from robots.urdf_shapes import Primitive, Visual, visuals_of
 from robots.urdf_xml import read_urdf_text
@@ -26,6 +30,8 @@ SOURCE = "urdf"
 _FULL_TURN_DEG = 360.0
 # No arm is that long between two joints; one typed in mm is.
 _LONGEST_M = 100.0
+# Wider limits than these mean "none".
+_WIDEST_rad = RANGES["angle"][1]
 # Names that parts of a model have already.
 _TAKEN = ("base", "bar", "crank")
 
@@ -80,25 +86,42 @@ def read_urdf(path: str | Path, *, tip: str | None = None, base: str | None = No
         body: {name: T for name, T in rigid_group(tree, link).items() if name not in tool}
         for body, link in bodies.items()
     }
-    masses = _masses(tree, groups)
+    with _quantities_of(tree.name):
+        masses = _masses(tree, groups)
     notes = [*text.notes, *renamed, *_notes_of_chain(tree, chain, names, groups, tool)]
     if len(masses) < len(bodies):
         missing = [body for body in bodies if body not in masses]
         notes.append(f"no mass given for {', '.join(missing)}: the whole mass is not known")
-    description = ModelDescription(
-        schema="stiffarm-model/1",
-        name=_safe(text.robot.name),
-        title=f"{text.robot.name}, from {file.name}",
-        notes=tuple(notes),
-        sources={SOURCE: f"{file.name}, SHA-256 {text.sha256}"},
-        mass=_mass(sum(mass.si for mass in masses.values())) if len(masses) == len(bodies) else None,
-        joint=tuple(_joints(tree, chain, names)),
-        flange=Flange(**_pose(_between(tree, bodies[names[-1]], chain.flange))),
-        tool=None if chain.tip == chain.flange else Tool(**_pose(_between(tree, chain.flange, chain.tip))),
-    )
+    with _quantities_of(tree.name):
+        description = ModelDescription(
+            schema="stiffarm-model/1",
+            name=_safe(text.robot.name),
+            title=f"{text.robot.name}, from {file.name}",
+            notes=tuple(notes),
+            sources={SOURCE: f"{file.name}, SHA-256 {text.sha256}"},
+            mass=_mass(sum(mass.si for mass in masses.values())) if len(masses) == len(bodies) else None,
+            joint=tuple(_joints(tree, chain, names)),
+            flange=Flange(**_pose(_between(tree, bodies[names[-1]], chain.flange))),
+            tool=None if chain.tip == chain.flange else Tool(**_pose(_between(tree, chain.flange, chain.tip))),
+        )
     visuals, no_visuals = visuals_of(tree, groups, file, "visuals")
     collisions, no_collisions = visuals_of(tree, groups, file, "collisions")
     return UrdfRobot(description, visuals, collisions, (*notes, *no_visuals, *no_collisions), masses)
+
+
+@contextmanager
+def _quantities_of(where: str) -> Iterator[None]:
+    """Sums over links and joints may be beyond what an arm can have, though each figure is not."""
+    try:
+        yield
+    except ValidationError as error:
+        first = error.errors()[0]
+        message = str(first["msg"]).removeprefix("Value error, ")
+        raise InputError(
+            f"{where}: {error.title.lower()} {message}",
+            value=first["input"] if not isinstance(first["input"], dict) else first["input"].get("value"),
+            remedy="correct it in the file; URDF has metres, radians and kilograms",
+        ) from error
 
 
 def _check_joints(tree: Tree, chain: Chain) -> None:
@@ -140,6 +163,15 @@ def _check_joints(tree: Tree, chain: Chain) -> None:
                     value=f"{lower:g} to {upper:g} rad",
                     allowed="lower < upper",
                     remedy="correct them, or make the joint fixed where it stands still",
+                )
+            )
+        elif not max(-lower, upper) <= _WIDEST_rad:
+            faults.append(
+                InputError(
+                    f"{where}: limits",
+                    value=f"{lower:g} to {upper:g} rad",
+                    allowed=f"at most {_WIDEST_rad:g} rad in size",
+                    remedy="make the joint continuous if it turns without end",
                 )
             )
     if faults:

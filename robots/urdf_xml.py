@@ -29,6 +29,9 @@ _NUMBERS: dict[str, dict[str, tuple[int, ...]]] = {
     "cylinder": {"radius": (1,), "length": (1,)},
     "sphere": {"radius": (1,)},
 }
+# Metres, radians, kilograms and factors of any robot are far smaller, and products of these figures still hold. Limits
+# alone are often "endless"; those of the arm's own joints are checked with the arm.
+_LARGEST, _LARGEST_LIMIT = 1e6, 1e30
 _NEEDED = {"mesh": ("filename",), "box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 _KEPT = {
     "robot": {"link", "joint"},
@@ -214,6 +217,15 @@ def _faults_of_numbers(root: Any) -> list[InputError]:
                         value=text,
                         allowed=f"{count} finite number{'s' if counts != (1,) else ''}, separated by spaces",
                         remedy="correct it in the file",
+                    )
+                )
+            elif max(map(abs, numbers)) > (most := _LARGEST_LIMIT if element.tag == "limit" else _LARGEST):
+                faults.append(
+                    InputError(
+                        f"{_place(element)}: {element.tag} {attribute}",
+                        value=text,
+                        allowed=f"at most {most:g} in size",
+                        remedy="correct it in the file; URDF has metres, radians and kilograms",
                     )
                 )
             elif element.tag in _NEEDED and 0.0 in numbers:

@@ -6,14 +6,23 @@ first line to its last.
 """
 
 from stiffarm.interruption import heed_for_life
+from stiffarm.streams import plug, silence, tell
+
+EXIT_OTHER = 1
 
 
 def main() -> None:
     """Load the command line and run it."""
     heed_for_life()
+    plug()
     from stiffarm.cli import app
 
-    app(prog_name="stiffarm")
+    try:
+        app(prog_name="stiffarm")
+    except OSError as error:  # of --help and --version, on a full disk; commands tell of theirs themselves
+        tell(f"stiffarm: the system refused: {error}")
+        silence(1)  # Python would try to write the rest again at exit, and complain about that itself
+        raise SystemExit(EXIT_OTHER) from None
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from doe.joined_measurements import files_of
 from doe.lack_of_fit import downweighted
 from doe.load_history import history_of_part
 from doe.measurement_checks import refuse_seen
-from doe.readings import rms_mm
+from doe.readings import points_of, rms_mm
 from doe.uncertainty import Certainty, bootstrap, certainty
 from doe.uncertainty_table import NO_SPARE, calibration_table
 from fem import ArmModel
@@ -162,7 +162,8 @@ def calibrate(
         error, skipped = stages[0].left_out, stages[0].skipped
     else:
         error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own, history)
-    remarks = words.remarks(found.stages, request.expected)
+    shifts = [e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind == "point"]
+    remarks = words.remarks(found.stages, request.expected) + words.points_remark(shifts, points_of(used))
     return Calibrated(
         request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,
         None if holdout is None else held_out(found, holdout), remarks,

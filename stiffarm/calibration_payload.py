@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ from doe.noise import Noise, origin
 from doe.problem import Problem
 from doe.readings import rms_mm
 from doe.uncertainty import ParameterEstimate
+from robots.csv_text import rows_text
 from stiffarm import calibration_laws, payloads
 from stiffarm import calibration_words as words
 from stiffarm.calibrating import Calibrated, StageFindings
@@ -221,12 +220,10 @@ def _poses(c: Calibrated) -> list[dict[str, Any]]:
 def parameters_csv(c: Calibrated) -> str:
     """Every parameter of every stage, a row each; empty cells where there is no number."""
     names = ("stage", "name", "value", "unit", "low95", "high95", "status", "bound")
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
+    rows: list[list[object]] = [[*names]]
     for s in c.stages:
         for e in s.result.certainty.estimates:
             one = estimate(e)
             cells = [one["value"], one["unit"], *one["interval95"], one["status"], one.get("bound")]
-            writer.writerow([s.result.stage.name, one["name"], *("" if v is None else v for v in cells)])
-    return text.getvalue()
+            rows.append([s.result.stage.name, one["name"], *cells])
+    return rows_text(rows)

@@ -11,9 +11,12 @@ import numpy as np
 from doe import SpringEstimate
 from doe.calibration import StageResult
 from doe.constant import bound_remark
+from doe.estimate import Estimate
 from doe.lack_of_fit import FLAGGED, LackOfFit, downweighted
 from doe.noise import FEWEST_POSES, Noise, estimable
 from doe.problem import Problem
+from doe.readings import PointOf
+from doe.telling import NOISY
 from doe.uncertainty import Certainty, ParameterEstimate
 from fem.parameters import TURN, Parameter
 
@@ -106,6 +109,17 @@ def remarks(stages: Sequence[StageResult], expected: tuple[float, float] | None)
     return tuple(out)
 
 
+def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str, ...]:
+    """Which points a shift of the point (``names``) moved, where readings have their own."""
+    if not names or "table" not in points:
+        return ()
+    tool = "the model's tool point moves with them" if "tool" in points else "the model's tool point stays"
+    return (
+        f"{', '.join(names)}: the points of the table (px_mm, py_mm, pz_mm) are off by this, which the model file "
+        f"holds as [load] point; {tool}",
+    )
+
+
 def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list[str]:
     out: list[str] = []
     for e in s.certainty.estimates:
@@ -124,10 +138,24 @@ def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list
         for e in s.certainty.estimates
         if e.status == "not identified" and e.parameter.name not in told
     ]
+    out += _unexplained(s.estimate)
     if not s.estimate.settled:
         out.append("noise and numbers did not come to rest against one another: take the intervals with care")
     if all(e.degrees_of_freedom <= 0.0 for e in s.certainty.estimates):
         out.append("as many numbers as readings: no residual is left, so no error bars can be given")
+    return out
+
+
+def _unexplained(e: Estimate) -> list[str]:
+    """That most of what was read is left: the readings tell something, but not of the numbers set free."""
+    p, out = e.problem, []
+    for unit, mine in (("mm", p.component < 3), ("mrad", p.component >= 3)):
+        left, read = (float(np.sqrt(np.sum(v[mine] ** 2) / max(int(mine.sum()), 1))) for v in (e.residual, p.value))
+        if left > NOISY * read:
+            out.append(
+                f"{1e3 * left:.3g} of {1e3 * read:.3g} {unit} read (RMS) are left unexplained: what gives way is "
+                "hardly among these numbers; set others free, or ask `stiffarm diagnose` what is missing"
+            )
     return out
 
 

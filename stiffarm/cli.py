@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from robots.errors import one_line
 from stiffarm import __version__
 
 # Name of a command -> its module in stiffarm.commands and its function there.
@@ -47,6 +50,34 @@ class _Commands(TyperGroup):
         one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         one.command(cmd_name)(getattr(importlib.import_module(f"stiffarm.commands.{module}"), function))
         return typer.main.get_command(one)
+
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **more: Any) -> Any:
+        with _printable():
+            _refuse_empty(args)
+            return super().make_context(info_name, args, *rest, **more)
+
+    def invoke(self, ctx: Any) -> Any:
+        with _printable():
+            return super().invoke(ctx)
+
+
+def _refuse_empty(args: list[str]) -> None:
+    """An empty name, as of a variable that is not set, would stand for the folder one is in."""
+    for before, argument in zip(["", *args], args, strict=False):
+        if not argument.strip() or (argument.startswith("--") and argument.endswith("=")):
+            place = argument if argument.strip() else f"the argument after {before}" if before else "the first argument"
+            raise typer.BadParameter(f"{place} is empty: give a value, or leave it out ('.' is the folder you are in)")
+
+
+@contextmanager
+def _printable() -> Iterator[None]:
+    """What the command line says of wrong options repeats them: as text that a terminal only prints."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(message := getattr(error, "message", None), str):
+            error.message = one_line(message)  # type: ignore[attr-defined]
+        raise
 
 
 app = typer.Typer(

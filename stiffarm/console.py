@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -17,8 +15,11 @@ from rich.table import Table
 from rich.text import Text
 
 from robots import InputError
+from robots.errors import one_line
 from robots.files import recording
 from stiffarm.interruption import EXIT_STOPPED, stoppable
+from stiffarm.json_text import json_text
+from stiffarm.streams import CLOSED, silence
 
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
@@ -28,19 +29,32 @@ stderr = Console(stderr=True, highlight=False, emoji=False)
 
 
 def say(message: str) -> None:
-    """One line for the user, on stderr."""
-    stderr.print(message, markup=False, soft_wrap=True)
+    """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal."""
+    _print(Text(one_line(message)), soft_wrap=True)
+
+
+def say_error(error: InputError) -> None:
+    """An error, on stderr: one line, or one for each fault."""
+    for line in f"stiffarm: {error}".split("\n"):
+        say(line)
+
+
+def _print(content: Text | Table, *, soft_wrap: bool = False) -> None:
+    try:
+        stderr.print(content, soft_wrap=soft_wrap)
+    except OSError:  # a full disk, a reader that has gone: the results and the exit code still count
+        silence(sys.stderr.fileno())
 
 
 def emit_json(content: Mapping[str, Any]) -> None:
     """Put one JSON object on stdout."""
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    text = json_text(content)
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
     except OSError as error:
         # Python would try to write the rest again at exit, and complain about that itself.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        silence(sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):  # the reader has had enough, as in `| head`
             raise typer.Exit(EXIT_OTHER) from None
         raise
@@ -48,12 +62,12 @@ def emit_json(content: Mapping[str, Any]) -> None:
 
 def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     """A table for people, on stderr. Names and labels come from files: they are no markup."""
-    table = Table(title=Text(title), title_justify="left", title_style="bold")
+    table = Table(title=Text(one_line(title)), title_justify="left", title_style="bold")
     for i, column in enumerate(columns):
-        table.add_column(Text(column), justify="left" if i == 0 else "right", overflow="fold")
+        table.add_column(Text(one_line(column)), justify="left" if i == 0 else "right", overflow="fold")
     for row in rows:
-        table.add_row(*map(Text, row))
-    stderr.print(table)
+        table.add_row(*(Text(one_line(cell)) for cell in row))
+    _print(table)
 
 
 @contextmanager
@@ -69,7 +83,7 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
         disable=not stderr.is_terminal,
     )
     with bar:
-        task = bar.add_task(description, total=None)
+        task = bar.add_task(one_line(description), total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
@@ -81,11 +95,12 @@ def user_errors(debug: bool) -> Iterator[None]:
     """
     with stoppable(), recording():
         try:
+            _check_stdout()
             yield
         except InputError as error:
             if debug:
                 traceback.print_exc()
-            say(f"stiffarm: {error}")
+            say_error(error)
             raise typer.Exit(EXIT_BAD_INPUT) from None
         except KeyboardInterrupt:  # only where Ctrl-C is not ours to handle
             say("stiffarm: stopped by the user; no half-written files are left")
@@ -97,6 +112,14 @@ def user_errors(debug: bool) -> Iterator[None]:
                 raise
             say(f"stiffarm: {_unforeseen(error)}")
             raise typer.Exit(EXIT_OTHER) from None
+
+
+def _check_stdout() -> None:
+    """Refuse to work for an answer that nobody will get."""
+    if "stdout" in CLOSED and "--json" in sys.argv[1:]:
+        raise InputError(
+            "stdout is closed, where the answer belongs (--json)", remedy="redirect it to a file, or leave --json out"
+        )
 
 
 def _unforeseen(error: Exception) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from machining.distribution import Distribution, GammaChoice, Statistics
 from machining.grid import Grid
+from robots.csv_text import columns_text
 from stiffarm.index_units import Shown, shown
 from stiffarm.outputs import OutputFolder
 from stiffarm.payloads import number
@@ -149,8 +150,6 @@ def _figures(s: Statistics, i: int, what: Shown) -> dict[str, Any]:
 
 def _statistics_table(made: IndexMap) -> str:
     """Gamma, share reached, and the figures over both sets of points; empty where there is none."""
-    import pandas as pd
-
     what = made.shown
     table: dict[str, Any] = {"gamma_deg": [_degrees(g) for g in made.found.gamma]}
     for over in ("reached", "common"):
@@ -159,13 +158,11 @@ def _statistics_table(made: IndexMap) -> str:
             table["share_reached"] = s.share
         table[f"{over}_points"] = s.points
         table |= {f"{over}_{name}_{what.column}": what.factor * getattr(s, name) for name in _FIGURES}
-    return str(pd.DataFrame(table).to_csv(index=False, float_format="%.9g"))
+    return columns_text(table, digits=9)
 
 
 def _point_table(made: IndexMap) -> str:
     """Points in base axes, the best gamma and its value, and the value at every gamma; empty where not reached."""
-    import pandas as pd
-
     what, best = made.shown, made.found.best_at_points()
     table: dict[str, Any] = dict(zip(("x_mm", "y_mm", "z_mm"), (M_TO_MM * made.points).T, strict=True))
     if made.inside is not None:
@@ -175,7 +172,7 @@ def _point_table(made: IndexMap) -> str:
         f"{what.column}_{angle_name(g)}": what.factor * v
         for g, v in zip(made.found.gamma, made.found.value.T, strict=True)
     }
-    return str(pd.DataFrame(table).to_csv(index=False, float_format="%.9g"))
+    return columns_text(table, digits=9)
 
 
 def write_index_vtu(made: IndexMap, path: Path) -> None:

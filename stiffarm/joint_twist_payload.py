@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from doe.joint_twists.model_file import held_constant, rms_mm
 from doe.joint_twists.substitute import Errors
 from doe.joint_twists.unjudged import KINDS, NO_NOISE
 from doe.joint_twists.workspace import Window
+from robots.csv_text import rows_text
 from stiffarm.joint_twist_run import AtFlange, JointTwists
 from stiffarm.payloads import number
 
@@ -224,7 +223,7 @@ def stiffness_table(d: JointTwists) -> str:
         for angle, *values in zip(np.degrees(x.angle), *x.stiffness(q), strict=True):
             cells = ["" if not np.isfinite(v) else f"{v:.6g}" for v in values]
             rows.append([x.joint, x.row, x.status, kind, f"{angle:.6g}", *cells, x.unit, label])
-    return _csv(header, rows)
+    return rows_text([header, *rows])
 
 
 def map_table(w: Window) -> str:
@@ -237,12 +236,4 @@ def map_table(w: Window) -> str:
             rows.append(
                 [f"{1e3 * x:.3f}", f"{1e3 * z:.3f}", *("" if np.isnan(v) else f"{1e-3 * v:.6g}" for v in values)]
             )
-    return _csv(header, rows)
-
-
-def _csv(header: list[str], rows: list[list[str]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return stream.getvalue()
+    return rows_text([header, *rows])

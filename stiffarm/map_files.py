@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.csv_text import write_rows
 from stiffarm import maps
 from stiffarm.inputs import ModelInput
 from stiffarm.outputs import OutputFolder
@@ -92,14 +92,13 @@ def write_table(data: MapData, path: Path) -> None:
     """All points as CSV: where they are (mm), the pose (deg), the quantities; empty cells where there is no pose."""
     columns = ["x_mm", "y_mm", "z_mm", *data.coordinates, *data.fields]
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
+        write_rows(file, [columns], "\r\n")
         for start in range(0, data.layout.n, ROWS):
             rows = slice(start, start + ROWS)
             numbers = [1e3 * np.asarray(data.points[rows]), np.degrees(np.asarray(data.q[rows]))]
             cells = [_cells(column) for block in numbers for column in block.T]
             cells += [_cells(np.asarray(f.values[rows]), f.categories) for f in data.fields.values()]
-            writer.writerows(zip(*cells, strict=True))
+            write_rows(file, zip(*cells, strict=True), "\r\n")
 
 
 def _cells(values: NDArray[np.float64], categories: Sequence[str] = ()) -> list[str]:

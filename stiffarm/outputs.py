@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import hashlib
-import json
 import platform
 import sys
 import time
@@ -21,6 +20,7 @@ from robots.published import Stage
 from robots.unfinished import tidied_by
 from robots.written import sha256_of
 from stiffarm.interruption import undisturbed
+from stiffarm.json_text import json_text
 
 _PACKAGES = ("stiffarm", "numpy", "scipy", "scikit-fem", "scikit-learn", "pyvista", "trimesh", "matplotlib")
 
@@ -73,8 +73,7 @@ class OutputFolder:
             if kind is None:
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
-                with undisturbed():
-                    self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
+                self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
         finally:
             self._close()
 
@@ -104,7 +103,7 @@ class OutputFolder:
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file."""
-        self.write_text(name, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        self.write_text(name, json_text(content))
 
     def _provenance(self) -> dict[str, Any]:
         return {
@@ -127,7 +126,9 @@ class OutputFolder:
     def _publish(self, sha256: Mapping[str, str]) -> None:
         assert self._stage is not None  # noqa: S101 - it has been entered
         try:
-            self._stage.publish(sha256)
+            self._stage.settle()
+            with undisturbed():
+                self._stage.publish(sha256)
         except OSError as error:
             raise InputError(
                 f"output folder {self.target} cannot take the results ({error})",

@@ -1,9 +1,11 @@
-"""What the pages that draw a robot share: packed arrays, the kinematic chain, scripts, rendering."""
+"""What pages share: rendering with a Content-Security-Policy; packed arrays, the kinematic chain, scripts."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
+import re
 from importlib import resources
 from typing import Any
 
@@ -22,18 +24,45 @@ def render_page(template: str, data: dict[str, Any], scripts: tuple[str, ...], *
 
     ``data`` becomes the JSON at ``{{ data }}``, the files ``scripts`` of ``templates`` the text at ``{{ script }}``.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("stiffarm", "templates"),
-        autoescape=True,
-        trim_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     # Inside a script element nothing but "<" can end it early.
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026")
     folder = resources.files("stiffarm") / "templates"
     script = "\n".join((folder / name).read_text(encoding="utf-8") for name in scripts)
-    page = environment.get_template(template)
-    return page.render(data=Markup(text), script=Markup(script), **words)  # noqa: S704 - escaped above; our own
+    return rendered(template, data=Markup(text), script=Markup(script), **words)  # noqa: S704 - escaped above; our own
+
+
+def rendered(template: str, script: str = "", **words: Any) -> str:
+    """A page as HTML text from a file in ``templates``, all content escaped; no page is made in another way.
+
+    Its Content-Security-Policy, ``{{ policy }}`` in the template, lets nothing be loaded, runs no script and applies no
+    style but those that stand in the template itself. They are known by their hashes, and these are taken without the
+    content, so that what slipped in with it would not run.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("stiffarm", "templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    source = (resources.files("stiffarm") / "templates" / template).read_text(encoding="utf-8")
+    allowed = {"default": "'none'", "img": "data:"}
+    for kind in ("style", "script"):
+        # With their tags, so that rendering strips no newline at their ends.
+        elements = [found[0] for found in re.finditer(rf"<{kind}>.*?</{kind}>", source, re.DOTALL)]
+        if elements:
+            allowed[kind] = " ".join(_hash(environment.from_string(text).render(script=script)) for text in elements)
+    policy = "; ".join(
+        [*(f"{kind}-src {what}" for kind, what in allowed.items()), "base-uri 'none'", "form-action 'none'"]
+    )
+    # Hashes and words of our own.
+    return environment.get_template(template).render(policy=Markup(policy), script=script, **words)  # noqa: S704
+
+
+def _hash(element: str) -> str:
+    """The hash of what an element without attributes holds, as policies have it."""
+    content = element.partition(">")[2].rpartition("</")[0]
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
 
 
 def chain_data(robot: Robot) -> dict[str, Any]:

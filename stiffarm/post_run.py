@@ -126,12 +126,13 @@ def run_post(
         written = write_program(program, target.name, target.kind, request.options, request.templates)
         texts = _save(written, target, folder)
         trip = round_trip(program, texts, target.name, target.kind, request.options)
-        if not trip.within(WRITTEN_TO):
+        wrong = trip.difference(WRITTEN_TO)
+        if wrong is not None:
             raise InputError(
-                f"{target.name} program, {target.kind} coordinates, is off the tool path",
-                value=f"{trip.tip * 1e6:.3g} um, {trip.turned * 1e6:.3g} urad",
-                allowed=f"{WRITTEN_TO * 1e6:g} um, {WRITTEN_TO * 1e6:g} urad",
-                remedy="give more decimals in the options",
+                f"{target.name} program, {target.kind} coordinates, read back: {wrong.what}",
+                value=wrong.value,
+                allowed=wrong.allowed,
+                remedy=wrong.remedy,
             )
         run.written[target], run.trips[target] = written, trip
     return run

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-
+from stiffarm.page_parts import rendered
 from stiffarm.picture_style import png_base64
 
 
@@ -95,11 +94,6 @@ def render(
     question: str = "how stiff is it, and how well do we know?",
 ) -> str:
     """The page as HTML text; all content is escaped. ``question``: what the page answers about its title."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("stiffarm", "templates"),
-        autoescape=True,
-        trim_blocks=True,
-        undefined=jinja2.StrictUndefined,
+    return rendered(
+        "report.html.j2", title=title, question=question, lede=lede, key=key, sections=sections, footer=footer
     )
-    page = environment.get_template("report.html.j2")
-    return page.render(title=title, question=question, lede=lede, key=key, sections=sections, footer=footer)

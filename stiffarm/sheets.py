@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements, write_measurements
 from doe.measurement_columns import DISPLACEMENTS, LOADS
 from robots import Robot
+from stiffarm.page_parts import rendered
 from stiffarm.plan_words import direction_words
 
 Array = NDArray[np.float64]
@@ -178,11 +178,4 @@ def render_sheet(sheet: Sheet, pictures: Sequence[str]) -> str:
                 same,
             )
         )
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("stiffarm", "templates"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    return environment.get_template("sheet.html.j2").render(sheet=sheet, blocks=blocks, count=len(rows))
+    return rendered("sheet.html.j2", sheet=sheet, blocks=blocks, count=len(rows))

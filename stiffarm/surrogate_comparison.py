@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.csv_text import records_text
 from stiffarm.payloads import number
 from surrogate import Surrogate, Trained, predict
 from surrogate.expansion import Expansion
@@ -100,7 +101,5 @@ def _maybe(value: float | None) -> float | None:
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """The rows as CSV."""
-    import pandas as pd
-
     flat = [row | {"messages": "; ".join(row["messages"])} for row in rows]
-    return str(pd.DataFrame(flat).to_csv(index=False))
+    return records_text(flat)

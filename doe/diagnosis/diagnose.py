@@ -131,7 +131,7 @@ def diagnose(s: Setting, options: Options = Options(), progress: Progress | None
         d = decide(r, further=bool(found)) if told.anything else Decision("uninformative", None, told.words)
         rankings.append(r)
         decisions.append(d)
-        say(f"look {look + 1}: {_words(r) if told.anything else d.reason}")
+        say(f"look {look + 1}: {_words(r) if told.anything else 'these readings tell nothing about the arm'}")
         if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence

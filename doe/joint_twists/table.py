@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -17,6 +16,7 @@ from doe.joint_twists.reflector_table import assemble_reflectors
 from doe.measurement_checks import joint_keys
 from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import Robot, forward_kinematics
+from robots.csv_text import write_rows
 from robots.errors import listed
 from robots.written import written_whole
 
@@ -143,6 +143,4 @@ def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
     if t.synthetic:
         columns["origin"] = ["synthetic"] * t.n
     with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+        write_rows(stream, [columns, *zip(*columns.values(), strict=True)])

@@ -15,9 +15,12 @@ from fem.effects.structure import load_path as load_path_effect
 from fem.model import ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription
 from robots.schema import EffectNumber, EffectTable
-from robots.units import factor
+from robots.units import check_magnitude, factor
 
 LOAD_PATH = "load-path"
+# So many times beyond its plausible range a number of a law is a slip; estimates search ten times, of pure numbers
+# (powers above all) the range itself.
+FAR, FAR_RATIO = 1e3, 10.0
 
 
 def build_arm(
@@ -231,10 +234,28 @@ def _si(parameter: EffectParameter, number: EffectNumber, place: str, faults: li
     if must_be_positive and not value > 0.0:
         faults.append(InputError(place, value=number.value, allowed=f"greater than 0, plausible {_range(parameter)}"))
         return None
+    if parameter.role == "shape" and not _within_reason(parameter, value):
+        faults.append(
+            InputError(place, value=number.value, allowed=f"not far from what is plausible, {_range(parameter)}")
+        )
+        return None
+    if must_be_positive:
+        try:
+            check_magnitude(parameter.dimension, number.unit, number.value, positive=True)
+        except ValueError as error:
+            faults.append(InputError(f"{place}: {error}", value=number.value, allowed=f"plausible {_range(parameter)}"))
+            return None
     if not parameter.signed and low >= 0.0 and value < 0.0:
         faults.append(InputError(place, value=number.value, allowed=f"0 or more, plausible {_range(parameter)}"))
         return None
     return value
+
+
+def _within_reason(parameter: EffectParameter, value: float) -> bool:
+    """Whether a law with this number, which it divides by or raises to, still gives figures."""
+    far = FAR_RATIO if parameter.dimension == "ratio" else FAR
+    least = parameter.lower / far if parameter.lower > 0.0 else 0.0
+    return least <= abs(value) <= far * max(abs(parameter.lower), abs(parameter.upper))
 
 
 def _kind(unit: str) -> str:

@@ -6,7 +6,7 @@ Controllers: ``krl`` (KUKA), ``rapid`` (ABB), ``val3`` (Staubli), ``sinumerik`` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from machining.programs import krl, rapid, sinumerik, val3
 from machining.programs.commands import commands
+from machining.programs.configuration import abb_configuration, kuka_status_turn, val3_configuration
 from machining.programs.convention import Convention, convention_for, identity
 from machining.programs.job import Job, Kind, external_axes, external_count, job_of, precision_notes
 from machining.programs.neutral import csv_pieces, json_pieces
@@ -60,6 +61,15 @@ FORMATS: dict[str, Format] = {
         Format("json", "JSON", ("cartesian", "joint")),
     )
 }
+
+
+SIDES: dict[str, Callable[..., Iterable[Iterable[object]]]] = {
+    "krl": kuka_status_turn,
+    "rapid": abb_configuration,
+    "val3": val3_configuration,
+}
+# Share by which a speed may differ: it is written to seven digits, and single precision on some controllers.
+SAME_PACE = 1e-4
 
 
 def format_of(name: str, kind: str) -> Format:
@@ -160,7 +170,7 @@ class RoundTrip:
 
     ``tip`` m and ``turned`` rad of the tool frames (joint programs by forward kinematics); ``travel`` m of linear
     axes, ``table`` rad; ``pace``: speed or time of a move as a share of it; ``same_moves``: joint moves are where
-    they were asked for.
+    they were asked for; ``same_sides``: the arm's configuration is that of the joint angles, where it decides.
     """
 
     tip: float
@@ -169,10 +179,31 @@ class RoundTrip:
     table: float
     pace: float
     same_moves: bool
+    same_sides: bool = True
 
     def within(self, tolerance: float = 1e-6) -> bool:
-        """Whether tool frames and axes are within so many m and rad."""
-        return self.same_moves and max(self.tip, self.turned, self.travel, self.table) < tolerance
+        """Whether nothing differs, and tool frames and axes by less than so many m and rad."""
+        return self.difference(tolerance) is None
+
+    def difference(self, tolerance: float = 1e-6) -> InputError | None:
+        """What differs first, as the error that it is; None where nothing does."""
+        off = max(self.tip, self.turned, self.travel, self.table)
+        template = "write it as the bundled template does"
+        if not self.same_moves:
+            return InputError("joint moves and straight ones", value="exchanged", allowed="as asked", remedy=template)
+        if not off < tolerance:
+            return InputError(
+                "off the tool path",
+                value=f"{max(self.tip, self.travel) * 1e6:.3g} um, {max(self.turned, self.table) * 1e6:.3g} urad",
+                allowed=f"{tolerance * 1e6:g} um, {tolerance * 1e6:g} urad",
+                remedy="give more decimals in the options; in your own templates write coordinates as bundled ones do",
+            )
+        if not self.same_sides:
+            return InputError("configuration of the arm", value="another", allowed="the path's", remedy=template)
+        if not self.pace < SAME_PACE:
+            value, allowed = f"by {100.0 * self.pace:.3g} %", f"{100.0 * SAME_PACE:g} %"
+            return InputError("speeds differ from the tool path's", value=value, allowed=allowed, remedy=template)
+        return None
 
 
 def round_trip(
@@ -219,11 +250,30 @@ def round_trip(
         table=float(np.radians(away_axes[:, linear:].max(initial=0.0))),
         pace=_pace(found, wanted.speed, wanted.duration, options=o, name=name),
         same_moves=bool((found.joint == joint).all()),
+        same_sides=kind == "joint" or _same_sides(found, program, convention, name),
     )
 
 
+def _same_sides(found: ReadMoves, program: JointProgram, convention: Convention, name: str) -> bool:
+    """Whether configurations are those of the joint angles; straight moves may do without, their start decides."""
+    wanted = SIDES[name](program.robot, program.q, convention.controller_deg(program.q))
+    rows = zip(found.configuration, wanted, found.joint.tolist(), strict=True)
+    return all(list(map(str, row)) == list(map(str, right)) if row else not joint for row, right, joint in rows)
+
+
 def _pace(found: ReadMoves, speed: Array, duration: Array, options: WriteOptions, name: str) -> float:
+    said = found.speed if name != "sinumerik" else np.where(found.joint, 0.0, found.duration)
+    if np.isnan(said).any():
+        number = int(np.argmax(np.isnan(said))) + 1
+        raise InputError(f"{name} program, move {number}", value="no speed", allowed="a speed before each move")
     if name != "sinumerik":
+        unknown = int((~np.isfinite(found.speed)).sum())
+        if unknown:
+            raise InputError(
+                f"{name} program: no speed can be read for {unknown} of {len(speed)} moves",
+                allowed="speeds in the form of the bundled template",
+                remedy="keep its line that sets the speed",
+            )
         return float(np.abs(found.speed / speed - 1.0).max())
     timed = ~found.joint
     off = np.abs(found.duration[timed] / duration[timed] - 1.0)

@@ -32,7 +32,7 @@ from machining.programs.words import (
     speeds_of,
     words_of,
 )
-from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -44,7 +44,16 @@ _SPEED = re.compile(r"\s*\$VEL\.CP\s*=\s*(\S+)\s*(?:;.*)?$", re.IGNORECASE)
 # Parts end in their number; other calls are the shop's own.
 _CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*\(\s*\)\s*(?:;.*)?$")
 # Motion that this reader does not know must not be passed over.
-_OTHER = re.compile(r"\s*(?:LIN|PTP|CIRC|SLIN|SPTP|SCIRC|SPL|SPLINE|LIN_REL|PTP_REL|CIRC_REL|ASYPTP)\b", re.IGNORECASE)
+_LANGUAGE = Language(
+    ";",
+    re.compile(
+        r"(?<![\w$.#])(?:LIN|PTP|CIRC|SLIN|SPTP|SCIRC|SPL|SPLINE|LIN_REL|PTP_REL|CIRC_REL|ASYPTP)\b(?!\s*[=(])",
+        re.IGNORECASE,
+    ),
+    re.compile(r"^\s*(?:LOOP|FOR|WHILE|REPEAT|IF|SWITCH)\b", re.IGNORECASE),
+    re.compile(r"^\s*(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF|ENDSWITCH)\b", re.IGNORECASE),
+    re.compile(r"^\s*GOTO\b", re.IGNORECASE),
+)
 
 
 def write(job: Job, made: Sandbox) -> list[ProgramFile]:
@@ -93,14 +102,13 @@ def read(files: Mapping[str, str]) -> ReadMoves:
     out = Collector()
     speed = np.nan
     for source, body in [(name, text), *called(files, calls, ".src")]:
-        for i, line in enumerate(body.splitlines(), 1):
-            found = _MOTION.match(line)
+        for line in _LANGUAGE.statements(source, body):
+            found = _MOTION.match(line.code)
+            line.check_read("LIN and PTP {coordinates}", read=found is not None)
             if found is not None:
-                _motion(out, f"{source}, line {i}", found[1].upper(), found[2], speed)
-            elif (said := _SPEED.match(line)) is not None:
-                speed = number(f"{source}, line {i}, $VEL.CP", said[1])
-            elif _OTHER.match(line):
-                raise InputError(f"{source}, line {i}", value=line.strip()[:80], allowed="LIN and PTP {coordinates}")
+                _motion(out, line.where, found[1].upper(), found[2], speed)
+            elif (said := _SPEED.match(line.code)) is not None:
+                speed = number(f"{line.where}, $VEL.CP", said[1])
     return out.moves()
 
 
@@ -114,7 +122,9 @@ def _motion(out: Collector, where: str, order: str, text: str, speed: float) -> 
     externals = [values[f"E{i}"] for i in range(1, 7) if f"E{i}" in values]
     for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
         if all(name in values for name in names):
-            sides = (int(values["S"]), int(values["T"])) if "S" in values and "T" in values else ()
+            sides: tuple[int, ...] = ()
+            if "S" in values and "T" in values:
+                sides = (whole(f"{where}, S", f"{values['S']:g}"), whole(f"{where}, T", f"{values['T']:g}"))
             words = [values[name] for name in names]
             out.add(where, kind, words, externals, sides, joint=order == "PTP", speed=speed)
             return

@@ -11,8 +11,6 @@ tool and operation spelled out; tables, events and notes are not in it. What is 
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 from collections.abc import Iterator
@@ -24,6 +22,7 @@ from machining.programs.commands import MM_MIN, RPM
 from machining.programs.orientation import quaternions
 from machining.programs.program import JointProgram
 from machining.programs.source_text import comment
+from robots.csv_text import rows_text
 
 Array = NDArray[np.float64]
 
@@ -108,32 +107,27 @@ def json_pieces(program: JointProgram) -> Iterator[str]:
 def csv_pieces(program: JointProgram) -> Iterator[str]:
     """The CSV text, a block of moves at a time.
 
-    Names of tools and operations are made harmless as in comments, so that no spreadsheet takes one for a formula.
+    Names of tools and operations are made harmless as in comments.
     """
     names = columns(program.robot.dof, len(program.cell.linear_axes))
     tool, operation, branch = (names.index(name) for name in ("tool", "operation", "branch"))
     inserted, rapid = names.index("inserted"), names.index("rapid")
-    tools = [_cell(f"{'' if t.number is None else t.number} {t.name}") for t in program.motions.tools]
-    operations = [_cell(name) for name in program.motions.operations]
+    tools = [comment(f"{'' if t.number is None else t.number} {t.name}") for t in program.motions.tools]
+    operations = [comment(name) for name in program.motions.operations]
     yield f"# {SCHEMA}\r\n"
     yield ",".join(names) + "\r\n"
     for first in range(0, program.n, BLOCK):
-        text = io.StringIO()
-        writer = csv.writer(text)
+        cells = []
         for row in rows(program, first, min(first + BLOCK, program.n)):
             row[tool], row[operation] = tools[_index(row[tool])], operations[_index(row[operation])]
-            row[branch] = _cell(program.names[_index(row[branch])]) if program.names else ""
+            row[branch] = comment(program.names[_index(row[branch])]) if program.names else ""
             row[inserted], row[rapid] = int(row[inserted] is True), int(row[rapid] is True)
-            writer.writerow(row)
-        yield text.getvalue()
+            cells.append(row)
+        yield rows_text(cells, "\r\n")
 
 
 def _index(value: object) -> int:
     return int(str(value))
-
-
-def _cell(text: str) -> str:
-    return comment(text).lstrip("=+-@ ").strip()
 
 
 def _known(value: float) -> float | None:

@@ -21,7 +21,7 @@ from machining.programs.orientation import framed, from_quaternions, quaternions
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import ARM, common, configurations_of, frame_words, part_names, plain, speeds_of, words_of
-from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -34,7 +34,15 @@ _MOTION = re.compile(r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,
 _SPEED = re.compile(r"\s*vMove\.v_tcp\s*:=\s*([^;]+);", re.IGNORECASE)
 # Parts end in their number; other calls are the shop's own.
 _CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*;\s*(?:!.*)?$")
-_OTHER = re.compile(r"\s*(?:Move\w*|SearchL|SearchC|TriggL|TriggJ|TriggC)\b", re.IGNORECASE)
+_LANGUAGE = Language(
+    "!",
+    re.compile(r"\b(?:Move(?:L|J|C|AbsJ|Ext|Circ)\w*|SearchL|SearchC|Trigg[LJC])\b", re.IGNORECASE),
+    re.compile(r"^\s*(?:FOR|WHILE|TEST)\b|^\s*IF\b.*\bTHEN\b", re.IGNORECASE),
+    re.compile(r"\b(?:ENDFOR|ENDWHILE|ENDTEST|ENDIF)\b", re.IGNORECASE),
+    re.compile(r"\bGOTO\b", re.IGNORECASE),
+)
+# Length of a quaternion: its decimals are the user's choice.
+UNIT = 0.01
 
 
 def write(job: Job, made: Sandbox) -> list[ProgramFile]:
@@ -90,16 +98,13 @@ def read(files: Mapping[str, str]) -> ReadMoves:
     out = Collector()
     speed = np.nan
     for source, body in [(name, text), *called(files, calls, ".mod")]:
-        for i, line in enumerate(body.splitlines(), 1):
-            motion = _MOTION.match(line)
+        for line in _LANGUAGE.statements(source, body):
+            motion = _MOTION.match(line.code)
+            line.check_read("MoveL [[...]], MoveAbsJ [[...]]", read=motion is not None)
             if motion is not None:
-                _motion(out, f"{source}, line {i}", motion[1].lower(), motion[2], speed)
-            elif (said := _SPEED.match(line)) is not None:
-                speed = number(f"{source}, line {i}, v_tcp", said[1]) * 1e-3
-            elif _OTHER.match(line):
-                raise InputError(
-                    f"{source}, line {i}", value=line.strip()[:80], allowed="MoveL [[...]], MoveAbsJ [[...]]"
-                )
+                _motion(out, line.where, motion[1].lower(), motion[2], speed)
+            elif (said := _SPEED.match(line.code)) is not None:
+                speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3
     return out.moves()
 
 
@@ -111,7 +116,9 @@ def _motion(out: Collector, where: str, order: str, text: str, speed: float) -> 
     if order == "moveabsj" and lengths == [ARM, EXTERNALS]:
         out.add(where, "joint", values[0], used, joint=True, speed=speed)
     elif order != "moveabsj" and lengths == [3, 4, 4, EXTERNALS]:
-        sides = tuple(int(v) for v in values[2])
+        if abs(np.linalg.norm(values[1]) - 1.0) > UNIT:
+            raise InputError(f"{where}, orientation", value=lists[1], allowed="a quaternion of length 1")
+        sides = tuple(whole(f"{where}, configuration", item) for item in lists[2].split(","))
         out.add(where, "cartesian", values[0] + values[1], used, sides, joint=order == "movej", speed=speed)
     else:
         raise InputError(where, value=text[:80], allowed="robtarget [[3],[4],[4],[6]], jointtarget [[6],[6]]")

@@ -29,7 +29,7 @@ from machining.programs.source_text import SourceText
 from robots import InputError
 
 # The bundled templates take some ten steps a move; a template that takes more than this works on something else.
-STEPS, STEPS_PER_MOVE = 2_000_000, 200
+STEPS, STEPS_PER_MOVE = 500_000, 200
 SECONDS, SECONDS_PER_MOVE = 60.0, 0.01
 # Characters of a text and items of a list that a template makes: lines of a program are far shorter.
 LARGEST = 100_000

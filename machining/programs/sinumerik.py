@@ -20,7 +20,7 @@ from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, part_names, plain
 from machining.programs.write_options import SinumerikOptions
-from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -29,7 +29,13 @@ _BLOCK = re.compile(r"\s*(?:N\d+\s+)?G0*([01])\s+(.*)$", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z][A-Z0-9_]*)=(\S+)")
 _FEED = re.compile(r"(?<![A-Z0-9_])F=?(-?[0-9.]+)(?![\w=])")
 _CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*(?:;.*)?$")
-_OTHER = re.compile(r"\s*(?:N\d+\s+)?(?:G0*[23]|CIP|CT|POS|POSA|POLY|BSPLINE)\b", re.IGNORECASE)
+_LANGUAGE = Language(
+    ";",
+    re.compile(r"\b(?:G0*[0123]|CIP|CT|POS|POSA|POLY|BSPLINE)\b", re.IGNORECASE),
+    re.compile(r"^\s*(?:N\d+\s+)?(?:LOOP|FOR|WHILE|REPEAT|IF(?!.*\bGOTO))\b", re.IGNORECASE),
+    re.compile(r"^\s*(?:N\d+\s+)?(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF)\b", re.IGNORECASE),
+    re.compile(r"\bGOTO[BFCS]?\b", re.IGNORECASE),
+)
 
 
 def axis_names(options: SinumerikOptions, linear: int, table: bool) -> list[str]:
@@ -106,12 +112,12 @@ def read(files: Mapping[str, str], options: SinumerikOptions, linear: int, table
     out = Collector()
     inverse, before = True, None
     for source, body in [(name, text), *called(files, calls, ".SPF")]:
-        for i, line in enumerate(body.splitlines(), 1):
-            code = line.split(";", 1)[0]
-            where = f"{source}, line {i}"
+        for line in _LANGUAGE.statements(source, body):
+            code, where = line.code, line.where
             if "G93" in code.split() or "G94" in code.split():
                 inverse = "G93" in code.split()
             block = _BLOCK.match(code)
+            line.check_read("G0 and G1 at the start of a block", read=block is not None)
             if block is not None:
                 values = _values(where, block[2], axes)
                 way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
@@ -119,8 +125,6 @@ def read(files: Mapping[str, str], options: SinumerikOptions, linear: int, table
                 dof = len(options.axes)
                 out.add(where, "joint", values[:dof], values[dof:], joint=block[1] == "0", duration=time)
                 before = values
-            elif _OTHER.match(code):
-                raise InputError(where, value=code.strip()[:80], allowed="G0 and G1")
     return out.moves()
 
 

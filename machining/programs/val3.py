@@ -22,7 +22,7 @@ from machining.programs.orientation import framed, from_xyz_degrees, xyz_degrees
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, configurations_of, frame_words, plain, speeds_of, words_of
-from machining.programs.written import Collector, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -30,11 +30,17 @@ Array = NDArray[np.float64]
 _VALUE = re.compile(r"\s*<Value\s+([^<>]*?)/>\s*$")
 _DATA = re.compile(r'\s*<Data\s+name="(\w+)"')
 _ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
-_MOTION = re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[(\d+)\]\s*,\s*\w+\s*,\s*\w+\s*\)\s*(?://.*)?$")
-_SPEED = re.compile(r"\s*mMove\.tvel\s*=\s*(\S+)\s*$")
+_MOTION = re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(\w+)\s*,\s*(\w+)\s*\)\s*$")
+_SPEED = re.compile(r"\s*(\w+)\.tvel\s*=\s*(\S+)\s*$")
 # Parts are named by their number; other calls are the shop's own.
 _CALL = re.compile(r"\s*call\s+(p\d{3,})\(\s*\)\s*$")
-_OTHER = re.compile(r"\s*(?:\w+\s*=\s*)?(?:movel|movej|movec|movejf|compliantMove\w*)\s*\(")
+_LANGUAGE = Language(
+    "//",
+    re.compile(r"\b(?:movel|movej|movec|movejf|compliantMove\w*)\s*\("),
+    re.compile(r"^\s*(?:if|for|while|do|switch)\b"),
+    re.compile(r"^\s*(?:endIf|endFor|endWhile|until|endSwitch)\b"),
+    re.compile(r"\bgoto\b"),
+)
 CARTESIAN, JOINTS, SIDES = (
     ("x", "y", "z", "rx", "ry", "rz"),
     tuple(f"j{i}" for i in range(1, 7)),
@@ -117,23 +123,28 @@ def read(files: Mapping[str, str]) -> ReadMoves:
     calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
     external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
     out = Collector()
-    speed = np.nan
+    speeds: dict[str, float] = {}
     for source, body in [(name, text), *called(files, calls, ".pgx")]:
-        for i, line in enumerate(body.splitlines(), 1):
-            where = f"{source}, line {i}"
-            motion = _MOTION.match(line)
+        for line in _LANGUAGE.statements(source, body):
+            where = line.where
+            motion = _MOTION.match(line.code)
+            line.check_read("movel or movej to pPath[i] or jPath[i]", read=motion is not None)
             if motion is not None:
-                point = data.get(motion[2], {}).get(int(motion[3]))
+                point = data.get(motion[2], {}).get(whole(f"{where}, {motion[2]}", motion[3]))
                 if point is None:
                     raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
                 kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)
-                words = [number(where, point.get(key, "0")) for key in names]
+                missing = [key for key in names if key not in point]
+                if missing:
+                    raise InputError(
+                        f"{where}: {motion[2]}[{motion[3]}]", value=f"no {missing[0]}", allowed=" ".join(names)
+                    )
+                words = [number(where, point[key]) for key in names]
                 sides = tuple(point[key] for key in SIDES if key in point)
+                speed = speeds.get(motion[5], np.nan)
                 out.add(where, kind, words, external, sides, joint=motion[1] == "movej", speed=speed)
-            elif (said := _SPEED.match(line)) is not None:
-                speed = number(f"{where}, tvel", said[1]) * 1e-3
-            elif _OTHER.match(line):
-                raise InputError(where, value=line.strip()[:80], allowed="movel or movej to pPath[i] or jPath[i]")
+            elif (said := _SPEED.match(line.code)) is not None:
+                speeds[said[1]] = number(f"{where}, tvel", said[2]) * 1e-3
     return out.moves()
 
 
@@ -146,10 +157,12 @@ def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:
         if value is not None:
             attributes = dict(_ATTRIBUTE.findall(value[1]))
             key = attributes.get("key", "")
-            if not key.isdecimal():
-                raise InputError(f"{source}, line {i}, key", value=key, allowed="a whole number")
+            if not (key.isascii() and key.isdecimal() and len(key) < 10) or int(key) in here:
+                raise InputError(f"{source}, line {i}, key", value=key, allowed="a whole number, each once")
             here[int(key)] = attributes
         elif (found := _DATA.match(line)) is not None:
+            if found[1] in out:
+                raise InputError(f"{source}, line {i}: data {found[1]} stands there twice", allowed="each name once")
             here = out.setdefault(found[1], {})
     return out
 

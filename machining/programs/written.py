@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from machining.magnitudes import LARGEST
 from robots import InputError
 from robots.written import written_whole
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+STRAIGHT, IN_ORDER = "motion line after line", "keep moves out of loops, conditions and jumps in the template"
+_STRING = re.compile(r'"[^"]*"')
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +133,73 @@ def called(files: Mapping[str, str], calls: Sequence[str], suffix: str) -> list[
 
 
 def number(where: str, text: str) -> float:
-    """A finite number. Raises InputError for anything else."""
+    """A number that a program can hold. Raises InputError for anything else."""
     try:
-        value = float(text)
+        value = float(text) if text.isascii() and "_" not in text else np.nan
     except ValueError as error:
         raise InputError(where, value=text.strip(), allowed="a number") from error
-    if not np.isfinite(value):
-        raise InputError(where, value=text.strip(), allowed="a finite number")
+    if not abs(value) <= LARGEST:
+        raise InputError(where, value=text.strip(), allowed=f"a finite number of at most {LARGEST:g}")
     return value
+
+
+def whole(where: str, text: str) -> int:
+    """A whole number. Raises InputError for anything else."""
+    value = number(where, text)
+    if value != int(value):
+        raise InputError(where, value=text.strip(), allowed="a whole number")
+    return int(value)
+
+
+@dataclass(frozen=True)
+class Language:
+    """What of a controller's language a reader must not pass over.
+
+    ``comment``: sign that starts one; ``motion``: words that move, anywhere in a line; ``opens`` and ``closes``: of
+    loops and conditions; ``jumps``.
+    """
+
+    comment: str
+    motion: re.Pattern[str]
+    opens: re.Pattern[str]
+    closes: re.Pattern[str]
+    jumps: re.Pattern[str]
+
+    def statements(self, source: str, body: str) -> Iterator[Statement]:
+        """The lines of a file, without comments.
+
+        Raises
+        ------
+        InputError
+            A jump: the order of the lines is not that of the motion.
+        """
+        depth = 0
+        for i, line in enumerate(body.splitlines(), 1):
+            code = _STRING.sub('""', line).partition(self.comment)[0]
+            where = f"{source}, line {i}"
+            if self.jumps.search(code):
+                raise InputError(f"{where}: a jump", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
+            depth += len(self.opens.findall(code)) - len(self.closes.findall(code))
+            yield Statement(where, line, code, depth > 0, self.motion.search(code) is not None)
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A line: ``where`` it stands, its ``text``, its ``code`` without comment, within a loop or condition, motion."""
+
+    where: str
+    text: str
+    code: str
+    nested: bool
+    moves: bool
+
+    def check_read(self, allowed: str, *, read: bool) -> None:
+        """Raise InputError where motion is not read, or would run once for each turn of a loop, or not at all."""
+        if self.moves and not read:
+            raise InputError(self.where, value=self.code.strip()[:80], allowed=allowed)
+        if self.nested and self.moves:
+            what = f"{self.where}: motion within a loop or a condition"
+            raise InputError(what, value=self.code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
 
 
 def main_file(files: Mapping[str, str], suffix: str) -> tuple[str, str]:

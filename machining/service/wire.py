@@ -17,6 +17,8 @@ LONGEST_LINE = 32 * 1024 * 1024
 SHOWN = 200
 # Characters of an id, and largest number that every JSON reader keeps exactly.
 LONGEST_ID = 200
+# Digits of a whole number; those of a double have at most 309.
+LONGEST_NUMBER = 400
 LARGEST_ID = 2**53
 
 
@@ -28,6 +30,13 @@ def _refuse(name: str) -> float:
     raise NotReadError("JSON number", value=name, allowed="finite numbers", remedy="leave the key out, or correct it")
 
 
+def _whole(text: str) -> int:
+    # Python refuses to read thousands of digits, and advises on Python.
+    if len(text) > LONGEST_NUMBER:
+        raise NotReadError("JSON number", value=f"{text[:20]}... ({len(text)} digits)", allowed="shorter numbers")
+    return int(text)
+
+
 def _pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
@@ -37,7 +46,7 @@ def _pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-_DECODER = json.JSONDecoder(object_pairs_hook=_pairs, parse_constant=_refuse)
+_DECODER = json.JSONDecoder(object_pairs_hook=_pairs, parse_constant=_refuse, parse_int=_whole)
 _ENCODER = json.JSONEncoder(ensure_ascii=True, allow_nan=False, separators=(", ", ": "))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from machining.magnitudes import LARGEST
 from machining.toolpaths import apt_words as words
 from machining.toolpaths.apt_motion import AptMotion
 from machining.toolpaths.apt_state import Handler
@@ -119,7 +120,8 @@ class _Reader(AptMotion):
                         values = list(map(float, rest.split(",")))
                     except ValueError:
                         values = []
-                    if len(values) in (3, 6):
+                    # What no machine goes to is told by the long way, before anything is reckoned with it.
+                    if len(values) in (3, 6) and all(abs(v) <= LARGEST for v in values):
                         self.line = number
                         if len(values) == 6:
                             self.axis = (values[3], values[4], values[5])

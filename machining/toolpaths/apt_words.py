@@ -71,13 +71,13 @@ def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:
     Raises
     ------
     WordError
-        Items that are no finite numbers, another count of them.
+        Items that are no numbers or beyond :data:`LARGEST`, another count of them.
     """
     out = [as_number(part) for part in parts]
     good = [value for value in out if value is not None]
     if len(good) != len(parts):
         bad = parts[out.index(None)]
-        raise WordError(f"{bad!r} where a number belongs", "finite numbers")
+        raise WordError(f"{bad!r} where a number belongs", f"finite numbers of at most {LARGEST:g} in size")
     if len(good) not in allowed:
         raise WordError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers")
     return good

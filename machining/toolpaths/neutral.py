@@ -15,6 +15,7 @@ from machining.faults import Faults
 from machining.toolpaths.motions import Motions, Note, Tool
 from machining.toolpaths.source import content
 from robots import InputError
+from robots.csv_text import as_read, write_rows
 from robots.written import written_whole
 
 MARK = "# stiffarm motions 1"
@@ -41,14 +42,11 @@ def write_motions(path: str | Path, motions: Motions) -> None:
     Every number has the digits that make it come back within a rounding error (coordinates within 1e-9 m and better).
     """
     with written_whole(Path(path)) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([MARK])
+        head: list[list[object]] = [[MARK]]
         for tool in motions.tools:
             sizes = [v * 1e3 for v in (tool.diameter, tool.corner_radius, tool.length)]
-            writer.writerow([TOOL, "" if tool.number is None else tool.number, tool.name, *map(_text, sizes)])
-        for name in motions.operations:
-            writer.writerow([OPERATION, name])
-        writer.writerow(COLUMNS)
+            head.append([TOOL, tool.number, tool.name, *sizes])
+        write_rows(file, [*head, *([OPERATION, name] for name in motions.operations), COLUMNS], "\r\n")
         columns = (
             *(motions.points * 1e3).T,
             *motions.axes.T,
@@ -62,11 +60,7 @@ def write_motions(path: str | Path, motions: Motions) -> None:
         )
         for start in range(0, motions.n, 4096):
             rows = zip(*(column[start : start + 4096].tolist() for column in columns), strict=True)
-            writer.writerows([_text(value) for value in row] for row in rows)
-
-
-def _text(value: float) -> str:
-    return "" if value != value else repr(value)
+            write_rows(file, rows, "\r\n")
 
 
 def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
@@ -98,9 +92,9 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                     if headed:
                         _row(row, table)
                     elif row[0] == TOOL:
-                        tools.append(_tool(row))
+                        tools.append(_tool(list(map(as_read, row))))
                     elif row[0] == OPERATION and len(row) == 2:
-                        operations.append(row[1])
+                        operations.append(as_read(row[1]))
                     elif tuple(row) == COLUMNS:
                         headed = True
                     else:

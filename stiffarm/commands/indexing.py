@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from machining import INDICES
 from robots import InputError
+from robots.csv_text import records_text
 from stiffarm import index_results, inputs
 from stiffarm.console import emit_json, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
@@ -98,13 +99,11 @@ def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tup
 
 
 def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.IndexAnswer, given: ModelInput) -> None:
-    import pandas as pd
-
     from stiffarm.figures_index import MOST_POSES, ellipsoid_figure
     from stiffarm.picture_style import save_png
 
     folder.write_json("index.json", content)
-    folder.write_text("index.csv", pd.DataFrame(index_results.rows(given.robot, found)).to_csv(index=False))
+    folder.write_text("index.csv", records_text(index_results.rows(given.robot, found)))
     asked = found.question
     figure = ellipsoid_figure(found.compliance[:MOST_POSES], asked.labels[:MOST_POSES], asked.normal)
     save_png(figure, folder.path("ellipsoid.png"))

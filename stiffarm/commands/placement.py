@@ -15,6 +15,7 @@ from machining.criterion import Criterion
 from machining.cutting import CuttingForce
 from machining.placement import AIMS, MODES, Goal, How
 from robots import InputError
+from robots.csv_text import records_text
 from stiffarm import inputs, placement_payload
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
@@ -190,12 +191,10 @@ def _speed(given: ModelInput, cell: Cell, text: str | None) -> Any:
 
 
 def _write(folder: OutputFolder, given: ModelInput, step: PlacedStep, content: dict[str, Any]) -> None:
-    import pandas as pd
-
     from stiffarm.placement_report import write_report
 
     folder.write_json("placement.json", content)
-    folder.write_text("placement.csv", pd.DataFrame(placement_payload.rows(step)).to_csv(index=False))
+    folder.write_text("placement.csv", records_text(placement_payload.rows(step)))
     write_report(step, given.description.title.split(" (")[0], folder)
 
 

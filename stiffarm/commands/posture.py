@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.objective import DISPLACEMENTS
 from robots import InputError
+from robots.csv_text import records_text
 from stiffarm import inputs, posture_payload
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
@@ -167,12 +168,10 @@ def _gammas(text: str) -> GammaRange:
 
 
 def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[str, Any]) -> None:
-    import pandas as pd
-
     from stiffarm.posture_report import write_report
 
     folder.write_json("posture.json", content)
-    folder.write_text("posture.csv", pd.DataFrame(posture_payload.rows(posed)).to_csv(index=False))
+    folder.write_text("posture.csv", records_text(posture_payload.rows(posed)))
     write_report(posed, given.description.title.split(" (")[0], folder)
 
 

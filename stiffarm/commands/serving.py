@@ -19,6 +19,7 @@ from stiffarm.inputs import ModelInput
 from stiffarm.machining_options import PartOpt, ToolOpt
 from stiffarm.machining_setup import CellOpt, Setup, read_setup
 from stiffarm.options import Debug, Links, LoadPathOpt, ModelArg, model_hash
+from stiffarm.streams import CLOSED
 
 MIB = 1024 * 1024
 
@@ -82,6 +83,12 @@ class _Answers:
 
 def _claim_stdout() -> _Answers:
     """Keep stdout for answers: whatever else is printed there goes to stderr from now on."""
+    if closed := CLOSED & {"stdin", "stdout"}:
+        raise InputError(
+            f"{' and '.join(sorted(closed))} closed: requests come from stdin, and answers go to stdout",
+            allowed="pipes or files of a process",
+            remedy="start it with both connected",
+        )
     try:
         own = os.dup(sys.stdout.fileno())
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

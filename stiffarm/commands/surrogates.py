@@ -10,6 +10,7 @@ import typer
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.csv_text import records_text
 from stiffarm import inputs, steps
 from stiffarm.console import emit_json, progress, say, user_errors
 from stiffarm.options import (
@@ -220,12 +221,10 @@ def query(
             "answers": rows,
         }
         if out is not None:
-            import pandas as pd
-
             files = {"surrogate": surrogate_file} | ({} if table is None else {"poses": table})
             with output_folder(out, dict(files)) as folder:
                 folder.write_json("query.json", content)
-                folder.write_text("query.csv", pd.DataFrame(rows).to_csv(index=False))
+                folder.write_text("query.csv", records_text(rows))
         unanswered = int(np.count_nonzero(~result.answered))
         if unanswered:
             say(f"note: {unanswered} of {len(rows)} poses are outside of what was fitted and have no value: see flags")

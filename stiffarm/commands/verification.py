@@ -11,6 +11,7 @@ import typer
 from machining.cell import read_cell
 from machining.verification import Demands, Verification, verify
 from robots import InputError, content_hash
+from robots.csv_text import columns_text, records_text
 from stiffarm.console import EXIT_OTHER, emit_json, progress, say, show_table, user_errors
 from stiffarm.options import Debug, Json, ModelArg, Out, folder_if
 from stiffarm.outputs import OutputFolder
@@ -95,14 +96,12 @@ def _interpolation(text: str) -> str:
 
 
 def _write(folder: OutputFolder, found: Verification, title: str, content: dict[str, Any]) -> None:
-    import pandas as pd
-
     from stiffarm.replay import replay_page
     from stiffarm.verification_report import write_report
 
     folder.write_json("verification.json", content)
-    folder.write_text("offences.csv", pd.DataFrame(list(offence_rows(found))).to_csv(index=False))
-    folder.write_text("moves.csv", pd.DataFrame(move_columns(found)).to_csv(index=False))
+    folder.write_text("offences.csv", records_text(offence_rows(found)))
+    folder.write_text("moves.csv", columns_text(move_columns(found)))
     source = found.program.motions.source
     folder.write_text("replay.html", replay_page(found, f"{title}, {source}" if source else title))
     write_report(found, title, folder)

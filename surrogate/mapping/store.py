@@ -20,6 +20,7 @@ from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.files import parse_json, read_text
 from robots.written import is_draft, write_whole
 
 Array = NDArray[np.generic]
@@ -224,9 +225,10 @@ class MapStore:
         write_whole(self.folder / _RECORD, json.dumps(record, indent=2) + "\n")
 
     def _go_on(self, record: Mapping[str, object]) -> None:
+        text = read_text(self.folder / _RECORD, "map work", kept=False)
         try:
-            kept = json.loads((self.folder / _RECORD).read_text(encoding="utf-8"))
-        except ValueError:
+            kept = parse_json(text, str(self.folder / _RECORD))
+        except InputError:
             kept = None
         if kept != record:
             raise InputError(
@@ -251,7 +253,7 @@ class MapStore:
     def _opened(self, name: str) -> Any:
         try:
             return np.load(self._file(name), mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError, EOFError) as error:
+        except Exception as error:  # NumPy's parser of heads raises whatever Python's tokenizer does
             # NumPy's own words are about pickles, which this program never writes.
             raise InputError(
                 f"work folder {self.folder}: {name}.npy is damaged or missing",

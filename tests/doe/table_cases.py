@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -11,6 +12,8 @@ from doe.measurements import Measurements
 from fem import ArmModel, build_model, deflection
 from robots import load_description
 
+# The fixture that builds a model with beams for links.
+Arm = Callable[..., ArmModel]
 DOWN = ((0.0, 0.0, -1.0),)
 THREE_WAYS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
 

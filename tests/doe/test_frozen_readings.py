@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Arm
-from table_cases import THREE_WAYS, campaign, plain_arm, table, with_springs
+from table_cases import THREE_WAYS, Arm, campaign, plain_arm, table, with_springs
 
 from doe.frozen_readings import refuse_frozen
 from doe.joined_measurements import join
@@ -69,7 +68,7 @@ def test_rotations_that_stand_while_the_point_moves_are_named() -> None:
 
 def test_the_file_of_a_joined_table_is_named() -> None:
     first, second = (replace(campaign(k), source=f"{k}.csv", sha256=str(k)) for k in (1, 2))
-    with pytest.raises(InputError, match="2.csv: column dz_mm"):
+    with pytest.raises(InputError, match=r"2\.csv: column dz_mm"):
         refuse_frozen(MODEL, join([first, set_to(second, -0.4e-3)]))
 
 
@@ -102,5 +101,13 @@ def test_the_same_by_the_gauge_s_last_digit_is_right(arm: Arm) -> None:
     refuse_frozen(model, set_to(data, -0.3e-3))
 
 
+def test_the_same_under_loads_that_hardly_differ_is_right() -> None:
+    """By a tenth, and noise does the rest."""
+    refuse_frozen(MODEL, set_to(campaign(0, poses=1, loads=(300.0, 330.0)), -0.512e-3))
+
+
 def test_one_set_up_read_many_times_is_right() -> None:
     refuse_frozen(MODEL, set_to(campaign(0, poses=1, loads=(300.0,) * 9), -0.512e-3))
+    for seed in range(6):
+        one = campaign(seed, poses=1, loads=(300.0,) * 3, components=(0, 2))
+        refuse_frozen(MODEL, set_to(one, 3.0e-3, 0))

@@ -623,10 +623,10 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     target = tmp_path / "data.csv"
     target.write_text("old")
 
-    def full(self: Path, other: Path) -> None:
+    def full(source: Path, place: Path) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr("os.replace", full)
     with pytest.raises(OSError, match="disk full"):
         write_measurements(m, target, xr701)
     assert [path.name for path in tmp_path.iterdir()] == ["data.csv"]

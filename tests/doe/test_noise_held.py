@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from table_cases import THREE_WAYS, campaign, plain_arm, spoilt
+from table_cases import THREE_WAYS, Arm, campaign, plain_arm, spoilt
 
 from doe.diagnosis.diagnose import state_of
 from doe.diagnosis.outset import setting_of
@@ -88,7 +87,8 @@ def test_the_estimate_of_real_noise_is_left_as_it_is() -> None:
 def test_sigmas_that_came_with_the_readings_are_left_alone() -> None:
     data = campaign(0, poses=8)
     p = freed(plain_arm("kr60-3"), replace(data, sigma=np.full(data.n, 1.0)))
-    noise = Noise((1e-5, 1e-5), pose=(2e-5, 0.0))
+    # Their white noise is the sigmas; the one beside it is of no reading.
+    noise = Noise((1.0, 1.0), pose=(2e-5, 0.0))
     assert within_readings(p, p.value, noise) == noise
 
 

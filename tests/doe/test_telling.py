@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Arm
 from scipy.stats import binom
-from table_cases import DOWN, THREE_WAYS, campaign, plain_arm, spoilt, table
+from table_cases import DOWN, THREE_WAYS, Arm, campaign, plain_arm, spoilt, table
 
 from doe.measurements import Measurements, bundled_data, read_measurements
 from doe.problem import problem

@@ -67,7 +67,7 @@ def attack(a: argparse.Namespace) -> int:
 
 
 def save(finding: workers.Finding, out: Path) -> None:
-    """Keep a failing input, smaller where it fails the same, and say how to see it again."""
+    """Keep a failing input, and say how to see it again."""
     folder = out / folder_of(finding.reader)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{finding.signature}{finding.suffix}"

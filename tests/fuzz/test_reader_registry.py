@@ -39,6 +39,9 @@ ELSEWHERE = {
     "robots/published.py _digest": "whether a result is the one that moved",
     "robots/published.py _locked": "folders, to lock them",
     "robots/written.py settle": "to wait for the disk",
+    "robots/written.py sha256_of": "hashes results",
+    "doe/workbook.py read": "members of a workbook in memory",
+    "doe/workbook.py _refuse_document_type": "members of a workbook in memory",
     "stiffarm/post_run.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
@@ -132,11 +135,16 @@ def test_a_fault_of_each_kind_is_noticed(tmp_path: Path, monkeypatch: pytest.Mon
     from . import trial
 
     monkeypatch.setattr(trial, "SECONDS", 0.2)
+    monkeypatch.setattr(trial, "WAITING_SECONDS", 0.4)
 
     def endless(_: Path) -> None:
         while True:
             with contextlib.suppress(Exception):  # as a reader that swallows whatever its parser raises
-                time.sleep(0.05)
+                sum(range(1000))
+
+    def waiting(_: Path) -> None:
+        while True:
+            time.sleep(0.05)
 
     def warned(_: Path) -> None:
         np.array([1e308]) * 10.0
@@ -156,7 +164,7 @@ def test_a_fault_of_each_kind_is_noticed(tmp_path: Path, monkeypatch: pytest.Mon
     assert told(lambda _: trial.require_finite({"a": [(1.0, np.array([np.nan]))]}, "result")) == "wrong answer"
     assert told(lambda _: trial.require_finite({"a": np.nan}, "result", frozenset({"a"}))) == ""
     assert told(warned) == "RuntimeWarning"
-    assert told(endless) == "too slow"
+    assert told(endless) == told(waiting) == "too slow"
     assert told(lambda _: _refuse(trial, "a label \x1b[2J")) == "a message that steers the terminal"
     assert told(lambda _: _refuse(trial, "x" * 50_000)) == "endless message"
 

@@ -23,8 +23,10 @@ from .samples import Sample
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "stiffarm")
-# Readers answer small files in milliseconds; five seconds on a busy machine is a file that stops a shop.
+# Readers answer small files in milliseconds; five seconds of the processor's time is a file that stops a shop.
 SECONDS = 5.0
+# By the clock, for what waits and does not reckon; a busy machine gives a process a tenth of its time.
+WAITING_SECONDS = 30.0
 # A file of 400 kB at most that takes more memory than this on top would take a machine down at a few megabytes.
 MEMORY_BYTES = 700 * 2**20
 # A terminal's scrollback; a message is read by a person.
@@ -65,7 +67,7 @@ def attempt(reader: str, run: Callable[[Path], object], sample: Sample, folder: 
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
-            with _limited(SECONDS):
+            with _limited():
                 run(path)
         except InputError as error:
             fault = _of_message(reader, str(error))
@@ -106,18 +108,25 @@ def _of_warnings(reader: str, warned: list[warnings.WarningMessage]) -> Fault | 
 
 
 @contextmanager
-def _limited(seconds: float) -> Iterator[None]:
+def _limited() -> Iterator[None]:
     def stop(_: int, __: types.FrameType | None) -> None:
         raise TooSlowError
 
-    old = signal.signal(signal.SIGALRM, stop)
-    # Once more each second: a destructor or a callback may swallow one.
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    timers = {
+        signal.SIGPROF: (signal.ITIMER_PROF, SECONDS),
+        signal.SIGALRM: (signal.ITIMER_REAL, WAITING_SECONDS),
+    }
+    old = {number: signal.signal(number, stop) for number in timers}
+    for timer, seconds in timers.values():
+        # Once more each second: a destructor or a callback may swallow one.
+        signal.setitimer(timer, seconds, 1.0)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, old)
+        for timer, _ in timers.values():
+            signal.setitimer(timer, 0.0)
+        for number, handler in old.items():
+            signal.signal(number, handler)
 
 
 def _place(trace: types.TracebackType | None) -> str:

@@ -14,8 +14,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-# An alarm ends what Python runs after five seconds; what sits in a library's own loop is killed after these.
-HANG_SECONDS = 20.0
+# An alarm ends what Python runs (:mod:`.trial`); what sits in a library's own loop is killed after these.
+HANG_SECONDS = 60.0
 # Importing everything and making the seeds, on a busy machine.
 START_SECONDS = 180.0
 WORKER_MEMORY = 3 * 2**30
@@ -162,9 +162,11 @@ def _work(pipe: Connection, seed: int, first: int, count: int, step: int, only: 
             if fault is None:
                 passed += 1
             else:
-                # The bytes of the first of a kind are enough.
-                data = b"" if fault.signature in seen else sample.data
-                seen.add(fault.signature)
+                data = b""  # the bytes of the first of a kind are enough
+                if fault.signature not in seen:
+                    seen.add(fault.signature)
+                    data = smaller(name, table[name].run, sample, fault, folder)
+                    pipe.send(("at", number))
                 findings.append(Finding(number, name, sample.suffix, data, fault.signature, str(fault)))
             if k % 50 == 49:
                 pipe.send(("done", passed, findings, by_reader, spent))
@@ -175,6 +177,22 @@ def _work(pipe: Connection, seed: int, first: int, count: int, step: int, only: 
     pipe.close()
     # No clean-up of libraries that were fed nonsense.
     os._exit(0)
+
+
+def smaller(name: str, run: Callable[[Path], object], sample: Any, fault: Any, folder: Path) -> bytes:
+    """The sample's data, smaller where it fails in the same way; what is slow or large stays as it is."""
+    from .samples import Sample
+    from .shrink import shrunk
+    from .trial import attempt
+
+    if fault.kind in ("too slow", "MemoryError", "memory"):
+        return bytes(sample.data)
+
+    def fails(data: bytes) -> bool:
+        found = attempt(name, run, Sample(sample.suffix, data), folder)
+        return found is not None and found.signature == fault.signature
+
+    return shrunk(sample.data, fails)
 
 
 def silence() -> None:

@@ -125,7 +125,11 @@ def test_the_shortest_file() -> None:
         ("endless = true", "endless = false", r"turntable: give exactly one of limits_deg and endless"),
         ("endless = true", "limits_deg = [10, 10]", r"turntable.limits_deg: must be a pair"),
         ('name = "table"', 'name = "spindle"', r"name in the cell: got 'spindle'"),
-        ("diameter_mm = 16", "diameter_mm = 0", r"tool.body.cutter.shape.cylinder.diameter_mm: .*greater than 0"),
+        (
+            "diameter_mm = 16",
+            "diameter_mm = 0",
+            r"tool.body.cutter.shape.cylinder.diameter_mm: .*greater than or equal to 0.001",
+        ),
         ('kind = "cylinder"', 'kind = "cone"', r"tool.body.cutter.shape: .*'cone'"),
         ("joint_acceleration_deg_s2 = 400", "joint_acceleration_deg_s2 = -4", r"robot.joint_acceleration_deg_s2"),
         ("joint_acceleration_deg_s2 = 400", "joint_acceleration_deg_s2 = []", r"_s2: must be one number, or one for"),

@@ -25,7 +25,7 @@ def render(folder: Path, text: str, **context: Any) -> str:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few steps: the tests need not wait for two million."""
+    """Few steps: the tests need not wait for all."""
     monkeypatch.setattr("machining.programs.sandbox.STEPS", 20_000)
     monkeypatch.setattr("machining.programs.rendering.PRINTED", 200_000)
 

@@ -267,3 +267,8 @@ def test_no_bytes_break_the_session(session: Session, text: bytes) -> None:
     answers = run(session, text)
     assert len(answers) == wanted
     assert run(session, b'{"do": "ping"}') == [{"id": None, "ok": True}]
+
+
+def test_numbers_of_thousands_of_digits_are_refused_in_our_words() -> None:
+    with pytest.raises(InputError, match=r"JSON number: got '9{20}\.\.\. \(5000 digits\)'"):
+        read_line(b'{"id": ' + b"9" * 5000 + b', "do": "ping"}')

@@ -83,8 +83,9 @@ def test_repeated_cycles_are_refused_before_their_moves_are_made(tmp_path: Path)
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("GOTO/1e308,0,0", "coordinates, mm"),
-        ("GOTO/1,0,0,1e308,1e308,1e308", "tool axis"),
+        ("GOTO/1e8,0,0", "coordinates, mm"),
+        ("GOTO/1e308,0,0", "where a number belongs"),
+        ("GOTO/1,0,0,1e308,1e308,1e308", "where a number belongs"),
         ("GOTO/1,0,0,1e-320,0,0", "tool axis"),
         ("FEDRAT/1e308,IPM\nGOTO/1,0,0", "FEDRAT"),
         ("FEDRAT/1e-320,MMPM\nGOTO/1,0,0", "feed, mm/min"),

@@ -7,6 +7,7 @@ import io
 import logging
 import multiprocessing
 import os
+import sys
 import zipfile
 from pathlib import Path
 
@@ -179,7 +180,21 @@ def test_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert folder is not None
     assert folder.is_absolute()
     assert "stiffarm" in folder.parts
-    # No home folder: nothing is written beside the user's files under the name "~".
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such users there")
+@pytest.mark.parametrize("chosen", ["", "~/own"])
+def test_without_a_home_there_is_no_cache(chosen: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As for a user that the system does not know, in a container say: nothing is written here under the name "~"."""
+
+    def unknown(number: int) -> None:
+        raise KeyError(number)
+
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    for name in ("HOME", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("STIFFARM_CACHE", chosen)
+    assert user_cache() == ArrayCache(None)
     monkeypatch.setattr(array_cache.platformdirs, "user_cache_path", lambda *_, **__: Path("~/.cache/stiffarm"))
     assert user_cache() == ArrayCache(None)
 

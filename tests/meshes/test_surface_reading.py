@@ -169,3 +169,24 @@ def test_samples_cover_a_surface() -> None:
     directions = np.random.default_rng(0).normal(size=(50, 3))
     directions *= 0.1 / np.linalg.norm(directions, axis=1)[:, None]
     assert np.linalg.norm(directions[:, None] - points, axis=2).min(axis=1).max() < 0.35 / 100 * 2 * np.sqrt(3)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("corner", ["nan 0 0", "1e300 0 0", "-inf 1 1", "1e39 1e39 1e39"])
+def test_corners_that_are_no_numbers_are_bad_input(corner: str, tmp_path: Path) -> None:
+    normal = "facet normal 1e200 0 0\nouter loop\n"
+    solid = f"solid x\n{normal}vertex 0 0 0\nvertex 1 0 0\nvertex {corner}\nendloop\nendfacet\nendsolid x\n"
+    (tmp_path / "a.stl").write_text(solid, encoding="utf-8")
+    with pytest.raises(InputError, match=r"not finite numbers|cannot be read"):
+        read_surface(tmp_path / "a.stl", None)
+
+
+def test_triangles_of_corners_that_are_not_there_are_bad_input(tmp_path: Path) -> None:
+    mesh = trimesh.Trimesh(CORNERS, FACES, process=False)
+    mesh.export(tmp_path / "a.ply", encoding="ascii")
+    text = (tmp_path / "a.ply").read_text(encoding="utf-8")
+    assert "3 1 2 3" in text
+    assert len(read_surface(tmp_path / "a.ply", None)[1]) == 4
+    (tmp_path / "a.ply").write_text(text.replace("3 1 2 3", "3 1 2 4"), encoding="utf-8")
+    with pytest.raises(InputError, match="corners that are not there"):
+        read_surface(tmp_path / "a.ply", None)

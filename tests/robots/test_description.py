@@ -494,7 +494,7 @@ def test_a_write_that_fails_leaves_no_temporary_file(tmp_path: Path, monkeypatch
     def full(self: Path, target: Path) -> Path:
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr("os.replace", full)
     with pytest.raises(OSError, match="no space"):
         save_description(load_description("xr701"), tmp_path / "mine.toml")
     assert os.listdir(tmp_path) == []

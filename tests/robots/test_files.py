@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -137,3 +138,17 @@ def test_json_that_no_reader_could_hold_is_refused(text: str, words: str) -> Non
 def test_good_toml_and_json_with_a_byte_order_mark() -> None:
     assert parse_toml("\ufeffa = -9223372036854775807\r\nb = [[1]]", "x") == {"a": -(2**63) + 1, "b": [[1]]}
     assert parse_json('\ufeff{"a": [1, 2.5, -9223372036854775807]}', "x") == {"a": [1, 2.5, -(2**63) + 1]}
+
+
+@pytest.mark.parametrize(
+    "key", ["x" + ".x" * 100_000 + " = 1", "[" + "x." * 100_000 + "x]", 'y = {"x"' + ' . "x"' * 1000 + "= 1}"]
+)
+def test_a_key_of_a_hundred_thousand_parts_is_refused_at_once(key: str) -> None:
+    start = time.monotonic()
+    with pytest.raises(InputError, match="nested more than 64 deep"):
+        parse_toml(key, "file")
+    assert time.monotonic() - start < 2.0  # it took minutes, going up with the square of the parts
+
+
+def test_many_numbers_on_a_line_are_no_key() -> None:
+    assert len(parse_toml("x = [" + "1.5," * 1000 + "]", "file")["x"]) == 1000

@@ -35,6 +35,7 @@ def publish(target: Path, text: str, *, fresh: bool = False) -> None:
         for name in NAMES:
             (stage.path / name).parent.mkdir(parents=True, exist_ok=True)
             (stage.path / name).write_text(MODEL + text if name.endswith("toml") else text, encoding="utf-8")
+        stage.settle()
         stage.publish({name: sha256_of(stage.path / name) for name in NAMES})
     finally:
         stage.close()

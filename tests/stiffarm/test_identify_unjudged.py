@@ -11,17 +11,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_runs import run_here
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cli_runs import run_here
-from doe.joint_twists import LawKind, TwistReadings, write_twists
+from doe.joint_twists import LawKind, TwistReadings, identify, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
+from doe.joint_twists.unjudged import unjudged
 from fem import build_model
 from robots import ModelDescription, load_description, save_description
 from stiffarm import joint_twist_run
 from stiffarm.inputs import ModelInput
-from stiffarm.joint_twist_payload import identification
+from stiffarm.joint_twist_payload import direction, identification
 from stiffarm.joint_twist_run import Request
 
 # Degrees; pairs of them are whole turns apart.
@@ -150,3 +151,14 @@ def test_the_command_writes_everything_where_nothing_is_sure(tmp_path: Path) -> 
     assert done.code == 0, done.err
     assert list(faults(done.json)) == []
     assert {p.name for p in out.iterdir()} >= {"identification.json", "model.toml", "report.html", "stiffnesses.csv"}
+
+
+def test_a_score_that_cannot_be_reckoned_is_null_with_its_reason() -> None:
+    found = identify(wide().model, readings((-100.0, -50.0, 10.0, 70.0)))
+    key, one = next((k, d) for k, d in found.directions.items() if d.law is not None)
+    lost = replace(one, scores={"constant": 1.0, "fourier-1": math.inf})
+    content = direction(lost, 0, 6)
+    assert content["left_out_scores"]["fourier-1"] is None
+    assert list(faults(content)) == []
+    said = unjudged({key: lost}, found.cycles, wide().robot.joint_names, None, found.scatter_dof)
+    assert any("fourier-1 predicts angles left out" in x.what for x in said)

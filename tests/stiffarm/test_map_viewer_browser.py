@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import browse, needs_browser
+from browser import browse, needs_browser, with_probe
 from viewer_maps import DOWN, arm, joint_map, kr60_box, kr60_slice, xr701_sweep
 
 from fem import compliance_budget, directional_stiffness
@@ -68,7 +68,7 @@ def probed(page: str, folder: Path, probe: str, where: str = "", size: str = "14
         "document.body.append(pre); }, 200));</script>"
     )
     file = folder / "map.html"
-    file.write_text(page.replace("</body>", script + "</body>"), encoding="utf-8")
+    file.write_text(with_probe(page, script), encoding="utf-8")
     return browse(file, where, size)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import browse, needs_browser
+from browser import browse, needs_browser, with_probe
 from numpy.typing import NDArray
 from verify_cases import many_moves, parallelogram_program, verified
 
@@ -121,7 +121,7 @@ def test_crank_bar_rail_and_turntable_move_in_the_browser(tmp_path: Path) -> Non
     found = verify(parallelogram_program(), arm_of("xr701"))
     page = tmp_path / "replay.html"
     probe = PROBE.replace("30.5", "1.5").replace('document.querySelector("#list button")', "view")
-    page.write_text(replay_page(found, "arm").replace("</body>", probe + "</body>"), encoding="utf-8")
+    page.write_text(with_probe(replay_page(found, "arm"), probe), encoding="utf-8")
     seen, console = browse(page)
     assert console == ""
     check_frames(found, seen["frames"], 2)
@@ -132,7 +132,7 @@ def test_crank_bar_rail_and_turntable_move_in_the_browser(tmp_path: Path) -> Non
 @pytest.mark.parametrize("where", ["", "#canvas"])
 def test_the_page_runs_in_a_browser(found: Verification, tmp_path: Path, where: str) -> None:
     page = tmp_path / "replay.html"
-    page.write_text(replay_page(found, HOSTILE).replace("</body>", PROBE + "</body>"), encoding="utf-8")
+    page.write_text(with_probe(replay_page(found, HOSTILE), PROBE), encoding="utf-8")
     seen, console = browse(page, where)
     assert console == ""
     if where:

@@ -148,10 +148,10 @@ def test_a_failed_save_keeps_the_old_file(tmp_path, monkeypatch):
     save_surrogate(make(), path)
     before = path.read_bytes()
 
-    def fail(self, target):
+    def fail(source, place):
         raise OSError("disk full")
 
-    monkeypatch.setattr("pathlib.Path.replace", fail)
+    monkeypatch.setattr("os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_surrogate(make("trigonometric"), path)
     assert path.read_bytes() == before

@@ -1,0 +1,60 @@
+"""Messages: printable lines of bounded length, whatever the input holds."""
+
+from __future__ import annotations
+
+import pytest
+
+from robots.errors import FAULTS_SHOWN, InputError, InputErrors, line_ranges, listed, one_line, shortened
+
+HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\r\nfake: line\u2028\u202emirrored\x00\ud800"
+
+
+def test_what_steers_a_terminal_is_spelled_out() -> None:
+    line = one_line(HOSTILE)
+    assert line.isprintable()
+    assert line == r"\x1b]0;owned\x07\x1b[2J\x9b31m\r\nfake: line\u2028\u202emirrored\x00\ud800"
+    assert one_line("größer als 5 µm") == "größer als 5 µm"
+
+
+@pytest.mark.parametrize("part", ["what", "value", "allowed", "remedy"])
+def test_no_part_of_an_error_can_steer_a_terminal(part: str) -> None:
+    error = InputError(**{"what": "x", part: HOSTILE})  # type: ignore[arg-type]
+    assert str(error).isprintable()
+    assert "owned" in str(error)
+
+
+def test_an_error_repeats_no_more_than_finds_the_place() -> None:
+    long = "9" * 3_000_000
+    error = InputError(long, value=long, allowed=long, remedy=long)
+    assert len(str(error)) < 8000
+    assert str(error).count("(3000000 characters)") == 4
+    assert len(str(InputError("x", value=[1.5] * 100_000))) < 1000
+    assert "thousands of digits" in str(InputError("x", value=10**5000))
+    assert str(InputError("x", value="5\n", allowed="3", remedy="y")) == r"x: got '5\n'; allowed: 3. To fix it: y"
+
+
+def test_many_faults_are_counted_and_the_first_spelled_out() -> None:
+    errors = InputErrors("data.csv", [InputError(f"row {i}\nowned") for i in range(200)])
+    lines = str(errors).split("\n")
+    assert lines[0] == "data.csv: 200 problem(s)"
+    assert lines[1] == r"  - row 0\nowned"
+    assert lines[-1] == "  ... and 180 more"
+    assert len(lines) == FAULTS_SHOWN + 2
+    assert (len(errors.errors), errors.count) == (200, 200)
+    assert "more" not in str(InputErrors("data.csv", errors.errors[:FAULTS_SHOWN]))
+
+
+def test_many_long_faults_stay_a_page() -> None:
+    errors = [InputError("x" * 10**5, value="\x1b" * 10**5, remedy="\u202e" * 10**5)] * 1000
+    assert len(str(InputErrors("\x1b" * 10**5, errors, 10**6))) < 30_000
+    assert str(InputErrors("data.csv", errors, 10**6)).endswith("... and 999980 more")
+
+
+def test_names_and_lines_are_listed_briefly() -> None:
+    assert listed(["a", "b", "a"]) == "a, b"
+    assert listed(f"u{i}" for i in range(1_000_000)) == f"{', '.join(f'u{i}' for i in range(12))} and 999988 more"
+    assert line_ranges([5, 6, 7, 14, 20, 21]) == "5-7, 14, 20-21"
+    assert line_ranges([]) == ""
+    assert line_ranges(range(2, 300_000)) == "2-299999"
+    assert line_ranges(range(0, 100, 2)).endswith(" and 38 more")
+    assert shortened("abc", 2) == "ab... (3 characters)"
