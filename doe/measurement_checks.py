@@ -84,8 +84,8 @@ def check_limits(m: Measurements, robot: Robot, faults: Faults) -> None:
     """Record poses that the robot cannot take."""
     outside = np.flatnonzero(~robot.reachable(m.q))
     if outside.size and robot.reachable(np.degrees(m.q)).all():
-        faults.add(m.row_numbers[outside[0]], f"{outside.size} of {m.n} poses cannot be taken as they are typed, all of "
-                   "them with their angles read as radians", allowed="joint angles in degrees",
+        problem = f"{outside.size} of {m.n} poses cannot be taken as typed, all of them with angles read as radians"
+        faults.add(m.row_numbers[outside[0]], problem, allowed="joint angles in degrees",
                    remedy="convert the joint columns to degrees")  # fmt: skip
         return
     for i in outside:

@@ -687,8 +687,8 @@ def test_angles_in_radians_that_leave_the_limits_are_one_fault(table: Write, xr7
     rows = [f"{np.radians(q2):.6f},{np.radians(77.5):.6f},-650,-1.9" for q2 in (0, 5, 10)]
     with pytest.raises(InputError) as info:
         read_measurements(table(HEADER, *rows), xr701)
-    assert "3 of 3 poses cannot be taken as they are typed, all of them with their angles read as" in str(info.value)
+    assert "3 of 3 poses cannot be taken as typed, all of them with angles read as radians" in str(info.value)
     assert "1 problem(s)" in str(info.value)
     # One slip among degrees is what it was: a row with its own fault.
-    with pytest.raises(InputError, match="q3real_deg = 1.35 is outside"):
+    with pytest.raises(InputError, match=r"q3real_deg = 1\.35 is outside"):
         read_measurements(table(HEADER, "5,77.5,-650,-1.9", "6,1.35,-650,-1.9"), xr701)

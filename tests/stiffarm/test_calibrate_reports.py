@@ -255,7 +255,8 @@ def test_units_of_one_table_do_not_hide_behind_another(
     _write(tmp_path / "two.csv", [head, *([*r[:8], *(str(float(c) * 1e3) for c in r[8:11]), *r[11:]] for r in rows)])
     outcome = cli("calibrate", small / "small.urdf", "one.csv", "two.csv")
     assert outcome.code == 2
-    assert "two.csv: these look like" in outcome.err
+    assert "two.csv: these look like deflections in" in outcome.err
+    assert "micrometres" in outcome.err
 
 
 def test_the_robots_own_table_goes_with_another(cli: Command, tmp_path: Path, data_file: Path) -> None:
