@@ -267,13 +267,6 @@ def _pace(found: ReadMoves, speed: Array, duration: Array, options: WriteOptions
         number = int(np.argmax(np.isnan(said))) + 1
         raise InputError(f"{name} program, move {number}", value="no speed", allowed="a speed before each move")
     if name != "sinumerik":
-        unknown = int((~np.isfinite(found.speed)).sum())
-        if unknown:
-            raise InputError(
-                f"{name} program: no speed can be read for {unknown} of {len(speed)} moves",
-                allowed="speeds in the form of the bundled template",
-                remedy="keep its line that sets the speed",
-            )
         return float(np.abs(found.speed / speed - 1.0).max())
     timed = ~found.joint
     off = np.abs(found.duration[timed] / duration[timed] - 1.0)
