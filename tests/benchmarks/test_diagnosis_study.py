@@ -47,6 +47,7 @@ def test_one_of_two_is_found_and_the_gap_shrinks() -> None:
         assert {*map(family, r.found)} & {*map(family, r.effects)}, (r.effects, r.found)
 
 
+@pytest.mark.slow
 def test_a_large_effect_is_named_and_the_gap_shrinks() -> None:
     r = run_set(SetSpec(robot="kr60-3", effects=("payload",), poses=15, repeats=2), 4, ABLATIONS["as it is"])
     assert r.verdict == "named"

@@ -160,6 +160,7 @@ def test_stages_recover_what_made_the_readings(kuka: ModelDescription) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(kuka: ModelDescription, tmp_path: Path) -> None:
     data = _made_up(kuka, noise=1e-5)
     names = ("j1.stiffness", "j2.stiffness", "j3.stiffness")

@@ -21,6 +21,9 @@ from fem.model import LinkKind, LinkPart
 from fem.springs import ConstantSpring, LawSpring
 from robots import InputError, LoadPath, Robot, load_description
 
+# Compiling takes its time.
+pytestmark = pytest.mark.slow
+
 oracles.load("numba")
 kernels = fem.fast_statics.kernels()
 assert kernels is not None

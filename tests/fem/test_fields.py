@@ -57,6 +57,7 @@ def arm(request: pytest.FixtureRequest, xr701: Prepared, kr60: Prepared) -> Prep
     return model, shells, shapes
 
 
+@pytest.mark.slow
 def test_displacements_of_all_nodes_equal_the_full_solve(
     arm: Prepared, reachable: Draw, soften: Soften, rng: Random
 ) -> None:

@@ -21,6 +21,9 @@ from machining.task import Task, tool_path
 from robots import InputError, Reason, Robot, forward_kinematics, load_description
 from robots.spherical_wrist import spherical_wrist_arm
 
+# Compiling takes its time.
+pytestmark = pytest.mark.slow
+
 oracles.load("numba")
 
 Array = NDArray[np.float64]

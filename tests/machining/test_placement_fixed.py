@@ -158,6 +158,7 @@ def test_a_compliant_rail_in_turned_axes(kr60: fem.ArmModel) -> None:
     np.testing.assert_allclose(more[0], np.diag([0.0, 1e-7, 0.0]), atol=1e-20)
 
 
+@pytest.mark.slow
 def test_a_post_in_the_way_moves_the_base(kr60: fem.ArmModel) -> None:
     """The best free position collides with a post put there; the next choice keeps clear of it."""
     path, gamma = line(6, 0.3), ANY

@@ -317,6 +317,7 @@ def long_program(n: int) -> JointProgram:
     return replace(short, motions=motions, **tiled)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_program() -> None:
     """Texts are made a block at a time: a program twice as long needs no more at once."""
     peaks = []

@@ -180,6 +180,7 @@ def test_best_base_is_the_placement(kr60: fem.ArmModel, aim: Any) -> None:
         assert course[key] <= answer[key] * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_best_base_keeps_clear(kr60: fem.ArmModel) -> None:
     """Something in the place of the wrist at the best position: another is taken."""
     keys: dict[str, Any] = {"point_mm": [0, 0, 0], "tool_axis": [0, 0, 1], "force_N": [0, 0, -100]}

@@ -209,6 +209,7 @@ def test_two_bodies_are_one_when_the_gap_is_closed() -> None:
     assert trimesh.Trimesh(closed.mesh.nodes, closed.mesh.triangles, process=False).body_count == 1
 
 
+@pytest.mark.slow
 def test_a_wall_without_room_is_refused() -> None:
     box = trimesh.creation.box((0.05, 0.05, 0.6)).apply_translation([0, 0, 0.3])
     with pytest.raises(InputError, match="encloses"):

@@ -132,6 +132,7 @@ def test_a_kill_between_any_two_steps_leaves_the_old_or_what_heals_to_the_new(tm
     assert seen == {(False, False), (True, True), (True, False)}
 
 
+@pytest.mark.slow
 def test_a_kill_while_it_heals_is_healed_by_the_next(tmp_path: Path, halfway: Path) -> None:
     step, more = 0, True
     while more:

@@ -464,6 +464,7 @@ def test_labels_from_files_are_no_markup(cli: Command, data_file: Path, hostile_
     assert "<script>alert('x')</script>" in "".join(cli("robots", hostile_model).err.split("\n"))
 
 
+@pytest.mark.slow
 def test_a_reader_that_stops_early_is_no_error_of_ours(data_file: Path) -> None:
     """As in ``stiffarm ... --json | head -1``."""
     reading, writing = os.pipe()
@@ -476,6 +477,7 @@ def test_a_reader_that_stops_early_is_no_error_of_ours(data_file: Path) -> None:
     assert (process.returncode, err) == (1, "")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_full_disk_behind_stdout_is_named() -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:

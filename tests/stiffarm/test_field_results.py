@@ -151,6 +151,7 @@ def fallback(arm: DeformedArm, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
+@pytest.mark.slow
 def test_the_picture_shows_arm_load_and_scale(fallback: Path) -> None:
     image = imread(fallback)[..., :3]
     assert image.shape[:2] == (1200, 1600)

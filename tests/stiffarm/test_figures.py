@@ -29,6 +29,9 @@ from stiffarm.figures_surrogate import HeldOut
 from stiffarm.picture_style import save_png
 from surrogate.main_effects import main_effects
 
+# Some fifty pictures are drawn.
+pytestmark = pytest.mark.slow
+
 ROBOT = robots.load_robot("xr701")
 DATA = read_measurements(bundled_data("xr701"), ROBOT)
 POSES = ("3", "4", "5", "39", "40", "41", "75", "76", "77")

@@ -97,6 +97,7 @@ def test_a_report_that_makes_the_choice_plain(portable: tuple[Path, Outcome]) ->
     assert "q1_deg is fixed" not in outcome.err
 
 
+@pytest.mark.slow
 def test_an_index_is_learned_and_answered_in_its_own_unit(cli: Command) -> None:
     options = ("--quantity", "k_fs", "--normal", "0,0,1", "--runs", "400", "--basis", "trigonometric")
     outcome = cli("fit", "kr60-3", *TWO, *options, "--json", "--out", "out")

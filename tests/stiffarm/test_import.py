@@ -27,6 +27,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
     return run_here("import", Arm().write(folder / "arm"), "--out", out, *arguments), out
 
 
+@pytest.mark.slow
 def test_a_urdf_becomes_a_model_with_shell_links(imported: tuple[Outcome, Path]) -> None:
     outcome, out = imported
     assert outcome.code == 0, outcome.err
@@ -129,6 +130,7 @@ def test_masses_that_are_fillings_are_left_out(tmp_path: Path) -> None:
     assert description.link[0].mass is None
 
 
+@pytest.mark.slow
 def test_all_links_that_fail_are_named_with_the_way_out_and_nothing_is_left(tmp_path: Path) -> None:
     two = trimesh.util.concatenate([casing(0.1, 0.1, 0, 0.2), casing(0.1, 0.1, 0.5, 0.7)])
     arm = Arm(meshes={"forearm.ply": two, "column.stl": casing(0.01, 0.01, 0, 0.3)}, upper_file="lost.stl")

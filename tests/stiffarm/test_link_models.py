@@ -39,6 +39,7 @@ def shifted(both: LinkModels, left_out_mm: float) -> LinkModels:
     return LinkModels(replace(both.own, variants=variants), both.own)
 
 
+@pytest.mark.slow
 def test_both_kinds_reach_their_errors(both: LinkModels) -> None:
     # Agreed when the chain was built, quoted rounded: half of the last digit. (RMS, left-out RMS) in mm.
     wanted = {

@@ -91,6 +91,7 @@ def fallback(scene, tmp_path_factory):
         return {view: render_map(*scene, folder / f"{view}.png", view=view) for view in ("oblique", "side")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", ["oblique", "side"])
 def test_fallback_picture_shows_robot_and_points(view, fallback):
     picture = fallback[view]
@@ -146,6 +147,7 @@ def test_cut_hides_only_the_nearer_half(scene, tmp_path):
     assert grey[False] < 0.75 * grey[True]
 
 
+@pytest.mark.slow
 def test_a_map_on_the_near_side_only_is_still_shown(scene, tmp_path):
     stiffness_map, bodies = scene
     near = stiffness_map.positions[:, 1] < -1e-3

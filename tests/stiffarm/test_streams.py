@@ -39,6 +39,7 @@ def run(*arguments: str, closing: tuple[int, ...] = (), **streams: object) -> su
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams are closed as POSIX has it")
 
 
+@pytest.mark.slow
 def test_an_answer_that_nobody_would_get_is_not_worked_out() -> None:
     outcome = run(*SIMULATE, "--json", closing=(1,))
     assert (outcome.returncode, outcome.stdout) == (2, "")

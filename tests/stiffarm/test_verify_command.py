@@ -35,6 +35,7 @@ def test_a_clean_program(cli: Command, tmp_path: Path) -> None:
     assert tree(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_a_collision_ends_with_1_and_its_line(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The trial of OpenGL takes seconds; pictures with it are another test's.
     monkeypatch.setenv("STIFFARM_NO_GL", "1")

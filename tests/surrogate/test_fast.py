@@ -14,6 +14,9 @@ from robots.errors import InputError
 from surrogate import fast
 from surrogate.expansion import Expansion, Family
 
+# Compiling takes its time.
+pytestmark = pytest.mark.slow
+
 oracles.load("numba")
 
 CASES = [

@@ -54,6 +54,7 @@ def test_two_effects_are_found_one_after_the_other() -> None:
     assert {f.code for f in d.effects} == {"friction:j2", "load-misalignment"}
 
 
+@pytest.mark.slow
 def test_friction_cannot_be_judged_without_a_history() -> None:
     data = read({"friction:j2": FRICTION}, poses=10, repeats=1)
     up = data.select(np.array([phase == "loading" for phase in data.phase]))
@@ -96,6 +97,7 @@ def test_a_replicate_that_the_others_contradict_loses_its_weight() -> None:
     assert np.sum(weight < 1.0) <= 3
 
 
+@pytest.mark.slow
 def test_the_same_readings_give_the_same_diagnosis() -> None:
     first, again = (diagnosed({"payload": {"force": 40.0}}, poses=8, repeats=1) for _ in range(2))
     assert [h.probability for h in first.rankings[0].hypotheses] == [
