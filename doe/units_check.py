@@ -45,6 +45,8 @@ NO_ARM = 0.6
 # Scales this far from any that fits are out, and the misfit then is no scatter: deflections of an arm at the end of
 # what is allowed, with 20 % noise, are three times off with a probability below 1e-3 even where one reading is all.
 FAR, FAR_MISFIT = 3.0, 0.5
+# So far from any scale that fits no arm is, whatever its class, and whether or not a unit is known that explains it.
+NO_ARM_AT_ALL = 100.0
 # Nearer ones (but this far: models leave out a quarter of the compliance easily) must be significant: by the readings,
 # and by the set-ups, which scatter as wholes.
 NEAR, BY_READINGS, BY_SETUPS = 1.2, 1e-4, 0.1
@@ -103,12 +105,19 @@ class Suspicion:
     """Readings that are in other units by all appearance.
 
     ``looks_like``: columns and units that make them readings of such an arm, likeliest first, none if no known unit
-    does; ``found`` and ``allowed``: what the readings imply and what the class has, in words.
+    does; ``found`` and ``allowed``: what the readings imply and what the class has, in words; ``times``: how far the
+    nearest scale that fits is from the one typed.
     """
 
     looks_like: tuple[str, ...]
     found: str
     allowed: str
+    times: float = 1.0
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether a unit explains it, or nothing else can: an arm out of its class alone is no fault of the table."""
+        return bool(self.looks_like) or self.times > NO_ARM_AT_ALL
 
 
 @dataclass(frozen=True)
@@ -195,8 +204,10 @@ def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: boo
     direction = data.wrench[e.row] / load[:, None]
     setups = len(np.unique(np.round(np.column_stack([e.q, direction, e.component]), 6), axis=0))
     low, high = of.allowed
-    # Wrist joints may be rigid: their share is small, and many arms give way there too little to be read.
-    soft, stiff = 1.0 / low, np.where(np.arange(model.robot.dof) < MAIN_JOINTS, 1.0 / high, 0.0)
+    # Joint 1 and wrist joints may be rigid: joint 1 gives nothing under a vertical load and is often left out of models
+    # and of synthetic readings; a wrist's share is small, and many arms give way there too little to be read.
+    joint = np.arange(model.robot.dof)
+    soft, stiff = 1.0 / low, np.where((joint > 0) & (joint < MAIN_JOINTS), 1.0 / high, 0.0)
     return Misfits(e.influence / size[:, None], e.rest / size, e.value / size, size / load, stiff, soft, setups)
 
 
@@ -211,8 +222,8 @@ def check_units(
         No arm of this class gives such readings as they are typed, but it would in other units.
     """
     found = suspicions(description, model, data)
-    if found and not confirm_units:
-        first = found[0]
+    if not confirm_units and (certain := [one for one in found if one.is_certain]):
+        first = certain[0]
         alike = " or ".join(first.looks_like)
         raise InputError(
             f"{data.source}: {f'these look like {alike}' if alike else 'these are no known units'}: {first.found}",
@@ -254,6 +265,7 @@ def _by_scale(m: Misfits, of: ArmClass, own: tuple[UnitChoice, ...]) -> Suspicio
         _alike((*own, *LOADS), float(fitting[0]), float(fitting[-1])),
         f"a stiffness at the tool of {m.typical:.3g} {unit} (median of the readings)",
         f"{soft:.3g} to {stiff:.3g} {unit} at these set-ups, three times wider than arms of this class ({of.size}) are",
+        off,
     )
 
 
@@ -293,6 +305,7 @@ def _by_springs(model: ArmModel, data: Measurements, of: ArmClass, m: Misfits) -
     names = [f"{model.robot.joint_names[j]}.stiffness" for j in joints]
     found = estimate(problem(model, data, [parameter(model, name) for name in names]), (GAUGE, GAUGE))
     low, high = (end[joints] for end in of.allowed)
+    high = np.where(m.low[joints] > 0.0, high, np.inf)  # what may be rigid may be as stiff as it likes
     out = []
     for k, one in enumerate(certainty(found, SURE).estimates):
         value, (least, most) = one.value, one.interval

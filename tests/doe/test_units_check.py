@@ -122,6 +122,30 @@ def test_angles_that_noise_cannot_tell_apart_are_left_alone(kr60) -> None:
     assert suspicions(description, model, MISTYPED["grads"](noisy)) == ()
 
 
+def test_readings_in_which_joint_1_is_rigid_are_right(xr701) -> None:
+    """Models and synthetic readings often leave joint 1 out: sideways only what else gives way is read then."""
+    description, _, data = xr701
+    model = build_model(description)
+    made = model.with_springs({"j2": 1.4e6, "j3": 1.2e6, "j4": 9e5, "j5": 5e5})
+    wrench = np.roll(data.wrench, 1, axis=1)  # all loads sideways, along y
+    wrench[:, 1] = np.where(np.arange(data.n) % 2, data.wrench[:, 2], 0.0)
+    wrench[:, 2] = np.where(np.arange(data.n) % 2, 0.0, data.wrench[:, 2])
+    wrench[:, 3] = 0.0
+    d = deflection(made, data.q, wrench)
+    table = replace(data, wrench=wrench, displacement=np.where(np.arange(6) < 3, d, np.nan))
+    assert suspicions(description, model, table) == ()
+
+
+def test_an_arm_out_of_its_class_that_no_unit_explains_is_remarked_only(xr701, monkeypatch: pytest.MonkeyPatch) -> None:
+    odd = units_check.Suspicion((), "a stiffness", "another", times=5.0)
+    monkeypatch.setattr(units_check, "suspicions", lambda *_: (odd,))
+    (remark,) = check_units(*xr701)
+    assert "no known units" in remark
+    monkeypatch.setattr(units_check, "suspicions", lambda *_: (replace(odd, times=200.0),))
+    with pytest.raises(InputError, match="no known units"):
+        check_units(*xr701)
+
+
 def test_one_reading_is_judged_by_what_it_alone_says(xr701) -> None:
     description, model, data = xr701
     one = data.select(np.arange(data.n) == data.n - 1)
@@ -161,9 +185,9 @@ def test_most_wrong_units_are_found_on_the_same_arms() -> None:
     """Rates on arms with springs anywhere in three times the class; lower bounds, 60 arms leave some 6 % of scatter."""
     rng = np.random.default_rng(0)
     arms = [made_up(rng) for _ in range(60)]
-    least = {"micrometres": 0.95, "metres": 0.95, "kN": 0.95, "1/100 mm": 0.75, "1/1000 inch": 0.6, "inches": 0.3}
+    least = {"micrometres": 0.95, "metres": 0.95, "kN": 0.95, "1/100 mm": 0.75, "1/1000 inch": 0.6, "inches": 0.2}
     for unit, rate in least.items():
-        found = [bool(suspicions(m.description, m.model, MISTYPED[unit](m.data))) for m in arms]
+        found = [any(s.is_certain for s in suspicions(m.description, m.model, MISTYPED[unit](m.data))) for m in arms]
         assert np.mean(found) >= rate, unit
 
 
