@@ -169,6 +169,8 @@ def _figure(tree: Any, rng: Rng) -> Any:
 
 def _odd_number(node: Any, rng: Rng) -> Any:
     if chance(rng, 0.4):
+        # A number of hundreds of digits, made by an earlier mutation, is beyond floats.
+        node = max(-1e300, min(node, 1e300))
         return node * one(rng, (-1, 0, 1e-3, 1e3, 1e9, 1e-9, 2, 57.29577951308232, 1e150, 1e-150))
     return Raw(one(rng, NUMBERS).decode("utf-8") or "0")
 
