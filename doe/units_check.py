@@ -193,7 +193,6 @@ def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: boo
     e = equations(model, data, 1.0)
     e = e.take((e.component >= 3) == rotations)
     lever = max(reach_of(model.robot), SHORTEST)
-    lever = max(reach_of(model.robot), SHORTEST)
     load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / lever)[e.row]
     keep = load > 0.0
     e, load = e.take(keep), load[keep]

@@ -33,7 +33,7 @@ DEEPEST = 64
 _WHOLE_DIGITS, _LARGEST_WHOLE = 19, 2**63 - 1
 # A key of more parts than that; in a list of numbers commas stand between the dots.
 _DOTTED = re.compile(rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-_BOM = b"\xef\xbb\xbf"
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 @dataclass
@@ -128,7 +128,7 @@ def read_text(
     path: Path | str, kind: str, *, most: int = LARGEST_FILE, remedy: str = "check the path", kept: bool = True
 ) -> str:
     """Text of a UTF-8 file, with or without a byte order mark; arguments and errors as :func:`read_bytes`."""
-    data = read_bytes(path, kind, most=most, remedy=remedy, kept=kept).removeprefix(_BOM)
+    data = read_bytes(path, kind, most=most, remedy=remedy, kept=kept).removeprefix(BYTE_ORDER_MARK)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:

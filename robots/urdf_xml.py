@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robots.errors import InputError, InputErrors
-from robots.files import read_bytes
+from robots.files import BYTE_ORDER_MARK, read_bytes
 
 JOINT_TYPES = ("revolute", "continuous", "fixed", "prismatic", "floating", "planar")
 # Element -> attribute -> how many numbers it may hold.
@@ -57,7 +57,7 @@ def is_xml(path: Path) -> bool:
     if path.suffix.lower() in (".urdf", ".xacro"):
         return True
     start = read_bytes(path, "model file")[:256]
-    return start.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    return start.removeprefix(BYTE_ORDER_MARK).lstrip().startswith(b"<")
 
 
 def read_urdf_text(path: Path) -> UrdfText:
@@ -100,7 +100,7 @@ def _root(path: Path, data: bytes) -> Any:
         recover=True, resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )
     try:
-        root = etree.fromstring(data.removeprefix(b"\xef\xbb\xbf").lstrip(), parser)
+        root = etree.fromstring(data.removeprefix(BYTE_ORDER_MARK).lstrip(), parser)
     except etree.XMLSyntaxError as error:
         raise InputError(f"URDF {path} is no XML ({error.msg})", remedy="export it again") from error
     # Old files use prefixes of simulators without declaring them; that harms nothing here.

@@ -8,12 +8,11 @@ from functools import partial
 from pathlib import Path
 
 from robots import InputError
-from robots.files import LARGEST_FILE, read_bytes
+from robots.files import BYTE_ORDER_MARK, LARGEST_FILE, read_bytes
 
 # Longest line (characters). APT lines have 72 to 80, G-code blocks up to 512 on known controls.
 LINE_LIMIT = 16384
 _SAMPLE = 65536
-_BOM = b"\xef\xbb\xbf"
 
 
 def content(path: Path, max_bytes: int = LARGEST_FILE) -> bytes:
@@ -24,7 +23,7 @@ def content(path: Path, max_bytes: int = LARGEST_FILE) -> bytes:
     InputError
         What :func:`robots.files.read_bytes` refuses, an empty file, NUL bytes at its start (binary or UTF-16).
     """
-    data = read_bytes(path, "tool path file", most=max_bytes).removeprefix(_BOM)
+    data = read_bytes(path, "tool path file", most=max_bytes).removeprefix(BYTE_ORDER_MARK)
     if not data:
         raise InputError(f"tool path file {path.name} is empty", remedy="post the program once more")
     if b"\0" in data[:_SAMPLE]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import zipfile
 from collections.abc import Callable, Sequence
 
 from .samples import NUMBERS, TEXTS, Rng, below, chance, one, span
@@ -145,3 +147,12 @@ def mutated(data: bytes, rng: Rng, others: Sequence[bytes], own: Sequence[Mutati
     for k in range(rounds):
         data = one(rng, own if k < structured else PLAIN)(data, rng, others)[:LARGEST]
     return data
+
+
+def members_of(data: bytes) -> dict[str, bytes]:
+    """The members of a ZIP archive (XLSX, .npz) by name; none where it is damaged."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return {name: archive.read(name) for name in archive.namelist()}
+    except (zipfile.BadZipFile, OSError, ValueError, EOFError, NotImplementedError, RuntimeError):
+        return {}

@@ -13,7 +13,7 @@ import numpy as np
 from lxml import etree  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from .mutate_bytes import Mutation
+from .mutate_bytes import Mutation, members_of
 from .samples import NUMBERS, TEXTS, Rng, below, chance, one, span
 
 _ATTRIBUTES = (
@@ -150,11 +150,7 @@ def binary_stl(data: bytes, rng: Rng, _: Sequence[bytes]) -> bytes:
 
 def arrays(data: bytes, rng: Rng, _: Sequence[bytes]) -> bytes:
     """One array of an .npz dropped, of another type or shape, with odd numbers, or with a false head."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = {name: archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError, ValueError, EOFError, NotImplementedError, RuntimeError):
-        return data
+    members = members_of(data)
     if not members:
         return data
     name = one(rng, list(members))

@@ -7,7 +7,7 @@ import re
 import zipfile
 from collections.abc import Callable, Sequence
 
-from .mutate_bytes import Mutation, mutated
+from .mutate_bytes import Mutation, members_of, mutated
 from .samples import NUMBERS, TEXTS, Rng, below, chance, one
 
 Rows = list[list[bytes]]
@@ -147,11 +147,7 @@ _INSTEAD = (
 
 def workbook(data: bytes, rng: Rng, others: Sequence[bytes]) -> bytes:
     """A change of one member of an XLSX, its archive whole: a cell, a merge, a far cell, the XML, a lost member."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = {name: archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError, ValueError, EOFError, NotImplementedError, RuntimeError):
-        return data
+    members = members_of(data)
     if not members:
         return data
     sheet = next((name for name in members if "sheet1" in name), next(iter(members)))
