@@ -15,7 +15,7 @@ import tomlkit
 from numpy.typing import NDArray
 
 from robots import InputError, Robot, bundled_names, forward_kinematics, jacobian, load_robot, tool_position
-from robots.library import parse_description
+from robots.library.models import parse_description
 from robots.robot import robot_from
 
 Array = NDArray[np.float64]
