@@ -190,7 +190,8 @@ def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> 
     [
         ("from fem.elements.beam import assemble", {"fem.elements.beam"}),
         ("def f():\n    import fem.elements.beam", {"fem.elements.beam"}),
-        ("from fem import beam, build_model", {"fem.elements.beam"}),
+        ("from fem.elements import beam", {"fem.elements", "fem.elements.beam"}),
+        ("from fem import build_model, model", {"fem.model"}),
         ("import numpy.linalg, os\nfrom scipy.sparse import coo_array\nimport femto.second", set()),
     ],
 )

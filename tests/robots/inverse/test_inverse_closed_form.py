@@ -9,8 +9,8 @@ import oracles
 import pytest
 from inverse_cases import DATA, MAPS_BACK, apart, chain, random_arm, tool_frames, within_limits, worst_error
 from numpy.typing import NDArray
+from pinocchio_chains import pinocchio_chain, raw
 from scipy.spatial.transform import Rotation
-from test_kinematics import pinocchio_chain, raw
 
 from robots import (
     BRANCHES,

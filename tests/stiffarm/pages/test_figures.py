@@ -4,17 +4,16 @@ import functools
 import itertools
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from figure_texts import Seen, texts
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.text import Text
-from matplotlib.transforms import Bbox
 from mpl_toolkits.mplot3d import Axes3D
 
 import robots
@@ -171,33 +170,6 @@ FIGURES: dict[Callable[[], Figure], tuple[str, ...]] = {
     budget: ("(mm)", "(%)"),
 }
 every_figure = pytest.mark.parametrize("make", FIGURES, ids=lambda make: make.__name__)
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A text as it was drawn."""
-
-    text: str
-    box: Bbox
-    size: float
-    rotation: float
-
-
-def texts(figure: Figure) -> list[Seen]:
-    """Draw a figure and return what is written on it (its artists also know texts that are never drawn)."""
-    seen = []
-    original = Text.draw
-
-    def draw(self: Text, renderer: object, *args: object, **kwargs: object) -> None:
-        if self.get_visible() and self.get_text().strip():
-            seen.append(Seen(self.get_text(), self.get_window_extent(), self.get_fontsize(), self.get_rotation()))
-        original(self, renderer, *args, **kwargs)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Text, "draw", draw)
-        figure.canvas.draw()
-    assert seen
-    return seen
 
 
 @functools.cache

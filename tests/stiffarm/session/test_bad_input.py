@@ -448,10 +448,10 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     out = {"a file in its place": "file", "below a file": "file/deep/er", "name too long": "x" * 300}[place]
     work = (
         *(
-            f"steps.{name}"
+            f"session.steps.{name}"
             for name in ("simulate", "sensitivity", "calibrate_by_stages", "stiffness_map", "rigid_joints")
         ),
-        *("learning.learn", "map_run.make_map", "maps.write"),
+        *("commands.fit.learning.learn", "commands.maps.step.make_map", "commands.maps.sweep.write"),
     )
     for name in work:
         monkeypatch.setattr(f"stiffarm.{name}", lambda *_, **__: pytest.fail("work was done for nothing"))

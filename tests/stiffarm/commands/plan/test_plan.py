@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import ROOT, Command, run_here, tree
-from test_figures import texts
+from figure_texts import texts
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight

@@ -10,9 +10,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from figure_texts import texts
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from test_figures import texts
 
 from fem import Budget, PartKind, build_model, compliance_budget, deflection, deflection_by_part
 from robots import InputError, forward_kinematics, load_description, tool_position

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from robots import InverseSolutions, Robot, forward_kinematics, load_robot
 
 Array = NDArray[np.float64]
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "data"
 
 # The promise of the issue. Measured: 2e-15 of some metres; next to the edge of reach 1e-10 is let through.
 MAPS_BACK = 1e-9
