@@ -1,22 +1,22 @@
 """Experiments: measurement tables, designs, sensitivity, staged and global calibration."""
 
-from doe.calibrated import with_constant_springs, with_spring_laws
-from doe.comparison import (
+from doe.model_file.calibrated import with_constant_springs, with_spring_laws
+from doe.planning.designs import factorial_poses, level_grid, two_level_factorial
+from doe.published.comparison import (
     Prediction,
     constant_fit,
     constant_left_out,
     leave_one_pose_out,
     staged_left_out,
 )
-from doe.constant import ConstantFit, SpringEstimate, fit_constant
-from doe.designs import factorial_poses, level_grid, two_level_factorial
-from doe.measurements import Measurements, bundled_data, read_measurements, write_measurements
-from doe.parametric import PoseFit, fit_pose
-from doe.readings import Equations, equations, loaded_points, model_compliances, select_loads
-from doe.scheme import Scheme, bundled_scheme, load_scheme
-from doe.sensitivity import PoseEffects, sensitivity_study
-from doe.spring_regression import SpringPoints, fit_law
-from doe.staged import StagedResult, calibrate_staged
+from doe.published.constant import ConstantFit, SpringEstimate, fit_constant
+from doe.published.parametric import PoseFit, fit_pose
+from doe.published.readings import Equations, equations, loaded_points, model_compliances, select_loads
+from doe.published.scheme import Scheme, bundled_scheme, load_scheme
+from doe.published.sensitivity import PoseEffects, sensitivity_study
+from doe.published.spring_regression import SpringPoints, fit_law
+from doe.published.staged import StagedResult, calibrate_staged
+from doe.tables.measurements import Measurements, bundled_data, read_measurements, write_measurements
 
 __all__ = [
     "ConstantFit",

@@ -1,14 +1,14 @@
 """Mechanics: beam elements, condensation, joint springs, the parallelogram loop, statics."""
 
-from fem.budget import Budget, PartKind, compliance_budget
-from fem.direct import compliance_direct, deflection_direct
-from fem.factor import ComplianceFactor, compliance_factor
-from fem.fast_statics import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
-from fem.fields import ArmFields, arm_fields, link_shapes
+from fem.compiled.compliance import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
 from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
-from fem.shell_arm import ShellArmSolution, solve_shell_arm
+from fem.reference.direct import compliance_direct, deflection_direct
+from fem.reference.shell_arm import ShellArmSolution, solve_shell_arm
 from fem.springs import ConstantSpring, LawSpring, SpringLaw
-from fem.statics import (
+from fem.statics.budget import Budget, PartKind, compliance_budget
+from fem.statics.factor import ComplianceFactor, compliance_factor
+from fem.statics.fields import ArmFields, arm_fields, link_shapes
+from fem.statics.flexibility import (
     compliance,
     deflection,
     deflection_by_part,

@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import beam
-from fem.condensation import Superelement, condense
-from fem.couplings import Coupling
-from fem.link_cache import cached_superelement
+from fem.elements import beam
+from fem.elements.condensation import Superelement, condense
+from fem.elements.couplings import Coupling
+from fem.elements.link_cache import cached_superelement
 from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
 from meshes import (
     BeamMesh,
@@ -28,9 +28,9 @@ from meshes import (
 )
 from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot
-from robots.quantities import Angles, Position, RotationalStiffness
 from robots.robot import robot_from
-from robots.schema import Joint, Link, PlaceStiffness
+from robots.schema.description import Joint, Link, PlaceStiffness
+from robots.schema.quantities import Angles, Position, RotationalStiffness
 
 Array = NDArray[np.float64]
 LinkKind = Literal["rigid", "beam", "shell"]
@@ -132,8 +132,8 @@ class ArmModel:
     ``base`` (6, 6): compliance of the base about its origin, base axes; ``tool`` (6, 6): of the tool or a force
     sensor at the model's tool point, flange axes; zero is rigid. ``load_offset`` (3,) m, flange axes, and
     ``load_tilt`` (3,) rad, fixed-axis angles about the base's axes: where a test load really acts, from the read
-    point, and how its direction is off (:func:`fem.loads.placed`). ``load_point`` (3,) m, flange axes: what points
-    that readings bring themselves are off by. ``masses``: of the links, as declared.
+    point, and how its direction is off (:func:`fem.statics.loads.placed`). ``load_point`` (3,) m, flange axes: what
+    points that readings bring themselves are off by. ``masses``: of the links, as declared.
     """
 
     robot: Robot
@@ -208,17 +208,17 @@ def build_model(
     links : "beam" or "shell" for flexible links, "rigid" for joints alone
     load_path : overrides the description's; "parallelogram" needs a robot that has one
     flanges : couples all interfaces of shell links and of the crank so, "rigid" (upper bound of the stiffness) or
-        "distributing" (lower bound), see :mod:`fem.couplings`; None takes what the description says of each link,
+        "distributing" (lower bound), see :mod:`fem.elements.couplings`; None: as the description says of each link,
         and rigid where it says nothing
 
-    Shell links condensed before come from the user's cache (:mod:`fem.link_cache`).
+    Shell links condensed before come from the user's cache (:mod:`fem.elements.link_cache`).
 
     Raises
     ------
     InputError
         Unknown kind of links or flanges, a parallelogram asked of a robot without one, a link named like another
         part (a joint, "base", "tool", "bar" or "crank"), flanges of an interface that the link does not have; for
-        shell links, what :func:`meshes.link_shell_mesh` and :func:`fem.shell.shell_superelement` refuse.
+        shell links, what :func:`meshes.link_shell_mesh` and :func:`fem.elements.shell.shell_superelement` refuse.
     """
     if links not in LINK_KINDS:
         raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))

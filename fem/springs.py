@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
+from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
 from robots import InputError, Robot
-from robots.schema_springs import LogFourierLaw, LogPolynomialLaw, SpringLawTable
+from robots.schema.springs import LogFourierLaw, LogPolynomialLaw, SpringLawTable
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class ConstantSpring:
 
 @dataclass(frozen=True)
 class LawSpring:
-    """``k = exp(sum_t c_t b_t(q))`` N m/rad with functions b_t of the pose (:mod:`fem.law_bases`).
+    """``k = exp(sum_t c_t b_t(q))`` N m/rad with functions b_t of the pose (:mod:`fem.free.law_bases`).
 
     Polynomials are meant for the angles they were fitted on: a sixth degree runs away beyond them.
     """

@@ -1,9 +1,12 @@
 """Use: Cartesian stiffness and stiffness indices, posture; placement, NC programs (still to come)."""
 
-from machining.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
-from machining.drive import Drive, Smoothness, limit_distance, singular_distance
-from machining.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid
-from machining.indices import (
+from machining.posture.drive import Drive, Smoothness, limit_distance, singular_distance
+from machining.posture.path import PathPosture, course_at, optimise_path
+from machining.posture.points import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
+from machining.posture.problem import Course
+from machining.stiffness.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
+from machining.stiffness.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid
+from machining.stiffness.indices import (
     INDICES,
     Index,
     average_stiffness,
@@ -15,19 +18,16 @@ from machining.indices import (
     rayleigh_quotient,
     stiffness_index,
 )
-from machining.loaded import (
+from machining.stiffness.loaded import (
     complementary_stiffness,
     jacobian_derivative,
     loaded_compliance,
     softest_share,
     spring_jacobian,
 )
-from machining.objective import Objective
-from machining.path_file import read_path
-from machining.path_posture import PathPosture, course_at, optimise_path
-from machining.path_problem import Course
-from machining.posture import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
+from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
+from machining.toolpaths.path_file import read_path
 
 __all__ = [
     "INDICES",

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import fem
-from machining.objective import Objective
-from machining.posture import Sweep, sweep_gamma
+from machining.posture.points import Sweep, sweep_gamma
+from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
 
@@ -39,7 +39,7 @@ def sweep_parts(
     Raises
     ------
     InputError
-        Angles of another shape, a map too large to hold; else as :func:`machining.posture.sweep_gamma`.
+        Angles of another shape, a map too large to hold; else as :func:`machining.posture.points.sweep_gamma`.
     """
     angle = np.asarray(gamma, dtype=np.float64)
     n = task.path.n

@@ -7,7 +7,7 @@ from meshes.masses import LinkMass, PointMass, RobotMasses, beam_mass, robot_mas
 from meshes.sections import SectionProperties, section_dimensions, section_properties
 from meshes.shell_files import load_shell, save_shell
 from meshes.shell_mesh import ShellMesh
-from meshes.surface_import import ImportedLink, import_surface
+from meshes.surfaces.link import ImportedLink, import_surface
 
 __all__ = [
     "BeamMesh",

@@ -23,7 +23,7 @@ import platformdirs
 from numpy.typing import NDArray
 
 from meshes.npz import from_npz, to_npz
-from robots.written import is_draft, write_whole
+from robots.files.written import is_draft, write_whole
 
 Array = NDArray[np.float64]
 Fault = Callable[[dict[str, Array]], str | None]

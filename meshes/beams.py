@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from meshes.sections import SectionKind, section_dimensions
 from robots import InputError, ModelDescription, Robot
-from robots.schema import Link, Material
+from robots.schema.description import Link, Material
 
 Array = NDArray[np.float64]
 
 # Tapered force-based elements are exact but for the quadrature of 1/EI; four a segment keep that
-# error below 1e-11 for the bundled links (tests/fem/test_beam.py measures it).
+# error below 1e-11 for the bundled links (tests/fem/elements/test_beam.py measures it).
 ELEMENTS_PER_SEGMENT = 4
 
 

@@ -18,7 +18,7 @@ from meshes.beams import BeamMesh, element_axes
 from meshes.openings import SAME, Branch, Lines, divided, lines_of
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-from robots.schema import Opening, Rim
+from robots.schema.description import Opening, Rim
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -48,17 +48,20 @@ def _sources(root: str) -> dict[str, str]:
 
 
 def _imported(source: str, package: str) -> list[str]:
-    """Names of the package's modules that a source imports, in any of the three ways."""
+    """Names of the package's modules that a source imports, folders within it included."""
     names: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module == package:
-            inside = [f"{package}.{alias.name}" for alias in node.names]
-            names += [name for name in inside if importlib.util.find_spec(name) is not None]
-        elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            names.append(node.module)
+        elif isinstance(node, ast.ImportFrom) and node.module is not None and node.module.split(".")[0] == package:
+            inside = [f"{node.module}.{alias.name}" for alias in node.names if _is_package(node.module)]
+            names += [node.module, *(name for name in inside if importlib.util.find_spec(name) is not None)]
     return [name for name in names if name.startswith(f"{package}.")]
+
+
+def _is_package(name: str) -> bool:
+    spec = importlib.util.find_spec(name)
+    return spec is not None and spec.submodule_search_locations is not None
 
 
 def _source(name: str) -> str:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from robots import InputError
-from robots.quantities import PositiveLength
-from robots.schema import BoxSection, TubeSection
+from robots.schema.description import BoxSection, TubeSection
+from robots.schema.quantities import PositiveLength
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -12,7 +12,7 @@ from meshes.casings import casing_mesh
 from meshes.shell_files import load_shell
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-from robots.schema import Link, Surface
+from robots.schema.description import Link, Surface
 
 Array = NDArray[np.float64]
 

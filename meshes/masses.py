@@ -12,7 +12,7 @@ from meshes.link_shells import link_shell_mesh
 from meshes.sections import section_dimensions, section_properties
 from meshes.shell_mesh import ShellMesh
 from robots import ModelDescription, Robot
-from robots.schema import Link
+from robots.schema.description import Link
 
 Array = NDArray[np.float64]
 

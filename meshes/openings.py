@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from robots import InputError
 from robots.errors import InputErrors
-from robots.schema import Opening, Rim
+from robots.schema.description import Opening, Rim
 
 Array = NDArray[np.float64]
 

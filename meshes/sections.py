@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.schema import BoxSection, TubeSection
+from robots.schema.description import BoxSection, TubeSection
 
 Array = NDArray[np.float64]
 SectionKind = Literal["box", "tube"]

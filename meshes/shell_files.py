@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from meshes.npz import from_npz, to_npz
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-from robots.files import read_bytes
-from robots.written import write_whole
+from robots.files.reading import read_bytes
+from robots.files.written import write_whole
 
 SCHEMA = "stiffarm-shell/1"
 # NumPy's kind of each array's numbers.

@@ -1,15 +1,15 @@
 """What a robot is: description (TOML, URDF), units and limits, kinematics, parallelogram coupling."""
 
-from robots.branches import BRANCHES, Branch, InverseSolutions, Reason
 from robots.errors import InputError, InputErrors
-from robots.inverse import inverse_kinematics, why_no_closed_form
+from robots.inverse.branches import BRANCHES, Branch, InverseSolutions, Reason
+from robots.inverse.singularities import SingularityDistance, branch_of, singularity_distance
+from robots.inverse.solutions import inverse_kinematics, why_no_closed_form
+from robots.inverse.turns import EquivalentPoses
 from robots.kinematics import BodyFrames, forward_kinematics, jacobian, tool_position
-from robots.library import bundled_names, content_hash, load_description, load_robot, save_description
+from robots.library.models import bundled_names, content_hash, load_description, load_robot, save_description
 from robots.robot import CouplingLimit, Parallelogram, Robot
-from robots.schema import LoadPath, ModelDescription
-from robots.singularities import SingularityDistance, branch_of, singularity_distance
-from robots.turns import EquivalentPoses
-from robots.urdf import Primitive, UrdfRobot, Visual, read_urdf
+from robots.schema.description import LoadPath, ModelDescription
+from robots.urdf.reading import Primitive, UrdfRobot, Visual, read_urdf
 
 __all__ = [
     "BRANCHES",

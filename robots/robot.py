@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.errors import InputError
-from robots.schema import Joint, ModelDescription
+from robots.schema.description import Joint, ModelDescription
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ being imported, is lost in some of them and a traceback in others. So the proces
 first line to its last.
 """
 
-from stiffarm.interruption import heed_for_life
-from stiffarm.streams import plug, silence, tell
+from stiffarm.session.interruption import heed_for_life
+from stiffarm.session.streams import plug, silence, tell
 
 EXIT_OTHER = 1
 

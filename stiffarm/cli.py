@@ -13,29 +13,29 @@ from typer.core import TyperGroup
 from robots import InputError
 from robots.errors import one_line
 from stiffarm import __version__
-from stiffarm.console import EXIT_BAD_INPUT, say_error
+from stiffarm.session.console import EXIT_BAD_INPUT, say_error
 
-# Name of a command -> its module in stiffarm.commands and its function there.
+# Name of a command -> its folder in stiffarm/commands and its function in that folder's command.py.
 COMMANDS: dict[str, tuple[str, str]] = {
-    "run": ("chain", "run"),
-    "robots": ("models", "robots"),
-    "simulate": ("models", "simulate"),
+    "run": ("run", "run"),
+    "robots": ("simulate", "robots"),
+    "simulate": ("simulate", "simulate"),
     "sensitivity": ("sensitivity", "sensitivity"),
-    "calibrate": ("calibration", "calibrate"),
-    "diagnose": ("diagnosis", "diagnose"),
-    "identify": ("identification", "identify"),
-    "plan": ("planning", "plan"),
-    "fit": ("surrogates", "fit"),
-    "query": ("surrogates", "query"),
-    "map": ("mapping", "map_command"),
-    "index": ("indexing", "index"),
+    "calibrate": ("calibrate", "calibrate"),
+    "diagnose": ("diagnose", "diagnose"),
+    "identify": ("identify", "identify"),
+    "plan": ("plan", "plan"),
+    "fit": ("fit", "fit"),
+    "query": ("fit", "query"),
+    "map": ("maps", "map_command"),
+    "index": ("index", "index"),
     "posture": ("posture", "posture"),
-    "place": ("placement", "place"),
-    "post": ("posting", "post"),
-    "verify": ("verification", "verify_command"),
-    "serve": ("serving", "serve_command"),
+    "place": ("place", "place"),
+    "post": ("post", "post"),
+    "verify": ("verify", "verify_command"),
+    "serve": ("serve", "serve_command"),
     "import": ("importing", "import_command"),
-    "export": ("exporting", "export"),
+    "export": ("export", "export"),
 }
 
 
@@ -48,9 +48,9 @@ class _Commands(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             return None
-        module, function = COMMANDS[cmd_name]
+        folder, function = COMMANDS[cmd_name]
         one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        one.command(cmd_name)(getattr(importlib.import_module(f"stiffarm.commands.{module}"), function))
+        one.command(cmd_name)(getattr(importlib.import_module(f"stiffarm.commands.{folder}.command"), function))
         return typer.main.get_command(one)
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **more: Any) -> Any:

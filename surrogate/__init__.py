@@ -1,6 +1,8 @@
 """What was learned: regression with error bars, query, stiffness maps, VTK."""
 
 from surrogate.arm_scope import scope_of
+from surrogate.maps.sweep import default_sweep, sweep_map
+from surrogate.maps.vtk_files import StiffnessMap, read_vtu, write_vtu
 from surrogate.model import (
     ErrorFigures,
     Quantity,
@@ -11,10 +13,8 @@ from surrogate.model import (
 )
 from surrogate.query import QueryResult, full_poses, query
 from surrogate.storage import load_surrogate, save_surrogate
-from surrogate.sweep import default_sweep, sweep_map
 from surrogate.tasks import Task, task_of
 from surrogate.training import Trained, train
-from surrogate.vtk_files import StiffnessMap, read_vtu, write_vtu
 
 __all__ = [
     "ErrorFigures",

@@ -9,18 +9,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.arm_class import usual_load
-from fem.small_displacements import beyond_small, refuse_beyond
+from doe.tables.arm_class import usual_load
+from fem.statics.small_displacements import beyond_small, refuse_beyond
 from robots import Robot
 from robots.errors import InputError
-from robots.singularities import NEAR_SINGULAR, singularity_distance
+from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate.error_bars import NORMAL_95
 from surrogate.model import COMPLIANCE, Surrogate, predict, refuse, unit
 from surrogate.scope import Flags, Scope, count_rows
 
 Array = NDArray[np.float64]
 
-# Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 % (doe.propagation).
+# Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
+# (doe.certainty.propagation).
 ROUGH_95 = 0.6
 # No structure is as stiff as this, m/N; beyond, 1/c overflows.
 _STIFFEST = 1e-300
@@ -40,8 +41,8 @@ class QueryResult:
     inside_domain : (n,) each input within the domain
     reachable : (n,) the couplings hold
     beyond_small : (n,) poses where the load that arms of this reach bear takes it beyond small displacements
-        (:mod:`fem.small_displacements`): the value does not hold. False for other quantities than stiffnesses, and
-        where the robot is not known
+        (:mod:`fem.statics.small_displacements`): the value does not hold. False for other quantities than stiffnesses,
+        and where the robot is not known
     singularity : (n,) smallest singular value of the Jacobian at the tool point, lengths over the arm's
         (:func:`robots.singularity_distance`); NaN if the robot is not known
     open : row -> what the calibration left open and what matters there: its error bar is a lower bound

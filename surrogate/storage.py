@@ -17,9 +17,9 @@ from pydantic import ConfigDict, Field, ValidationError
 
 from robots import Robot
 from robots.errors import InputError, InputErrors
-from robots.files import parse_json, read_text
-from robots.quantities import Strict
-from robots.written import write_whole
+from robots.files.reading import parse_json, read_text
+from robots.files.written import write_whole
+from robots.schema.quantities import Strict
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion, Family
 from surrogate.model import SCHEMA, ErrorFigures, Factor, Quantity, Surrogate, Target

@@ -19,6 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # Bottom first: a package may import those before it.
 LAYERS = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "stiffarm")
 LONGEST_FILE = 600
+# Python files in a folder; more do not fit in a head.
+FULLEST_FOLDER = 24
 # Reading any of these runs what the file says.
 UNSAFE_MODULES = {"pickle", "_pickle", "cPickle", "cloudpickle", "dill", "joblib", "shelve", "marshal"}
 UNSAFE_CALLS = {"eval", "exec", "compile", "__import__"}
@@ -151,14 +153,21 @@ def test_no_file_sprawls() -> None:
     assert too_long == {}
 
 
+def test_no_folder_sprawls() -> None:
+    folders = Counter(path.parent for top in (*LAYERS, "tests", "benchmarks") for path in (ROOT / top).rglob("*.py"))
+    too_full = {str(folder.relative_to(ROOT)): n for folder, n in folders.items() if n > FULLEST_FOLDER}
+    assert too_full == {}
+
+
 @pytest.mark.parametrize("package", LAYERS)
 def test_each_package_is_typed_and_shipped(package: str) -> None:
     setuptools = project()["tool"]["setuptools"]  # type: ignore[index]
     assert (ROOT / package / "py.typed").is_file()
     assert "py.typed" in setuptools["package-data"][package]
-    folders = {path.parent.relative_to(ROOT) for path in (ROOT / package).rglob("*.py")}
-    names = {".".join(folder.parts) for folder in folders}
-    assert names <= set(setuptools["packages"]), "a sub-package that pyproject.toml does not install"
+    assert f"{package}*" in setuptools["packages"]["find"]["include"]
+    folders = {path.parent for path in (ROOT / package).rglob("*.py")}
+    bare = [str(folder.relative_to(ROOT)) for folder in folders if not (folder / "__init__.py").is_file()]
+    assert bare == [], "folders that are not installed, for want of an __init__.py"
 
 
 def test_every_requirement_is_pinned() -> None:

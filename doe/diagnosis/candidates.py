@@ -13,7 +13,7 @@ from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, signatures
 from doe.diagnosis.weighing import as_if
-from doe.noise import Noise
+from doe.estimation.noise import Noise
 from fem.effects.base import Effect, PlacedEffect
 
 Array = NDArray[np.float64]

@@ -20,9 +20,9 @@ from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count
 from doe.diagnosis.testable import not_testable, twins
-from doe.noise import Noise, within_readings
-from doe.readings import rms_mm
-from doe.telling import told_by
+from doe.estimation.noise import Noise, within_readings
+from doe.published.readings import rms_mm
+from doe.tables.telling import told_by
 from fem.effects.base import PlacedEffect
 
 Array = NDArray[np.float64]

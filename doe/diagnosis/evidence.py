@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.special import log_ndtr
 
-from doe.blocks import Covariance
 from doe.diagnosis.signatures import Signature
+from doe.estimation.blocks import Covariance
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.blocks import Covariance
 from doe.diagnosis.evidence import Base
 from doe.diagnosis.signatures import Signature
+from doe.estimation.blocks import Covariance
 
 Array = NDArray[np.float64]
 

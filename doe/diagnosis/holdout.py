@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.setting import Setting
-from doe.load_history import history_of
-from doe.measurement_checks import refuse_seen
-from doe.measurements import Measurements
-from doe.problem import problem
-from doe.readings import rms_mm
+from doe.estimation.problem import problem
+from doe.published.readings import rms_mm
+from doe.tables.checks import refuse_seen
+from doe.tables.load_history import history_of
+from doe.tables.measurements import Measurements
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def hold_out(d: Diagnosis, seen: Measurements, held_out: Measurements) -> HeldOu
     Raises
     ------
     InputError
-        As of :func:`doe.measurement_checks.refuse_seen`.
+        As of :func:`doe.tables.checks.refuse_seen`.
     """
     refuse_seen(seen, held_out)
     before, after = applied(d.before.setting, held_out), applied(d.after.setting, held_out)

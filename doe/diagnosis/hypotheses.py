@@ -11,7 +11,7 @@ from doe.diagnosis.held_out import LeftOut
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
-from doe.noise import Noise
+from doe.estimation.noise import Noise
 
 NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing and of something that the catalogue does not know; the rest is shared by

@@ -13,10 +13,10 @@ from doe.diagnosis.discrimination import choose, divergence, joint, right_names
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.rivals import Cycle, Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
-from doe.measurement_columns import DISPLACEMENTS, LOADS
-from doe.measurements import Measurements
-from doe.pose_designs import Zone, pose_design
-from fem.loads import LoadedPoses, as_loaded
+from doe.planning.pose_designs import Zone, pose_design
+from doe.tables.columns import DISPLACEMENTS, LOADS
+from doe.tables.measurements import Measurements
+from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def propose(
     -------
     NextReadings
         Its ``as_measurements`` table, written with the columns to fill, comes back by joining it to the first table
-        (:func:`doe.joined_measurements.join`): its labels and steps go on after those. ``rng`` settles the choice.
+        (:func:`doe.tables.joined.join`): its labels and steps go on after those. ``rng`` settles the choice.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, af
 def as_measurements(n: NextReadings) -> Measurements:
     """The readings to take, in their order, nothing read yet; steps go on after those of the first table.
 
-    Write it with :func:`doe.measurements.write_measurements` and ``to_fill=columns_to_fill(n)``.
+    Write it with :func:`doe.tables.measurements.write_measurements` and ``to_fill=columns_to_fill(n)``.
     """
     rising = n.forces.tolist()
     up = [(f, "loading") for f in rising]

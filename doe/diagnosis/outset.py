@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from doe.diagnosis.known import errors_of
 from doe.diagnosis.scatter import FLOOR
 from doe.diagnosis.setting import Setting, free_springs
-from doe.estimate import estimate
-from doe.load_history import history_of
-from doe.measurements import Measurements
-from doe.problem import Problem, problem
+from doe.estimation.estimate import estimate
+from doe.estimation.problem import Problem, problem
+from doe.tables.load_history import history_of
+from doe.tables.measurements import Measurements
 from fem.effects.base import PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
 from fem.effects.history import History
+from fem.free.parameters import parameter
 from fem.model import ArmModel
-from fem.parameters import parameter
 from robots import ModelDescription
 
 Array = NDArray[np.float64]

@@ -23,8 +23,8 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.diagnosis.unknown import discrepancies
 from doe.diagnosis.weighing import Row, at_noise, rough_at, unknown_at, with_springs
-from doe.noise import Noise
-from doe.readings import rms_mm
+from doe.estimation.noise import Noise
+from doe.published.readings import rms_mm
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from doe.diagnosis.hypotheses import Hypothesis
 from doe.diagnosis.known import base_mean, base_of, error_count, free_numbers
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
-from doe.noise import Noise
+from doe.estimation.noise import Noise
 from fem.effects.base import PlacedEffect
 
 Array = NDArray[np.float64]

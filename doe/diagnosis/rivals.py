@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, softmax
 
-from doe.blocks import Covariance
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import Predictions
 from doe.diagnosis.evidence import Base, Whitened, fit_all
@@ -25,10 +24,11 @@ from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shapes, signature
 from doe.diagnosis.unknown import discrepancies
-from doe.noise import Noise
-from doe.problem import Problem
+from doe.estimation.blocks import Covariance
+from doe.estimation.noise import Noise
+from doe.estimation.problem import Problem
 from fem.effects.history import History
-from fem.loads import LoadedPoses
+from fem.statics.loads import LoadedPoses
 
 Array = NDArray[np.float64]
 

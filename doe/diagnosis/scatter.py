@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.blocks import Covariance
 from doe.diagnosis.setting import Setting
-from doe.noise import Noise, fit_noise
+from doe.estimation.blocks import Covariance
+from doe.estimation.noise import Noise, fit_noise
 
 Array = NDArray[np.float64]
 

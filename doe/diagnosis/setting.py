@@ -9,16 +9,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.blocks import Blocks
-from doe.measurements import Measurements
-from doe.problem import Problem, problem
+from doe.estimation.blocks import Blocks
+from doe.estimation.problem import Problem, problem
+from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.history import History
 from fem.effects.observed import observed
 from fem.effects.situation import Situation
 from fem.effects.structure import joint_is_rigid
+from fem.free.parameters import parameter
 from fem.model import ArmModel
-from fem.parameters import parameter
 from robots import InputError, ModelDescription
 
 Array = NDArray[np.float64]

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from doe.blocks import Covariance
 from doe.diagnosis.evidence import Base, Fitted, Whitened, fit_all
 from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.scatter import covariance, typical_size
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shape_count
 from doe.diagnosis.unknown import discrepancies
-from doe.noise import Noise
+from doe.estimation.blocks import Covariance
+from doe.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 

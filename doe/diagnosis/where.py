@@ -13,9 +13,9 @@ from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.hypotheses import UNKNOWN
 from doe.diagnosis.scatter import with_setup
 from doe.diagnosis.setting import Setting
-from doe.noise import Noise, within_readings
-from doe.problem import Problem
-from doe.readings import COMPONENTS, rms_mm
+from doe.estimation.noise import Noise, within_readings
+from doe.estimation.problem import Problem
+from doe.published.readings import COMPONENTS, rms_mm
 
 Array = NDArray[np.float64]
 

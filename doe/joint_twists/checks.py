@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
-from fem.ports import ROWS
+from fem.statics.ports import ROWS
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import measurement_columns as mc
-from doe.measurement_columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, Faults, RawTable
+from doe.tables import columns as mc
+from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, Faults, RawTable
 from robots import Robot
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from doe.joint_twists.laws import on_one_turn
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
-from fem.transfers import joint_rows
+from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics
 from robots.kinematics import tool_position
 

@@ -23,7 +23,7 @@ from doe.joint_twists.laws import LAWS, Law, LawKind, angles_of, basis_of, check
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.unjudged import FEWEST_SPARE, Unjudged, unjudged
 from fem import ArmModel
-from fem.ports import ROWS
+from fem.statics.ports import ROWS
 from robots import InputError
 
 Array = NDArray[np.float64]

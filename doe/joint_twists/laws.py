@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.law_bases import Basis, FourierBasis, TableBasis
+from fem.free.law_bases import Basis, FourierBasis, TableBasis
 from fem.springs import LawSpring
 from robots import InputError
 

@@ -9,10 +9,10 @@ from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from doe.joint_twists.laws import Law
 from fem import ArmModel
-from fem.ports import ROWS
+from fem.statics.ports import ROWS
 from robots import ModelDescription
-from robots.quantities import RotationalStiffness, TranslationalStiffness
-from robots.schema import Calibration, Joint, LogFourierLaw, PlaceStiffness, Spring, TableLaw
+from robots.schema.description import Calibration, Joint, LogFourierLaw, PlaceStiffness, Spring, TableLaw
+from robots.schema.quantities import RotationalStiffness, TranslationalStiffness
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import measurement_columns as mc
 from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflectors import Motion, motion, relative
-from doe.measurement_columns import Columns, Faults, RawTable
+from doe.tables import columns as mc
+from doe.tables.columns import Columns, Faults, RawTable
 from robots import InputError, Robot, forward_kinematics
 
 Array = NDArray[np.float64]

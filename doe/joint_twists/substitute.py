@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 from doe.joint_twists.cycles import carried
 from doe.joint_twists.identify import Identified
 from fem import ArmModel
-from fem.transfers import joint_rows
+from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics
 
 Array = NDArray[np.float64]

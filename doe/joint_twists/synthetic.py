@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from doe.joint_twists.cycles import carried
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
-from fem.law_bases import FourierBasis
-from fem.ports import ROWS
+from fem.free.law_bases import FourierBasis
 from fem.springs import LawSpring
+from fem.statics.ports import ROWS
 from robots import InputError
 
 Array = NDArray[np.float64]

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import measurement_columns as mc
 from doe.joint_twists.columns import SIGMAS, Cells, find_columns, is_reflector_table, read_cells
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflector_table import assemble_reflectors
-from doe.measurement_checks import joint_keys
-from doe.measurement_columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
+from doe.tables import columns as mc
+from doe.tables.checks import joint_keys
+from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import Robot, forward_kinematics
-from robots.csv_text import write_rows
 from robots.errors import listed
-from robots.written import written_whole
+from robots.files.csv_text import write_rows
+from robots.files.written import written_whole
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
-from robots.units import UNITS, factor
+from robots.schema.units import UNITS, factor
 
 Array = NDArray[np.float64]
 Stage = Literal["model", "load", "arm", "gauge"]
@@ -38,8 +38,8 @@ SI_UNITS = {dimension: next(unit for unit, f in units.items() if f == 1.0) for d
 class EffectParameter:
     """One number of a law.
 
-    ``dimension``: of :data:`robots.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of it.
-    ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
+    ``dimension``: of :data:`robots.schema.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of
+    it. ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
     have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value
     where none is given. ``unit``: in which files and screens show it.
     """

@@ -7,15 +7,15 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from fem.couplings import Coupling
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
 from fem.effects.catalogue import catalogue
 from fem.effects.own import Maker, act
 from fem.effects.structure import load_path as load_path_effect
+from fem.elements.couplings import Coupling
 from fem.model import ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription
-from robots.schema import EffectNumber, EffectTable
-from robots.units import check_magnitude, factor
+from robots.schema.description import EffectNumber, EffectTable
+from robots.schema.units import check_magnitude, factor
 
 LOAD_PATH = "load-path"
 # So many times beyond its plausible range a number of a law is a slip; estimates search ten times, of pure numbers

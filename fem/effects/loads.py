@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fem.effects.base import Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED
-from fem.loads import LoadedPoses, placed
 from fem.model import ArmModel
+from fem.statics.loads import LoadedPoses, placed
 
 Array = NDArray[np.float64]
 

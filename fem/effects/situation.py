@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.history import History
-from fem.gravity import gravity_torque
-from fem.loads import LoadedPoses
 from fem.model import ArmModel
-from fem.ports import Port, ports
+from fem.statics.gravity import gravity_torque
+from fem.statics.loads import LoadedPoses
+from fem.statics.ports import Port, ports
 
 Array = NDArray[np.float64]
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from machining.cell.casing_solids import crank_and_bar, link_solids
 from machining.cell.solids import Body, Solid, capsule, hull, surface
 from meshes.beams import body_index, body_tip
-from meshes.body_surfaces import body_surface
 from meshes.sections import section_dimensions
+from meshes.surfaces.bodies import body_surface
 from robots import InputError, ModelDescription, Robot, UrdfRobot, forward_kinematics, load_description, read_urdf
 from robots.robot import robot_from
-from robots.urdf import Visual
-from robots.urdf_xml import is_xml
+from robots.urdf.reading import Visual
+from robots.urdf.xml import is_xml
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from machining.cell.solids import Solid, hull, ring, surface
 from meshes.beams import BeamMesh, body_index, body_tip, crank_beam_mesh, element_axes, link_beam_mesh
 from meshes.link_shells import link_shell_mesh
 from meshes.sections import section_dimensions
-from meshes.surface_checks import SurfaceFault, repair_surface
+from meshes.surfaces.checks import SurfaceFault, repair_surface
 from robots import InputError, ModelDescription, Robot
-from robots.schema import Link
+from robots.schema.description import Link
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from machining.cell.schema import (
 )
 from machining.cell.solids import Body, Solid, box, cylinder, mesh_file, sphere
 from robots import InputError, InputErrors
-from robots.files import parse_toml, read_text
+from robots.files.reading import parse_toml, read_text
 from robots.robot import rotation_rpy
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from meshes.surface_checks import census
-from meshes.surface_reading import read_surface
+from meshes.surfaces.checks import census
+from meshes.surfaces.reading import read_surface
 from robots import InputError
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotti
 from machining.cutting.force import ASSUMED_SD, MillingForce
 from machining.cutting.tool_bending import ToolBending
 from robots import InputError, InputErrors
-from robots.files import parse_toml, read_text
+from robots.files.reading import parse_toml, read_text
 
 SCHEMA = "stiffarm-milling/1"
 # A face mill has some fifty; a helix near 90 deg is no cutter but a ring.

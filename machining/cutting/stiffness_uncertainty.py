@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 import fem
-from doe.estimate import Estimate
-from doe.uncertainty import Certainty
-from fem.free_model import FreeModel, LoadedPoses
-from fem.inputs import as_points
+from doe.certainty.uncertainty import Certainty
+from doe.estimation.estimate import Estimate
+from fem.free.model import FreeModel, LoadedPoses
+from fem.statics.inputs import as_points
 from robots import InputError
 from robots.kinematics import as_poses
 

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from fem.small_displacements import refuse_beyond
-from machining.cartesian import translational
+from fem.statics.small_displacements import refuse_beyond
 from machining.cutting.equilibrium import Balance, Balanced, balanced
 from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
 from machining.cutting.process_axes import arc_length, weights
 from machining.cutting.spread import Uncertain, covariance, enlarged, interval, parts, samples, variance
 from machining.cutting.stiffness_uncertainty import NORMAL_95, StiffnessUncertainty, assumed_uncertainty
 from machining.cutting.tool_bending import ToolBending
+from machining.stiffness.cartesian import translational
 from machining.task import Task
 from robots import InputError, forward_kinematics, tool_position
 from robots.kinematics import as_poses

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.cartesian import translational
-from machining.criterion import Criterion, Terms
 from machining.cutting import SurfaceError, surface_error
-from machining.indices import directional_stiffness
-from machining.path_problem import Course
 from machining.placement.problem import Problem
+from machining.posture.problem import Course
+from machining.stiffness.cartesian import translational
+from machining.stiffness.criterion import Criterion, Terms
+from machining.stiffness.indices import directional_stiffness
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from machining.long_path import follow_gamma, optimise_long_path
-from machining.path_problem import Course
 from machining.placement.following import merit_of
 from machining.placement.problem import Problem
 from machining.placement.sweeping import distances
-from machining.posture import GammaRange
+from machining.posture.long_path import follow_gamma, optimise_long_path
+from machining.posture.points import GammaRange
+from machining.posture.problem import Course
 from robots import InputError
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
-from robots.files import parse_json, read_text
+from robots.files.reading import parse_json, read_text
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

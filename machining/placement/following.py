@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.long_path import follow_gamma
-from machining.path_posture import course_at
-from machining.path_problem import Course
 from machining.placement.problem import Problem
 from machining.placement.sweeping import distances
-from robots.inverse import why_no_closed_form
+from machining.posture.long_path import follow_gamma
+from machining.posture.path import course_at
+from machining.posture.problem import Course
+from robots.inverse.solutions import why_no_closed_form
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -21,7 +21,7 @@ Integers = NDArray[np.int64]
 def follow(problem: Problem, e: Array, table: float, gamma: float | Array, rows: Integers | None = None) -> Course:
     """Best branch and turns over all points of the path (or some), with limits, steps, singularities and collisions.
 
-    ``e`` (k,) m at rest. Errors as :func:`machining.long_path.follow_gamma`.
+    ``e`` (k,) m at rest. Errors as :func:`machining.posture.long_path.follow_gamma`.
     """
     everywhere = rows is None
     task, objective = problem.looked_at(problem.task_at(e, table), problem.forces(table))

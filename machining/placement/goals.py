@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.criterion import N_PER_MM, Criterion
 from machining.cutting import ConstantForce
 from machining.cutting.force import CuttingForce
 from machining.cutting.process_axes import weights
+from machining.stiffness.criterion import N_PER_MM, Criterion
 from machining.task import ToolPath
 from robots import InputError
 
@@ -27,7 +27,8 @@ class Goal:
 
     Attributes
     ----------
-    aim : "ksf", the criterion of :mod:`machining.criterion`; "mean" or "worst" directional stiffness along the
+    aim : "ksf", the criterion of :mod:`machining.stiffness.criterion`; "mean" or "worst" directional stiffness along
+    the
         cutting force; "error": least RMS of the surface error along the path
     force : the cutting force; its direction at each point is what stiffness is looked at along
     criterion : weights of K_sf; None: comparable ones for the largest mean stiffness found on the coarse grid

@@ -1,9 +1,9 @@
 """The base moving along the path: linear axes and arm share the motion.
 
 States at knots of the path are base position x angle gamma x branch x turns; the course through them is found by the
-dynamic programme of :mod:`machining.courses`, with the axes as further joints: their speeds bound the steps, and motion
-of arm and axes costs. On finer grids about the course it is found again. Between knots the axes follow a curve without
-overshoot, smoothed until speeds, accelerations, joint limits and clearance are kept at all points.
+dynamic programme of :mod:`machining.posture.courses`, with the axes as further joints: their speeds bound the steps,
+and motion of arm and axes costs. On finer grids about the course it is found again. Between knots the axes follow a
+curve without overshoot, smoothed until speeds, accelerations, joint limits and clearance are kept at all points.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.courses import Gap, Layers, Links, cheapest_course, highest_floor
-from machining.drive import FREE_STEP, limit_distance
-from machining.path_problem import Course
 from machining.placement.axis_motion import followed
 from machining.placement.problem import Problem
 from machining.placement.reach import shortfalls, unreachable
 from machining.placement.search import Progress, coarse_counts, with_weights
 from machining.placement.sweeping import Sites, distances, sweep_sites
-from machining.posture import GammaRange, sweep_gamma
+from machining.posture.courses import Gap, Layers, Links, cheapest_course, highest_floor
+from machining.posture.drive import FREE_STEP, limit_distance
+from machining.posture.points import GammaRange, sweep_gamma
+from machining.posture.problem import Course
 from robots import InputError, Robot
-from robots.inverse import why_no_closed_form
-from robots.turns import every_turn
+from robots.inverse.solutions import why_no_closed_form
+from robots.inverse.turns import every_turn
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.path_problem import Course
 from machining.placement.following import follow
 from machining.placement.problem import Problem
 from machining.placement.search import FINE_ROWS, Looker, refined
 from machining.placement.steps import Cut
+from machining.posture.problem import Course
 from robots import InputError
 
 Array = NDArray[np.float64]

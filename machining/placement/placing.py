@@ -10,8 +10,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.criterion import Criterion
-from machining.long_path import optimise_long_path
 from machining.placement.along import Along, along
 from machining.placement.following import follow, merit_of
 from machining.placement.moving import find_moving
@@ -21,7 +19,9 @@ from machining.placement.search import Found, Survey, find_fixed, survey
 from machining.placement.space import start_of
 from machining.placement.steps import check_cuts, find_steps
 from machining.placement.sweeping import distances
-from machining.posture import GammaRange
+from machining.posture.long_path import optimise_long_path
+from machining.posture.points import GammaRange
+from machining.stiffness.criterion import Criterion
 from robots import InputError
 
 Array = NDArray[np.float64]

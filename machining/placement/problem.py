@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 import fem
 from machining.cell import Cell, Scene
 from machining.cutting.force import CuttingForce, ForceAlong
-from machining.drive import Drive
-from machining.objective import Objective
 from machining.placement.goals import Goal
 from machining.placement.space import Space
-from machining.posture import GammaRange
+from machining.posture.drive import Drive
+from machining.posture.points import GammaRange
+from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from robots import InputError
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.path_error import PathError
 from machining.placement.problem import Problem
 from machining.placement.sweeping import Sites, beyond_limits
-from robots.spherical_wrist import spherical_wrist_arm, why_not_spherical
+from machining.toolpaths.path_error import PathError
+from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

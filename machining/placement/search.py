@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.criterion import Criterion
-from machining.path_error import PathError
-from machining.path_problem import Course
 from machining.placement.following import follow, merit_of
 from machining.placement.problem import Problem
 from machining.placement.reach import Shortfall, lacks, shortfalls, unreachable
 from machining.placement.sweeping import Sites, merits, picks, sweep_sites, with_more_angles
-from machining.posture import GammaRange
+from machining.posture.points import GammaRange
+from machining.posture.problem import Course
+from machining.stiffness.criterion import Criterion
+from machining.toolpaths.path_error import PathError
 from robots import InputError
 
 Array = NDArray[np.float64]

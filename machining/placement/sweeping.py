@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from machining.cell import clearance
-from machining.drive import limit_distance
 from machining.placement.problem import Problem
-from machining.posture import sweep_gamma
+from machining.posture.drive import limit_distance
+from machining.posture.points import sweep_gamma
 from machining.task import REPEATED, Task, ToolPath
 from robots import Reason
-from robots.branches import BRANCH_NAMES
+from robots.inverse.branches import BRANCH_NAMES
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

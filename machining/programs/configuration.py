@@ -1,7 +1,7 @@
 """Which of the arm's configurations a pose is: KUKA's S and T, ABB's confdata, VAL3's config.
 
 All three controllers name the sides of the same three singularities of an arm with a spherical wrist. The sides come
-from :func:`robots.singularities.configuration`, so that they hold for arms with an offset at the elbow too.
+from :func:`robots.inverse.singularities.configuration`, so that they hold for arms with an offset at the elbow too.
 
 KUKA (System Software programming manual; the same bits are SINUMERIK's STAT). S is a number of three bits:
 
@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError, Robot
-from robots.singularities import configuration
-from robots.spherical_wrist import spherical_wrist_arm, why_not_spherical
+from robots.inverse.singularities import configuration
+from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

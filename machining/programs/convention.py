@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 from machining.cell.reading import frame
 from machining.cell.schema import Placed, Strict
 from robots import InputError, Robot
-from robots.files import parse_toml
+from robots.files.reading import parse_toml
 
 Array = NDArray[np.float64]
 

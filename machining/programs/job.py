@@ -14,7 +14,7 @@ from machining.programs.convention import Convention
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from robots import InputError
-from robots.axis_lines import axis_lines
+from robots.inverse.axis_lines import axis_lines
 
 Array = NDArray[np.float64]
 Kind = Literal["cartesian", "joint"]

@@ -22,7 +22,7 @@ from machining.programs.commands import MM_MIN, RPM
 from machining.programs.orientation import quaternions
 from machining.programs.program import JointProgram
 from machining.programs.source_text import comment
-from robots.csv_text import rows_text
+from robots.files.csv_text import rows_text
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from machining.programs.orientation import framed, from_quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Event, Motions, Note, Tool
 from robots import InputError, Robot
-from robots.files import parse_json
+from robots.files.reading import parse_json
 
 Array = NDArray[np.float64]
 

@@ -16,17 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 import fem
 from machining.cell import Cell
-from machining.drive import Drive
-from machining.long_path import follow_gamma, optimise_long_path
-from machining.objective import Objective
-from machining.path_error import PathError
-from machining.path_problem import Course
-from machining.posture import GammaRange
+from machining.posture.drive import Drive
+from machining.posture.long_path import follow_gamma, optimise_long_path
+from machining.posture.points import GammaRange
+from machining.posture.problem import Course
 from machining.programs.program import JointProgram, tool_in_part
 from machining.programs.state import PostState, places, refined, source_line, task_of, tool_frames
 from machining.programs.subdivide import pieces_for
+from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
+from machining.toolpaths.path_error import PathError
 from robots import InputError
 
 Array = NDArray[np.float64]

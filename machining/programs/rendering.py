@@ -27,7 +27,7 @@ from jinja2.loaders import split_template_path
 from machining.programs.sandbox import Budget, Sandbox
 from machining.programs.source_text import comment, word
 from robots import InputError
-from robots.files import read_text
+from robots.files.reading import read_text
 
 # Pieces of a template joined before they are handed on; each is a few characters.
 BUFFER = 4096

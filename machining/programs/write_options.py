@@ -15,7 +15,7 @@ from pydantic import Field, NonNegativeFloat, ValidationError, field_validator, 
 
 from machining.cell.schema import Positive, Strict
 from machining.programs.convention import ConventionTable, fault, tuples
-from robots.files import parse_json, parse_toml, read_text
+from robots.files.reading import parse_json, parse_toml, read_text
 
 SCHEMA: Literal["stiffarm-post/1"] = "stiffarm-post/1"
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from machining.magnitudes import LARGEST
 from robots import InputError
-from robots.written import written_whole
+from robots.files.written import written_whole
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.drive import Drive
-from machining.objective import Objective
-from machining.posture import GammaRange, sweep_gamma
+from machining.posture.drive import Drive
+from machining.posture.points import GammaRange, sweep_gamma
 from machining.service.asked import Arm, best_first, factor_of, flag_of, generator, key_of, middle, near_of
 from machining.service.blocks import block_of, collisions_of, distances, gammas_of, quantity_of
 from machining.service.fields import Fields
 from machining.service.state import State, state_of
 from machining.service.wire import number, numbers
+from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
-from robots.turns import nearest_turn
+from robots.inverse.turns import nearest_turn
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from fem.small_displacements import FLAG, beyond_small
-from machining.cartesian import translational
+from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene
-from machining.indices import INDICES, evaluate, stiffness_index
-from machining.objective import DISPLACEMENTS
-from machining.path_error import PathError
 from machining.service.fields import Fields
 from machining.service.frames import WAYS, has_target, target_of
 from machining.service.state import State, vectors_of
+from machining.stiffness.cartesian import translational
+from machining.stiffness.indices import INDICES, evaluate, stiffness_index
+from machining.stiffness.objective import DISPLACEMENTS
+from machining.toolpaths.path_error import PathError
 from robots import InputError, InverseSolutions, Reason, Robot, forward_kinematics, inverse_kinematics
 
 Array = NDArray[np.float64]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from machining.cutting import ConstantForce
-from machining.objective import Objective
 from machining.placement import Goal, Problem, find_fixed, space_of
 from machining.placement.goals import Aim
 from machining.service.asked import Arm
@@ -17,6 +16,7 @@ from machining.service.blocks import Block, block_of, collisions_of, course_payl
 from machining.service.fields import Fields
 from machining.service.state import State, state_of, vectors_of
 from machining.service.wire import numbers
+from machining.stiffness.objective import Objective
 
 Array = NDArray[np.float64]
 

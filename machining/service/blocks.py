@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from machining.cell import clearance
-from machining.drive import Drive
-from machining.objective import Objective
-from machining.path_problem import Course
-from machining.posture import GammaRange
+from machining.posture.drive import Drive
+from machining.posture.points import GammaRange
+from machining.posture.problem import Course
 from machining.service.asked import QUANTITIES, Arm, factor_of, fitting, flag_of, force_of, key_of, need_force
 from machining.service.fields import Fields
 from machining.service.state import State, vectors_of
 from machining.service.wire import number, numbers
+from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 
 Array = NDArray[np.float64]

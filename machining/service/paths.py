@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from machining.long_path import follow_gamma, optimise_long_path
-from machining.path_posture import course_at, optimise_path
+from machining.posture.long_path import follow_gamma, optimise_long_path
+from machining.posture.path import course_at, optimise_path
 from machining.service.asked import Arm, generator
 from machining.service.blocks import block_of, collisions_of, course_payload, drive_of, gammas_of, objective_of
 from machining.service.fields import Fields

@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.small_displacements import FLAG, beyond_small
-from machining.cartesian import translational
+from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene, clearance
-from machining.indices import INDICES, evaluate, stiffness_index
 from machining.service.asked import (
     QUANTITIES,
     Arm,
@@ -37,8 +35,10 @@ from machining.service.fields import MOST, Fields
 from machining.service.frames import inverse, shown, target_of
 from machining.service.state import state_of
 from machining.service.wire import number, numbers
+from machining.stiffness.cartesian import translational
+from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from robots import InverseSolutions, Reason
-from robots.branches import SINGULARITIES
+from robots.inverse.branches import SINGULARITIES
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,15 @@ import numpy as np
 
 import fem
 from machining.cell import ArmBodies, Cell, scene_of
-from machining.indices import INDICES
-from machining.objective import DISPLACEMENTS
 from machining.placement import on_axes
 from machining.service import angles, bases, paths, poses
 from machining.service.asked import key_of
 from machining.service.fields import MOST_ROWS, Fields
 from machining.service.state import State, state_of, vectors_of
 from machining.service.wire import LONGEST_LINE, error_of, id_of, numbers, read_line, write_line
-from robots.inverse import why_no_closed_form
+from machining.stiffness.indices import INDICES
+from machining.stiffness.objective import DISPLACEMENTS
+from robots.inverse.solutions import why_no_closed_form
 
 # Raised when an old client would misread an answer; new keys and commands do not raise it.
 PROTOCOL = 1

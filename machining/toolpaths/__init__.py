@@ -1,10 +1,10 @@
 """Tool paths from CAM: APT and CLSF files, G-code, CSV; the moves as arrays, in SI units."""
 
-from machining.toolpaths.apt import read_apt
+from machining.toolpaths.apt.reader import read_apt
 from machining.toolpaths.arcs import ArcError, arc_points
 from machining.toolpaths.conversion import CuttingPath, cutting_runs, to_tool_path
 from machining.toolpaths.cycles import Cycle, Stroke
-from machining.toolpaths.gcode import read_gcode
+from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.motions import Event, Motions, Note, Tool
 from machining.toolpaths.neutral import read_motions, write_motions
 from machining.toolpaths.options import ReadOptions

@@ -15,8 +15,8 @@ from machining.faults import Faults
 from machining.toolpaths.motions import Motions, Note, Tool
 from machining.toolpaths.source import content
 from robots import InputError
-from robots.csv_text import as_read, write_rows
-from robots.written import written_whole
+from robots.files.csv_text import as_read, write_rows
+from robots.files.written import written_whole
 
 MARK = "# stiffarm motions 1"
 COLUMNS = (

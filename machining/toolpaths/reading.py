@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.path_file import read_path
 from machining.task import ToolPath
-from machining.toolpaths.apt import read_apt
-from machining.toolpaths.gcode import read_gcode
+from machining.toolpaths.apt.reader import read_apt
+from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.neutral import MARK, read_motions
 from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.path_file import read_path
 from machining.toolpaths.source import content, lines
 from robots import InputError
-from robots.files import recording
+from robots.files.reading import recording
 
 SUFFIXES = {
     "apt": (".apt", ".aptsource", ".cls", ".clsf", ".ncl", ".cl", ".cld", ".cldata"),

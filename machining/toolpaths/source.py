@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from robots import InputError
-from robots.files import BYTE_ORDER_MARK, LARGEST_FILE, read_bytes
+from robots.files.reading import BYTE_ORDER_MARK, LARGEST_FILE, read_bytes
 
 # Longest line (characters). APT lines have 72 to 80, G-code blocks up to 512 on known controls.
 LINE_LIMIT = 16384
@@ -21,7 +21,7 @@ def content(path: Path, max_bytes: int = LARGEST_FILE) -> bytes:
     Raises
     ------
     InputError
-        What :func:`robots.files.read_bytes` refuses, an empty file, NUL bytes at its start (binary or UTF-16).
+        What :func:`robots.files.reading.read_bytes` refuses, an empty file, NUL bytes at its start (binary or UTF-16).
     """
     data = read_bytes(path, "tool path file", most=max_bytes).removeprefix(BYTE_ORDER_MARK)
     if not data:

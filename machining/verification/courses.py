@@ -13,7 +13,7 @@ from machining.cell.cell import inverse
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
 from machining.verification.moving_axes import MovingAxes, moving_axes
-from robots.numerical_inverse import refine
+from robots.inverse.search import refine
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.errors import InputError
-from robots.written import write_whole
+from robots.files.written import write_whole
 from surrogate.expansion import TURN, Array, Expansion, Family
 from surrogate.portable.content import ROWS, SCHEMA, Portable, Status, content_hash
 from surrogate.portable.words import identifier, provenance, with_unit

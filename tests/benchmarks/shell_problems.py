@@ -21,8 +21,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.condensation import solve_positive_definite
-from fem.shell_assembly import assemble_shell, freedoms
+from fem.elements.assembly import assemble_shell, freedoms
+from fem.elements.condensation import solve_positive_definite
 from meshes.shell_mesh import ShellMesh
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from shell_problems import Shape
 
-from fem import couplings
-from fem.condensation import solve_positive_definite
-from fem.couplings import rigid_motion
-from fem.shell import shell_superelement
-from fem.shell_assembly import assemble_shell
+from fem.elements import couplings
+from fem.elements.assembly import assemble_shell
+from fem.elements.condensation import solve_positive_definite
+from fem.elements.couplings import rigid_motion
+from fem.elements.shell import shell_superelement
 from meshes import section_properties
 from meshes.shell_mesh import ShellMesh
 

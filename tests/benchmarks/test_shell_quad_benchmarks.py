@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from shell_problems import Problem, pinched_cylinder, pinched_hemisphere, scordelis_lo_roof, twisted_beam
 from skfem import Basis, ElementQuad1
 
-from fem import shell_quad, shell_quad_bending
+from fem.elements import quad as shell_quad
+from fem.elements import quad_bending as shell_quad_bending
 
 Array = NDArray[np.float64]
 

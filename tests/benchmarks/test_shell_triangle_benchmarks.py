@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from shell_problems import Problem, pinched_cylinder, pinched_hemisphere, scordelis_lo_roof, twisted_beam
 
-from fem import shell_triangle
+from fem.elements import triangle as shell_triangle
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_triangle.md"
 

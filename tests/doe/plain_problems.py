@@ -8,9 +8,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.problem import Problem
-from fem.free_model import FreeModel
-from fem.parameters import Parameter
+from doe.estimation.problem import Problem
+from fem.free.model import FreeModel
+from fem.free.parameters import Parameter
 
 Array = NDArray[np.float64]
 Evaluate = Callable[[Array], tuple[Array, Array]]

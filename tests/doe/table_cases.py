@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from doe.measurements import Measurements
+from doe.tables.measurements import Measurements
 from fem import ArmModel, build_model, deflection
 from robots import load_description
 

@@ -8,15 +8,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 import fem
-from doe.propagation import ParameterUncertainty, parameter_uncertainty
-from doe.uncertainty_table import FoundNumber, uncertainty_table
+from doe.certainty.propagation import ParameterUncertainty, parameter_uncertainty
+from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
 from fem import ArmModel
 from fem.effects import build_arm, described_effects
-from fem.named_numbers import described_variables, named_numbers
+from fem.free.named_numbers import described_variables, named_numbers
 from robots import ModelDescription, load_description
-from robots.library import parse_description, to_toml
-from robots.quantities import RotationalStiffness
-from robots.schema import Calibration, CalibrationUncertainty, LogFourierLaw, TableLaw
+from robots.library.models import parse_description, to_toml
+from robots.schema.description import Calibration, CalibrationUncertainty, LogFourierLaw, TableLaw
+from robots.schema.quantities import RotationalStiffness
 
 SPRINGS = {"j1": 1.5e6, "j2": 9e5, "j3": 1.1e6, "j4": 2.4e5, "j5": 1.5e5, "j6": 1e5}
 DOWN = np.array([0.0, 0.0, -1.0])

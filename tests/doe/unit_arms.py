@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements
-from doe.arm_class import arm_class
+from doe.tables.arm_class import arm_class
 from fem import ArmModel, build_model, deflection
 from robots import ModelDescription
 from robots.robot import Robot, robot_from

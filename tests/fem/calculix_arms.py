@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
-from fem.couplings import Coupling
+from fem.elements.couplings import Coupling
+from fem.elements.shell import shell_superelement
 from fem.model import LinkPart
-from fem.shell import shell_superelement
 from meshes import casing_mesh
 from robots import load_description
 

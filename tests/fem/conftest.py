@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fem import ArmModel
 from fem.model import JointPart
 from robots import ModelDescription, Robot
-from robots.library import parse_description
+from robots.library.models import parse_description
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import fem
-from fem.direct import deflection_direct
-from fem.parameters import parameter
+from fem.free.parameters import parameter
+from fem.reference.direct import deflection_direct
 from robots import InputError, load_description
-from robots.schema import ModelDescription
+from robots.schema.description import ModelDescription
 
 
 def described() -> ModelDescription:

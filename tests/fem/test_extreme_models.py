@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fem.effects import build_arm, reading_effects
-from fem.law_bases import FourierBasis
+from fem.free.law_bases import FourierBasis
 from fem.model import build_model
 from fem.springs import WIDEST_LOG, LawSpring
 from robots import InputError, load_description
-from robots.schema_effects import EffectTable
+from robots.schema.effects import EffectTable
 
 
 @pytest.mark.filterwarnings("error")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fem import ArmModel, ConstantSpring, LawSpring, build_model, deflection
-from fem.law_bases import PolynomialBasis
+from fem.free.law_bases import PolynomialBasis
 from fem.springs import spring_from
 from robots import InputError, ModelDescription, load_description, load_robot
-from robots.schema_springs import LogFourierLaw, TableLaw
+from robots.schema.springs import LogFourierLaw, TableLaw
 
 DOWN = np.array([0, 0, -100.0, 0, 0, 0])
 

@@ -175,7 +175,7 @@ def _ending(code: int, how: signal.Signals, err: str) -> str | None:
 
 
 def _folder(subject: Subject, target: Path, fresh: bool, how: signal.Signals, code: int) -> str | None:
-    from robots.published import Stage, heal
+    from robots.files.published import Stage, heal
 
     left = [p.name for p in (*target.glob(".partial-*"), *target.parent.glob(".partial-*"), *target.glob(JOURNAL))]
     if left and how != signal.SIGKILL:

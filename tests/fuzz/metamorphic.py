@@ -20,13 +20,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from doe import bundled_data, read_measurements
-from doe.joined_measurements import join
-from doe.measurements import Measurements
-from doe.uncertainty import certainty
+from doe.certainty.uncertainty import certainty
+from doe.tables.joined import join
+from doe.tables.measurements import Measurements
 from fem import deflection
 from robots import Robot
-from stiffarm import calibrating, diagnosing, general_calibration, steps
-from stiffarm.inputs import ModelInput, read_model, read_scheme
+from stiffarm.commands.calibrate import general as general_calibration
+from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.diagnose import step as diagnosing
+from stiffarm.session import steps
+from stiffarm.session.inputs import ModelInput, read_model, read_scheme
 
 Array = NDArray[np.float64]
 Table = list[list[str]]

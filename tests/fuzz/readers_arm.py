@@ -15,25 +15,25 @@ import trimesh
 
 import fem
 from doe import bundled_data, read_measurements
-from doe.campaign import campaign_of
+from doe.estimation.campaign import campaign_of
 from fem.effects import build_arm, reading_effects
 from meshes.array_cache import ArrayCache
 from meshes.shell_files import load_shell, save_shell
 from meshes.shell_mesh import ShellMesh
-from meshes.surface_reading import read_surface
+from meshes.surfaces.reading import read_surface
 from robots import forward_kinematics, load_description, load_robot, read_urdf
-from robots.library import parse_description, to_toml
-from robots.published import FORM, JOURNAL, heal
+from robots.files.published import FORM, JOURNAL, heal
+from robots.library.models import parse_description, to_toml
 from robots.robot import Robot, robot_from
-from stiffarm.calibrating import Request, calibrate
-from stiffarm.inputs import ModelInput, read_model
-from stiffarm.map_options import read_map_options
-from stiffarm.map_request import MapRequest, evaluate
-from stiffarm.simulation import of_pose
+from stiffarm.commands.calibrate.step import Request, calibrate
+from stiffarm.commands.maps.options import read_map_options
+from stiffarm.commands.maps.request import MapRequest, evaluate
+from stiffarm.commands.simulate.step import of_pose
+from stiffarm.session.inputs import ModelInput, read_model
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.fit import fit
-from surrogate.mapping.store import Column, MapStore
+from surrogate.maps.store import Column, MapStore
 from surrogate.model import ErrorFigures, Quantity, Surrogate
 from surrogate.query import query
 from surrogate.scope import Couplings, Scope

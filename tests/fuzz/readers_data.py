@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from doe import bundled_data, load_scheme, read_measurements, write_measurements
-from doe.campaign import load_campaign
+from doe.estimation.campaign import load_campaign
 from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from fem import ArmModel, build_model

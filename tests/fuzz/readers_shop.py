@@ -23,7 +23,7 @@ from machining.service import Session
 from machining.toolpaths import ReadOptions, read_toolpath
 from machining.toolpaths.neutral import read_motions, write_motions
 from robots import load_description
-from stiffarm.verification_input import read_program
+from stiffarm.commands.verify.inputs import read_program
 
 from .mutate_bytes import Mutation
 from .mutate_forms import APT, GCODE, words

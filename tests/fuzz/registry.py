@@ -1,4 +1,4 @@
-"""Every reader of the project, by the kind of file that it asks :mod:`robots.files` for: how to call and check it.
+"""Every reader of the project, by the kind of file it asks :mod:`robots.files.reading` for: how to call and check it.
 
 A reader that is not here fails ``test_reader_registry.py``: whoever adds one adds its row, and the attack covers it.
 """

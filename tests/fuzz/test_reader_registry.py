@@ -21,29 +21,29 @@ from .trial import PACKAGES, ROOT, attempt
 CODE = {"effect file"}
 # Hashing what another reader has read.
 HASHED = {"input file"}
-# Who may open files by other means than robots.files: place -> why.
+# Who may open files by other means than robots.files.reading: place -> why.
 ELSEWHERE = {
-    "robots/files.py _ordinary": "the one place",
-    "robots/library.py load_description": "bundled with the package",
-    "doe/scheme.py bundled_scheme": "bundled with the package",
+    "robots/files/reading.py _ordinary": "the one place",
+    "robots/library/models.py load_description": "bundled with the package",
+    "doe/published/scheme.py bundled_scheme": "bundled with the package",
     "machining/programs/convention.py _tables": "bundled with the package",
-    "stiffarm/page_parts.py": "bundled with the package",
-    "stiffarm/picture_style.py": "bundled with the package, or a picture just drawn",
+    "stiffarm/pages/parts.py": "bundled with the package",
+    "stiffarm/pages/style.py": "bundled with the package, or a picture just drawn",
     "meshes/array_cache.py get": "fuzzed as `array cache`: what cannot be read is built again",
-    "surrogate/mapping/store.py": "fuzzed as `map work`",
-    "meshes/surface_wrap.py _alpha_wrapped": "what a process of its own has just written",
-    "robots/urdf_xml.py _yourdfpy_robot": "from memory",
-    "stiffarm/console.py": "the null device",
-    "stiffarm/streams.py": "the null device, in the place of a closed stream",
-    "robots/published.py _heal": "fuzzed as `journal of results`",
-    "robots/published.py _files_named_in": "a model that makes room for a result; what it refers to moves with it",
-    "robots/published.py _digest": "whether a result is the one that moved",
-    "robots/published.py _locked": "folders, to lock them",
-    "robots/written.py settle": "to wait for the disk",
-    "robots/written.py sha256_of": "hashes results",
-    "doe/workbook.py read": "members of a workbook in memory",
-    "doe/workbook.py _refuse_document_type": "members of a workbook in memory",
-    "stiffarm/post_run.py _save": "programs that were just written; fuzzed as `controller program`",
+    "surrogate/maps/store.py": "fuzzed as `map work`",
+    "meshes/surfaces/wrap.py _alpha_wrapped": "what a process of its own has just written",
+    "robots/urdf/xml.py _yourdfpy_robot": "from memory",
+    "stiffarm/session/console.py": "the null device",
+    "stiffarm/session/streams.py": "the null device, in the place of a closed stream",
+    "robots/files/published.py _heal": "fuzzed as `journal of results`",
+    "robots/files/published.py _files_named_in": "a model that makes room for a result, and its files",
+    "robots/files/published.py _digest": "whether a result is the one that moved",
+    "robots/files/published.py _locked": "folders, to lock them",
+    "robots/files/written.py settle": "to wait for the disk",
+    "robots/files/written.py sha256_of": "hashes results",
+    "doe/tables/workbook.py read": "members of a workbook in memory",
+    "doe/tables/workbook.py _refuse_document_type": "members of a workbook in memory",
+    "stiffarm/commands/post/step.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
     "read_text", "read_bytes", "open", "load", "fromfile", "loadtxt", "genfromtxt", "memmap", "read_csv", "read_excel",
@@ -78,7 +78,7 @@ def kinds() -> dict[str, str]:
     out: dict[str, str] = {}
     for file, function, call in calls():
         name = call.func.id if isinstance(call.func, ast.Name) else ""
-        if file == "robots/files.py" or name not in ("read_bytes", "read_text"):
+        if file == "robots/files/reading.py" or name not in ("read_bytes", "read_text"):
             continue
         given = [*call.args[1:2], *(k.value for k in call.keywords if k.arg == "kind")]
         kind = given[0].value if given and isinstance(given[0], ast.Constant) else None

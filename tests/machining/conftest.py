@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import fem
 import robots
-from robots.library import parse_description
+from robots.library.models import parse_description
 
 Array = NDArray[np.float64]
 

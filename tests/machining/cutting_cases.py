@@ -8,8 +8,8 @@ from posture_cases import part, spindle
 
 import fem
 from machining.cutting import EndMill, MillingForce, down_milling, published
-from machining.objective import Objective
-from machining.posture import postures_at
+from machining.posture.points import postures_at
+from machining.stiffness.objective import Objective
 from machining.task import Task, tool_path
 
 Array = NDArray[np.float64]

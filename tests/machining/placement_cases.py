@@ -11,9 +11,9 @@ from posture_cases import part, spindle
 import fem
 from machining.cell import Cell, LinearAxis, Tool
 from machining.cutting import ConstantForce
-from machining.drive import Drive
 from machining.placement import Goal, Problem, space_of
-from machining.posture import GammaRange
+from machining.posture.drive import Drive
+from machining.posture.points import GammaRange
 from machining.task import ToolPath, tool_path
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from machining.cell import ArmBodies, Body, Cell, Fixture, Tool, arm_of, box, ca
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Motions
 from robots import inverse_kinematics
-from robots.singularities import branch_of
+from robots.inverse.singularities import branch_of
 
 Array = NDArray[np.float64]
 

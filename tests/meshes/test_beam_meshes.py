@@ -7,7 +7,7 @@ import pytest
 
 from meshes import BeamMesh, crank_beam_mesh, link_beam_mesh
 from robots import InputError, ModelDescription, load_description
-from robots.library import parse_description
+from robots.library.models import parse_description
 from robots.robot import robot_from
 
 # Interpolation along a centre line of about 1 m.

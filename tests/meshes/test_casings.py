@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from fem import beam as fem_beam
-from fem.condensation import condense
-from fem.shell import shell_superelement
+from fem.elements import beam as fem_beam
+from fem.elements.condensation import condense
+from fem.elements.shell import shell_superelement
 from meshes import BeamMesh, ShellMesh, casing_mesh, casing_size, crank_beam_mesh, link_beam_mesh
 from robots import InputError, bundled_names, load_description
 from robots.robot import robot_from
-from robots.schema import Opening, Rim
+from robots.schema.description import Opening, Rim
 
 
 class Casing(NamedTuple):

@@ -19,9 +19,9 @@ from meshes import (
 )
 from meshes.sections import SectionKind
 from robots import bundled_names, load_description
-from robots.quantities import PositiveLength
 from robots.robot import robot_from
-from robots.schema import Opening, Rim, Surface
+from robots.schema.description import Opening, Rim, Surface
+from robots.schema.quantities import PositiveLength
 
 STEEL = 7850.0
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fem.shell import shell_superelement
+from fem.elements.shell import shell_superelement
 from meshes import BeamMesh, ShellMesh, casing_mesh
 from robots import InputError
-from robots.quantities import PositiveLength
-from robots.schema import Opening, Rim
+from robots.schema.description import Opening, Rim
+from robots.schema.quantities import PositiveLength
 
 Array = NDArray[np.float64]
 

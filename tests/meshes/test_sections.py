@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshes import section_dimensions, section_properties
-from robots.schema import BoxSection, TubeSection
+from robots.schema.description import BoxSection, TubeSection
 
 # Closed forms in another order of operations: only round-off is left.
 ROUND_OFF = 1e-13

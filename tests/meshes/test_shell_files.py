@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from meshes import BeamMesh, ShellMesh, casing_mesh, link_beam_mesh, link_shell_mesh, load_shell, save_shell
 from meshes.npz import from_npz, to_npz
 from robots import InputError, load_description
-from robots.quantities import PositiveLength
 from robots.robot import robot_from
-from robots.schema import Link, Opening, Rim, Surface
+from robots.schema.description import Link, Opening, Rim, Surface
+from robots.schema.quantities import PositiveLength
 
 Arrays = dict[str, NDArray[np.generic]]
 

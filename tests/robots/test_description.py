@@ -24,10 +24,10 @@ from robots import (
     load_robot,
     save_description,
 )
-from robots.library import parse_description, to_toml
-from robots.quantities import RotationalStiffness
+from robots.library.models import parse_description, to_toml
 from robots.robot import robot_from
-from robots.schema import BUILT_IN_SOURCES
+from robots.schema.description import BUILT_IN_SOURCES
+from robots.schema.quantities import RotationalStiffness
 
 Data = dict[str, Any]
 

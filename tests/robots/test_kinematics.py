@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import tomllib
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -13,9 +11,10 @@ import oracles
 import pytest
 import tomlkit
 from numpy.typing import NDArray
+from pinocchio_chains import pinocchio_chain, raw
 
 from robots import InputError, Robot, bundled_names, forward_kinematics, jacobian, load_robot, tool_position
-from robots.library import parse_description
+from robots.library.models import parse_description
 from robots.robot import robot_from
 
 Array = NDArray[np.float64]
@@ -23,16 +22,6 @@ Array = NDArray[np.float64]
 # Lengths are near 3 m and a frame is some 20 products long: round-off is about 1e-14. A figure
 # wrong by a micrometre or a microradian is a million times over this.
 ROUND_OFF = 1e-12
-
-TO_SI = {"m": 1.0, "mm": 1e-3, "rad": 1.0, "deg": math.pi / 180.0}
-
-
-def raw(name: str) -> dict[str, Any]:
-    return tomllib.loads(resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8"))
-
-
-def si(figure: dict[str, Any]) -> Any:
-    return np.multiply(figure["value"], TO_SI[figure["unit"]])
 
 
 def random_poses(robot: Robot, rng: np.random.Generator, n: int) -> Array:
@@ -54,32 +43,6 @@ def crooked() -> dict[str, Any]:
         "rpy": {"value": [0, 30, 90], "unit": "deg", "source": "assumed"},
     }
     return data
-
-
-def pinocchio_chain(pin: Any, data: dict[str, Any]) -> tuple[Any, int, Array, Array]:
-    """The robot file as a pinocchio model, with its flange frame's id, and the signs and offsets."""
-
-    def placed(xyz: Any, rpy: Any = (0.0, 0.0, 0.0)) -> Any:
-        return pin.SE3(pin.rpy.rpyToMatrix(*map(float, rpy)), np.asarray(xyz, dtype=float))
-
-    def framed(table: dict[str, Any]) -> Any:
-        return placed(si(table["xyz"]), si(table["rpy"]) if "rpy" in table else (0.0, 0.0, 0.0))
-
-    model, parent = pin.Model(), 0
-    for joint in data["joint"]:
-        if "dh" in joint:
-            dh = {key: float(si(figure)) for key, figure in joint["dh"].items()}
-            placement = placed((0, 0, 0), (dh["alpha"], 0, 0)) * placed((dh["a"], 0, 0)) * placed((0, 0, dh["d"]))
-            kind = pin.JointModelRZ()
-        else:
-            placement = framed(joint["frame"])
-            axis = np.array(joint["frame"].get("axis", [0, 0, 1]), dtype=float)
-            kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
-        parent = model.addJoint(parent, kind, placement, joint["name"])
-    flange = model.addFrame(pin.Frame("flange", parent, 0, framed(data["flange"]), pin.FrameType.OP_FRAME))
-    sign = np.array([joint.get("sign", 1) for joint in data["joint"]], dtype=float)
-    offset = np.array([si(joint["offset"]) if "offset" in joint else 0.0 for joint in data["joint"]])
-    return model, flange, sign, offset
 
 
 @pytest.mark.oracle

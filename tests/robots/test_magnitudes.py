@@ -11,11 +11,11 @@ import pytest
 from pydantic import ValidationError
 
 from robots import InputError, load_description
-from robots import quantities as q
-from robots.quantities import LARGEST_NUMBER, Quantity, Strict
-from robots.schema_effects import EffectNumber
-from robots.schema_springs import LogFourierLaw, LogPolynomialLaw, TableLaw
-from robots.units import RANGES, UNITS, check_magnitude, dimension_of
+from robots.schema import quantities as q
+from robots.schema.effects import EffectNumber
+from robots.schema.quantities import LARGEST_NUMBER, Quantity, Strict
+from robots.schema.springs import LogFourierLaw, LogPolynomialLaw, TableLaw
+from robots.schema.units import RANGES, UNITS, check_magnitude, dimension_of
 
 MODEL = resources.files("robots").joinpath("data", "xr701.toml").read_text(encoding="utf-8")
 KINDS = [kind for kind in vars(q).values() if isinstance(kind, type) and issubclass(kind, Quantity) and kind.dimension]

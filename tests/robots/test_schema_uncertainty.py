@@ -11,8 +11,8 @@ import pytest
 import tomlkit
 
 from robots import InputError, ModelDescription, content_hash, load_description
-from robots.library import parse_description, to_toml
-from robots.schema import Calibration, CalibrationUncertainty, UndeterminedNumber
+from robots.library.models import parse_description, to_toml
+from robots.schema.description import Calibration, CalibrationUncertainty, UndeterminedNumber
 
 TABLE = CalibrationUncertainty(
     parameters=("j2.stiffness", "j3.law[0]", "forearm.wall"),

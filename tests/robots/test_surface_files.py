@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from robots import InputError, ModelDescription, content_hash, load_description, save_description
-from robots.library import parse_description, to_toml
-from robots.quantities import PositiveLength
-from robots.schema import Surface
+from robots.library.models import parse_description, to_toml
+from robots.schema.description import Surface
+from robots.schema.quantities import PositiveLength
 
 WALL = PositiveLength(value=8, unit="mm", source="assumed")
 SIZE = PositiveLength(value=30, unit="mm", source="assumed")

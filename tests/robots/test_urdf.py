@@ -21,10 +21,10 @@ from robots import (
     read_urdf,
     save_description,
 )
-from robots.library import parse_description, to_toml
+from robots.library.models import parse_description, to_toml
 from robots.robot import Robot, robot_from, rotation_rpy
-from robots.urdf import Primitive, UrdfRobot, Visual, roll_pitch_yaw
-from robots.urdf_shapes import find_mesh
+from robots.urdf.reading import Primitive, UrdfRobot, Visual, roll_pitch_yaw
+from robots.urdf.shapes import find_mesh
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parent / "data"

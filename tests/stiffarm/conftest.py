@@ -11,7 +11,7 @@ from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, Command, FullRun, run_apart, r
 
 from doe import bundled_data
 from robots import load_description
-from robots.library import to_toml
+from robots.library.models import to_toml
 from surrogate import training
 
 

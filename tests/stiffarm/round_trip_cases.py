@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Measurements
-from doe.campaign import Campaign
-from doe.load_history import history_of
-from doe.problem import problem
+from doe.estimation.campaign import Campaign
+from doe.estimation.problem import problem
+from doe.tables.load_history import history_of
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, described_effects, with_effects
-from fem.parameters import Kind, Parameter
-from fem.walls import wall_flexibilities
+from fem.elements.walls import wall_flexibilities
+from fem.free.parameters import Kind, Parameter
 from robots import ModelDescription, Robot, load_description, save_description
 from robots.robot import robot_from
-from stiffarm import calibrating, inputs, steps
-from stiffarm.calibrating import Calibrated, Request
-from stiffarm.inputs import ModelInput
+from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.calibrate.step import Calibrated, Request
+from stiffarm.session import inputs, steps
+from stiffarm.session.inputs import ModelInput
 
 Array = NDArray[np.float64]
 Points = Literal["tool", "own", "mixed"]

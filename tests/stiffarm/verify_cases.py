@@ -25,7 +25,7 @@ from machining.programs.program import JointProgram, tool_in_part
 from machining.toolpaths.motions import Motions
 from machining.verification import Demands, Verification, verify
 from robots import inverse_kinematics
-from robots.branches import BRANCH_NAMES
+from robots.inverse.branches import BRANCH_NAMES
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem import ArmModel, build_model, compliance_budget, directional_stiffness
 from robots import ModelDescription, forward_kinematics, inverse_kinematics, load_description, tool_position
-from surrogate.mapping.data import Axis, Field, Layout, MapData
+from surrogate.maps.data import Axis, Field, Layout, MapData
 
 Array = NDArray[np.float64]
 DOWN = np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0])

@@ -9,7 +9,7 @@ import pytest
 from arm_cases import planar_scope, sprung
 
 from fem import compliance, directional_stiffness
-from fem.law_bases import FourierBasis, PolynomialBasis
+from fem.free.law_bases import FourierBasis, PolynomialBasis
 from fem.springs import LawSpring
 from robots import InputError, load_robot
 from surrogate import full_poses, scope_of, task_of

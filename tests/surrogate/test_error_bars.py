@@ -171,9 +171,9 @@ def calibrated(name, links, dof=1e6):
 
 @pytest.mark.parametrize(("name", "links", "dof"), [("kr60-3", "rigid", 1e6), ("xr701", "beam", 6.0)])
 def test_the_calibrations_part_is_what_propagation_says(name, links, dof):
-    from doe.propagation import parameter_uncertainty, propagate
+    from doe.certainty.propagation import parameter_uncertainty, propagate
     from fem import build_model
-    from stiffarm.learning import learning_task
+    from stiffarm.commands.fit.learning import learning_task
 
     description = calibrated(name, links, dof)
     model = build_model(description, links=links)
@@ -215,7 +215,7 @@ def test_coverage_over_ten_thousand_fresh_poses(name, basis):
 
 
 def test_descriptions_without_a_table_have_no_calibration_part():
-    from stiffarm.learning import learning_task
+    from stiffarm.commands.fit.learning import learning_task
 
     description = load_description("kr60-3")
     task = learning_task(description, sprung("kr60-3"), ("q2_deg", "q3_deg"), np.random.default_rng(0))

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from arm_cases import COUPLED, arm_compliance, few_runs, fitted, poses, sprung
 
-from doe.arm_class import usual_load
+from doe.tables.arm_class import usual_load
 from fem import compliance, directional_stiffness
-from fem.small_displacements import LIMIT
+from fem.statics.small_displacements import LIMIT
 from robots.errors import InputError
+from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from robots.kinematics import stretched_length
-from robots.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate import compliance_matrix, full_poses, query, scope_of, task_of, train
 from surrogate.model import Quantity, Surrogate, predict, predict_compliance
 

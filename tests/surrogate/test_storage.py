@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from arm_cases import few_runs, sprung
 
-from fem.law_bases import FourierBasis
+from fem.free.law_bases import FourierBasis
 from fem.springs import LawSpring
 from robots import Robot, load_robot
 from robots.errors import InputError

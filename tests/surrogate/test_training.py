@@ -9,7 +9,7 @@ import pytest
 from arm_cases import few_runs, sprung
 
 from fem import build_model, directional_stiffness
-from fem.law_bases import FourierBasis, PolynomialBasis, TableBasis
+from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
 from fem.springs import LawSpring
 from robots import InputError, load_description
 from surrogate import scope_of, task_of, train

@@ -8,14 +8,14 @@ import numpy as np
 
 from doe.diagnosis.outset import setting_of
 from doe.diagnosis.setting import Setting
-from doe.load_history import history_of
-from doe.measurements import Measurements
-from doe.readings import loaded_points
+from doe.published.readings import loaded_points
+from doe.tables.load_history import history_of
+from doe.tables.measurements import Measurements
 from fem import ArmModel, build_model
 from fem.effects.base import PlacedEffect
 from fem.effects.catalogue import effect_of
 from fem.effects.observed import observed
-from fem.loads import as_loaded
+from fem.statics.loads import as_loaded
 from robots import ModelDescription, load_description
 
 LOADS = (150.0, 300.0, 450.0)

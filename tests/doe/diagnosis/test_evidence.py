@@ -13,7 +13,7 @@ from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, signatures
-from doe.noise import Noise
+from doe.estimation.noise import Noise
 
 NOISE = Noise(white=(5e-6, 1e-5), share=0.02, pose_share=0.01)
 
@@ -85,7 +85,7 @@ def test_leaving_a_pose_out_is_fitting_without_it(small: Setting) -> None:
         rest = small.data.pose != g
         f = small.prediction[rest]
         part = small.data.take(rest)
-        from doe.blocks import Blocks
+        from doe.estimation.blocks import Blocks
 
         own = Blocks.of(part).covariance(NOISE.variance(part, f), NOISE.common(part, f))
         W = own.whiten(base.columns[rest])

@@ -11,7 +11,6 @@ import pytest
 from scipy.stats import norm, truncnorm
 
 from doe import Measurements, read_measurements, write_measurements
-from doe.blocks import Blocks
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.discrimination import Predictions, choose, divergence, information, joint, right_names
 from doe.diagnosis.evidence import Base
@@ -29,13 +28,14 @@ from doe.diagnosis.rivals import (
     with_candidates,
 )
 from doe.diagnosis.setting import Setting
-from doe.joined_measurements import join
-from doe.load_history import history_of
-from doe.noise import Noise
-from doe.pose_designs import Zone
+from doe.estimation.blocks import Blocks
+from doe.estimation.noise import Noise
+from doe.planning.pose_designs import Zone
+from doe.tables.joined import join
+from doe.tables.load_history import history_of
 from fem import ArmModel, build_model, deflection
 from fem.effects.catalogue import catalogue
-from fem.loads import LoadedPoses
+from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description
 
 CODES = ("joint-tilt:j3", "joint-tilt:j2", "backlash:j2", "gauge-zero", "joint-compliance:j6", "load-path")

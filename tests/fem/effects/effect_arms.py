@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fem import ArmModel
 from fem.effects import Effect, History, PlacedEffect, catalogue, observed
-from fem.loads import LoadedPoses
 from fem.model import BodyMass
+from fem.statics.loads import LoadedPoses
 from robots import ModelDescription
 
 Array = NDArray[np.float64]

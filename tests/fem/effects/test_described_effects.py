@@ -21,7 +21,7 @@ from fem.effects import (
     without_effect,
 )
 from robots import InputError, InputErrors, ModelDescription, content_hash, load_description
-from robots.library import parse_description, to_toml
+from robots.library.models import parse_description, to_toml
 
 DESCRIPTION = load_description("xr701")
 PLAIN = to_toml(DESCRIPTION)

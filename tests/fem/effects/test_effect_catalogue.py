@@ -10,7 +10,7 @@ from effect_arms import SPRINGS, extra, of, plausible
 
 from fem import ArmModel, build_model, deflection
 from fem.effects import Effect, History, PlacedEffect, catalogue, effect_of, observed
-from fem.loads import LoadedPoses
+from fem.statics.loads import LoadedPoses
 from robots import InputError, ModelDescription, load_description
 from robots.kinematics import forward_kinematics
 

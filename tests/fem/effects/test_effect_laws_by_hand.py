@@ -11,7 +11,7 @@ from effect_arms import LENGTH, ROUND_OFF, SPRINGS, STIFFNESS, angle_of, extra, 
 
 from fem import ArmModel, build_model, deflection
 from fem.effects import History, observed, plain_history
-from fem.loads import LoadedPoses
+from fem.statics.loads import LoadedPoses
 from robots import ModelDescription, load_description
 
 TEETH = 40.0

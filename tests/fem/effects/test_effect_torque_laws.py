@@ -10,7 +10,7 @@ from effect_arms import LENGTH, ROUND_OFF, STIFFNESS, angle_of, extra, lever_loa
 
 from fem import ArmModel, build_model
 from fem.effects import History, observed
-from fem.loads import LoadedPoses
+from fem.statics.loads import LoadedPoses
 from robots import ModelDescription
 
 UP_AND_DOWN = (100.0, 300.0, 600.0, 300.0, 100.0)

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
-from fem.gravity import STANDARD_GRAVITY, gravity_torque
 from fem.model import BodyMass
+from fem.statics.gravity import STANDARD_GRAVITY, gravity_torque
 from robots import load_description
 from robots.kinematics import forward_kinematics
 

@@ -1,0 +1,121 @@
+"""How often intervals of the compliance at other poses hold the truth: calibrated springs, propagated.
+
+``python benchmarks/calibration/compliance_coverage.py --repeats 600``. Made-up readings of the XR701 (beam links, eight
+set-ups of dx, dy and dz under one load, white noise), four constant springs fitted to all of them, the covariance
+written into a model description and read from there, 95 % intervals of the vertical compliance at 50 poses that were
+not read.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from doe import Measurements, equations, fit_constant, with_constant_springs
+from doe.certainty.propagation import parameter_uncertainty, propagate
+from robots import ModelDescription, load_description
+
+Array = NDArray[np.float64]
+
+SET_UPS, HELD_OUT = 8, 50
+LOAD = np.array([150.0, 250.0, -600.0, 0.0, 0.0, 0.0])
+NORMAL_95 = 1.959963984540054
+SOFT = {"j2": 1.45e6, "j3": 8e5, "j4": 4e5, "j5": 2.5e5}
+CASES = (
+    ("all springs told", SOFT, 2e-5),
+    ("one spring almost rigid", SOFT | {"j5": 2e7}, 4e-5),
+    ("much noise", SOFT, 1e-4),
+)
+
+
+@dataclass(frozen=True)
+class Study:
+    """(r, n) over data sets and poses: whether the interval holds the truth, and the flags; median deviation."""
+
+    holds: NDArray[np.bool_]
+    lower_bound: NDArray[np.bool_]
+    rough: NDArray[np.bool_]
+    relative_sd: float
+    status: Counter[str]
+
+
+def main() -> None:
+    """Print one line for each case."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    description = load_description("xr701")
+    arm = fem.build_model(description)
+    print(
+        "| case | noise, um | relative sd, median, % | coverage, % | not flagged, % | flagged, % | share flagged, % |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for number, (name, truth, noise) in enumerate(CASES):
+        s = study(description, arm, truth, noise, given.repeats, np.random.default_rng([given.seed, number]))
+        flagged = s.lower_bound | s.rough
+        parts = [s.holds.mean(), *(_share(s.holds[mask]) for mask in (~flagged, flagged)), flagged.mean()]
+        cells = " | ".join("-" if np.isnan(v) else f"{100.0 * v:.1f}" for v in parts)
+        print(f"| {name} | {noise * 1e6:g} | {100.0 * s.relative_sd:.1f} | {cells} |")
+        print(f"<!-- springs: {', '.join(f'{n} {what}' for what, n in s.status.most_common())} -->")
+
+
+def study(
+    description: ModelDescription,
+    arm: fem.ArmModel,
+    truth: Mapping[str, float],
+    noise_m: float,
+    times: int,
+    rng: np.random.Generator,
+) -> Study:
+    """Calibrate ``times`` made-up data sets, poses drawn anew for each."""
+    true = arm.with_springs(truth)
+    names = arm.robot.joint_names
+    holds, lower, rough = (np.zeros((times, HELD_OUT), dtype=np.bool_) for _ in range(3))
+    widths, status = [], Counter[str]()
+    for k in range(times):
+        q, others = _poses(arm, SET_UPS, rng), _poses(arm, HELD_OUT, rng)
+        data = _readings(true, q, noise_m * rng.normal(size=(SET_UPS, 6)))
+        fit = fit_constant(equations(arm, data, 1e-5), tuple(truth), names, np.zeros(len(names)), (1e5, 1e7))
+        status.update(s.status for s in fit.springs)
+        u = parameter_uncertainty(with_constant_springs(description, arm, fit, data, ()))
+        assert u is not None
+        model = arm.with_springs({s.joint: s.stiffness for s in fit.springs})
+        found = propagate(model, u, others, widened=True)
+        error = 1.0 / (fem.directional_stiffness(true, others) * found.compliance) - 1.0
+        holds[k] = np.abs(error) <= NORMAL_95 * found.relative_sd
+        lower[k], rough[k] = found.is_lower_bound, found.is_rough
+        widths.append(found.relative_sd)
+    return Study(holds, lower, rough, float(np.median(widths)), status)
+
+
+def _poses(arm: fem.ArmModel, n: int, rng: np.random.Generator) -> Array:
+    low, high = arm.robot.limits.T
+    q = rng.uniform(low, high, (40 * n, arm.robot.dof))
+    return q[arm.robot.reachable(q)][:n]
+
+
+def _readings(true: fem.ArmModel, q: Array, noise_m: Array) -> Measurements:
+    n = len(q)
+    moved = fem.deflection(true, q, LOAD) + noise_m
+    unknown = np.full(n, np.nan)
+    return Measurements(
+        source="made up", sha256="0" * 64, q=q, wrench=np.tile(LOAD, (n, 1)),
+        displacement=np.where(np.arange(6) < 3, moved, np.nan), sigma=unknown, step=unknown,
+        point=np.full((n, 3), np.nan), pose=tuple(f"P{i + 1}" for i in range(n)), repeat=(None,) * n,
+        phase=(None,) * n, row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
+    )  # fmt: skip
+
+
+def _share(mask: NDArray[np.bool_]) -> float:
+    return float(mask.mean()) if mask.size else float("nan")
+
+
+if __name__ == "__main__":
+    main()

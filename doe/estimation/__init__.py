@@ -1,0 +1,1 @@
+"""Parameters and noise estimated from readings."""

@@ -1,0 +1,251 @@
+"""A calibration as a file: which numbers are free, in which ranges, with which priors, in which stages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Discriminator, Field, PositiveFloat, Tag, ValidationError, model_validator
+
+from fem import ArmModel
+from fem.effects.base import PlacedEffect
+from fem.free.law_bases import Basis, FourierBasis, TableBasis
+from fem.free.laws import FreeLaw, law_parameters, polynomial_basis
+from fem.free.parameters import Parameter, parameter
+from robots import InputError, InputErrors
+from robots.files.reading import parse_toml, read_text
+from robots.schema.quantities import Strict
+
+SCHEMA: Literal["stiffarm-calibration/1"] = "stiffarm-calibration/1"
+# With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
+FEWEST_LEVELS, MOST_RUNS = 4, 20_000
+
+_WORDS = {
+    "missing": ("this key is missing", "add it"),
+    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
+}
+
+
+class Prior(Strict):
+    """What is known before: a value within a ``factor`` (positive numbers) or give or take ``sd``, one deviation."""
+
+    value: float
+    factor: float | None = Field(default=None, gt=1.0)
+    sd: PositiveFloat | None = None
+    source: str
+
+    @model_validator(mode="after")
+    def _one_width(self) -> Self:
+        if (self.factor is None) == (self.sd is None):
+            raise ValueError("a prior needs exactly one of 'factor' and 'sd'")
+        return self
+
+
+class Freed(Strict):
+    """A number set free: its name, and its range and prior where they are not the usual ones (SI, deg for angles)."""
+
+    name: str
+    lower: float | None = None
+    upper: float | None = None
+    prior: Prior | None = None
+
+
+class PolynomialChoice(Strict):
+    """ln k as a polynomial of total degree ``degree`` in joint coordinates."""
+
+    kind: Literal["polynomial"]
+    joint: str
+    inputs: tuple[str, ...] = Field(min_length=1, max_length=3)
+    degree: int = Field(default=6, ge=0, le=6)
+    spread: PositiveFloat = 1.0
+
+
+class FourierChoice(Strict):
+    """ln k as a Fourier series of one joint coordinate."""
+
+    kind: Literal["fourier"]
+    joint: str
+    input: str
+    order: int = Field(default=2, ge=1, le=6)
+    spread: PositiveFloat = 1.0
+
+
+class TableChoice(Strict):
+    """ln k linear between nodes of one joint coordinate."""
+
+    kind: Literal["table"]
+    joint: str
+    input: str
+    nodes_deg: tuple[float, ...] = Field(min_length=2, max_length=20)
+
+
+def _kind(value: Any) -> str:
+    return str(value.get("kind") if isinstance(value, dict) else getattr(value, "kind", ""))
+
+
+LawChoice = Annotated[
+    Annotated[PolynomialChoice, Tag("polynomial")]
+    | Annotated[FourierChoice, Tag("fourier")]
+    | Annotated[TableChoice, Tag("table")],
+    Discriminator(_kind),
+]
+
+
+class NoiseChoice(Strict):
+    """The gauge's resolution, and whether outliers may lose weight."""
+
+    gauge_mm: PositiveFloat = 0.01
+    gauge_mrad: PositiveFloat = 0.01
+    robust: bool = True
+
+
+class Stage(Strict):
+    """One stage: these numbers, on these poses and loads (none named: all), others held where they are.
+
+    ``levels``: a parametric study over that many levels of each number instead of least squares; ``refine``: go on
+    with finer levels around the best one.
+    """
+
+    name: str
+    parameters: tuple[str, ...] = Field(min_length=1)
+    poses: tuple[str, ...] = ()
+    loads_N: tuple[PositiveFloat, ...] = ()  # noqa: N815
+    levels: int | None = Field(default=None, ge=FEWEST_LEVELS, le=100)
+    refine: bool = True
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Self:
+        if self.levels is not None and self.levels ** len(self.parameters) > MOST_RUNS:
+            raise ValueError(f"{self.levels} levels of {len(self.parameters)} numbers are more than {MOST_RUNS} runs")
+        return self
+
+
+class Campaign(Strict):
+    """A whole calibration file; without stages everything is estimated at once."""
+
+    schema_version: Literal["stiffarm-calibration/1"] = Field(alias="schema")
+    robot: str
+    title: str
+    source: str = "assumed"
+    noise: NoiseChoice = NoiseChoice()
+    parameter: tuple[Freed, ...] = ()
+    law: tuple[LawChoice, ...] = ()
+    stage: tuple[Stage, ...] = ()
+
+    @model_validator(mode="after")
+    def _names_fit(self) -> Self:
+        names = [p.name for p in self.parameter] + [f"{law.joint}.law" for law in self.law]
+        if not names:
+            raise ValueError("nothing is set free: add a [[parameter]] or a [[law]]")
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise ValueError(f"{', '.join(twice)}: set free twice")
+        for stage in self.stage:
+            unknown = [n for n in stage.parameters if n not in names]
+            if unknown:
+                raise ValueError(f"stage {stage.name!r}: {', '.join(unknown)} is not among the numbers set free")
+            if stage.levels is not None and any(n.endswith(".law") for n in stage.parameters):
+                raise ValueError(f"stage {stage.name!r}: a law has no levels; leave 'levels' out")
+        used = [n for stage in self.stage for n in stage.parameters]
+        left = [n for n in names if self.stage and n not in used]
+        if left:
+            raise ValueError(f"no stage estimates {', '.join(left)}")
+        labels = [stage.name for stage in self.stage]
+        if len(set(labels)) < len(labels):
+            raise ValueError("two stages have the same name")
+        return self
+
+    def free(
+        self, model: ArmModel, only: tuple[str, ...] | None = None, effects: Sequence[PlacedEffect] = ()
+    ) -> tuple[tuple[Parameter, ...], tuple[FreeLaw, ...]]:
+        """Parameters and laws of this campaign (or of the numbers named) for a model with ``effects``.
+
+        Raises
+        ------
+        InputError
+            A number, joint or coordinate that this model does not have.
+        """
+        out: list[Parameter] = []
+        laws: list[FreeLaw] = []
+        for freed in self.parameter:
+            if only is None or freed.name in only:
+                out.append(_parameter(model, freed, effects))
+        for law in self.law:
+            if only is None or f"{law.joint}.law" in only:
+                basis = _basis(model, law)
+                spread = 1.0 if law.kind == "table" else law.spread
+                laws.append(FreeLaw(law.joint, basis, len(out)))
+                out += law_parameters(model, law.joint, basis, spread)
+        return tuple(out), tuple(laws)
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read a calibration file.
+
+    Raises
+    ------
+    InputError
+        The file is missing, unreadable, or does not fit the schema (all faults at once).
+    """
+    return parse_campaign(read_text(path, "calibration file"), str(path))
+
+
+def parse_campaign(text: str, where: str) -> Campaign:
+    """Parse and validate a calibration file; ``where`` names it in messages."""
+    try:
+        return Campaign.model_validate(parse_toml(text, where))
+    except ValidationError as error:
+        faults = [_fault(where, item) for item in error.errors()]
+        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+
+
+def campaign_of(robot: str, names: tuple[str, ...]) -> Campaign:
+    """The campaign that estimates some numbers at once, as ``--free`` asks for."""
+    return Campaign(
+        schema=SCHEMA, robot=robot, title=f"{len(names)} numbers at once", parameter=tuple(Freed(name=n) for n in names)
+    )
+
+
+def _fault(where: str, item: Any) -> InputError:
+    message, remedy = _WORDS.get(
+        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
+    )
+    value = item["input"]
+    shown = value if isinstance(value, str | int | float | list) else None
+    place = ".".join(map(str, item["loc"])) or "file"
+    return InputError(f"{where}: {place}: {message}", value=shown, remedy=remedy)
+
+
+def _parameter(model: ArmModel, freed: Freed, effects: Sequence[PlacedEffect]) -> Parameter:
+    p = parameter(model, freed.name, effects)
+    angle = math.pi / 180.0 if p.unit == "rad" else 1.0
+    lower = p.lower if freed.lower is None else freed.lower * angle
+    upper = p.upper if freed.upper is None else freed.upper * angle
+    if (lower, upper) != (p.lower, p.upper):
+        p = p.between(lower, upper)
+    if freed.prior is None:
+        return p
+    mean = freed.prior.value * angle
+    if p.scale == "linear":
+        if freed.prior.sd is None:
+            raise InputError(f"prior of {p.name}", value="factor", allowed="sd: this number may be zero or negative")
+        return replace(p, prior=(mean, freed.prior.sd * angle))
+    if freed.prior.factor is None or not mean > 0.0:
+        raise InputError(f"prior of {p.name}", value=freed.prior.value, allowed="a value above 0 with a factor above 1")
+    return replace(p, prior=(math.log(mean), math.log(freed.prior.factor)))
+
+
+def _basis(model: ArmModel, law: PolynomialChoice | FourierChoice | TableChoice) -> Basis:
+    if isinstance(law, PolynomialChoice):
+        return polynomial_basis(model, law.inputs, law.degree)
+    column = model.robot.coordinate_index(law.input)
+    if isinstance(law, FourierChoice):
+        return FourierBasis(column, law.order)
+    nodes = np.radians(law.nodes_deg)
+    if not np.all(np.diff(nodes) > 0.0):
+        raise InputError(f"nodes of the law of {law.joint} (deg)", value=law.nodes_deg, allowed="rising numbers")
+    return TableBasis(column, nodes)

@@ -1,0 +1,224 @@
+"""Parameters from readings: bounded, weighted, with priors and outliers; noise and parameters in turn.
+
+For given noise the parameters minimise ``|L^-1 (y - f(u))|^2`` plus the priors within their bounds. Where f is
+linear in all of them and no prior is given, that is one convex problem, solved exactly (bounded least squares):
+the optimum is global. Else its linear part is solved first, and damped steps with exact derivatives go on from there
+(:mod:`doe.estimation.least_squares`). Outliers lose weight as readings that may come from a wider distribution (Tukey's
+contaminated normal), and are named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.estimation.blocks import Blocks, Covariance
+from doe.estimation.least_squares import BLIND, minimise, prior_residual
+from doe.estimation.noise import Noise, fit_noise, shrink_common, terms_of, within_readings
+from doe.estimation.problem import Problem
+from robots import InputError
+
+__all__ = ["BLIND", "OUTLIER", "Estimate", "estimate", "estimate_at", "prior_residual", "solve", "step_sizes"]
+
+Array = NDArray[np.float64]
+
+ROUNDS = 20
+# Rounds in which it is decided which variances the readings can tell; later ones keep to that, so that they settle.
+CHOOSING = (0, 1)
+# Parameters and noise have settled when no prediction moves by more than this share of its standard deviation.
+SETTLED = 1e-2
+# Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
+OUTLIER = 3.0
+# Median of the absolute value of a standard normal number.
+MEDIAN = 0.6745
+# Outliers are expected to be this share of the readings, with standard deviations so many times as large.
+OUTLIERS, WIDER = 0.02, 10.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The parameters found.
+
+    ``u`` (p,): estimator's variables; ``prediction``, ``residual`` (m,): read minus predicted; ``noise``: as used;
+    ``weight`` (m,): 1, less for outliers; ``own`` (m,): residual without what its set-up has in common, over the
+    reading's own standard deviation; ``whitened`` (m, p): derivatives with unit covariance; ``settled``: whether
+    noise and parameters came to rest; ``square``: sum of squares that was minimised; ``estimated``: names of the
+    variances that were estimated from these readings, also those found to be zero; none where the noise was given;
+    ``covariance``: of the readings, by the noise and the weights.
+    """
+
+    problem: Problem
+    u: Array
+    prediction: Array
+    residual: Array
+    noise: Noise
+    weight: Array
+    own: Array
+    jacobian: Array
+    whitened: Array
+    settled: bool
+    square: float
+    estimated: tuple[str, ...]
+    covariance: Covariance = field(repr=False, compare=False)
+
+    @property
+    def values(self) -> Array:
+        """The parameters' values (p,) in their units."""
+        return np.array([p.outer(float(v)) for p, v in zip(self.problem.parameters, self.u, strict=True)])
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which parameters (p,) move any reading."""
+        norm = np.linalg.norm(self.whitened * step_sizes(self.problem), axis=0)
+        return np.asarray(norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300))
+
+
+def step_sizes(p: Problem) -> Array:
+    """How much each variable (p,) is worth: the span of its range, by which columns are compared."""
+    low, high = p.bounds
+    return np.asarray(high - low)
+
+
+def estimate(
+    p: Problem, gauge: tuple[float, float], *, fixed_noise: Noise | None = None, robust: bool = True
+) -> Estimate:
+    """Estimate all parameters of a problem, and its noise unless ``fixed_noise`` gives it.
+
+    ``gauge``: smallest standard deviation of a reading, m and rad (its resolution). Readings' own sigma are kept.
+
+    Raises
+    ------
+    InputError
+        No readings, or fewer of them than parameters without a prior.
+    """
+    _check(p)
+    blocks, weight = Blocks.of(p), np.ones(len(p))
+    names: tuple[str, ...] = ()
+    noise = fixed_noise or Noise(white=gauge)
+    u = p.free.start
+    f, J = p.evaluate(u)
+    settled = False
+    # Noise that is given and hangs on no prediction leaves nothing to go back for.
+    once = fixed_noise is not None and not robust and not (fixed_noise.share or fixed_noise.pose_share)
+    for turn in range(ROUNDS):
+        u = solve(p, blocks, noise, f, weight, u)
+        before, (f, J) = f, p.evaluate(u)
+        error = p.value - f
+        sd = np.sqrt(noise.variance(p, f))
+        moved = float(np.max(np.abs(f - before) / sd, initial=0.0))
+        if once or (turn > (fixed_noise is None) and moved < SETTLED):
+            settled = True
+            break
+        if fixed_noise is None:
+            names = terms_of(p, f) if turn in CHOOSING else names
+            noise = fit_noise(p, f, J, error, noise, gauge, weight, names=names, blocks=blocks)
+        if robust and len(p) > len(u) + 3:
+            own = _own(p, blocks, noise, f, weight, error)
+            # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
+            # Residuals are smaller than the noise by what the parameters follow: without that, a few good readings
+            # beside almost as many parameters would lose weight, and intervals come out too narrow.
+            followed = np.sqrt(1.0 - len(u) / len(p))
+            middle = float(np.median(np.abs(own))) / (MEDIAN * followed) if turn == 0 else 1.0
+            weight = outlier_weight(own / min(max(middle, 1e-3), 1.0))
+    if fixed_noise is None:
+        noise = within_readings(p, f, noise, gauge)
+    return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
+
+
+def _own(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
+    """Errors (m,) without what their set-up has in common, over the readings' own standard deviations."""
+    return (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
+
+
+def unrest(
+    p: Problem, gauge: tuple[float, float], u: Array, noise: Noise, weight: Array, *, robust: bool
+) -> tuple[float, float, float]:
+    """How far one more round of :func:`estimate` would go from variables, noise and weights that it ended with.
+
+    Returns
+    -------
+    The largest move of a prediction (or from a prior) in standard deviations, the largest change of a reading's
+    standard deviation as a share of it, and the largest change of a weight. Infinite where the numbers cannot be an
+    end at all.
+    """
+    low, high = p.bounds
+    given = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
+    if (u < low).any() or (u > high).any() or (given < 0.0).any() or (weight <= 0.0).any() or (weight > 1.0).any():
+        return np.inf, np.inf, np.inf
+    blocks = Blocks.of(p)
+    f, J = p.evaluate(u)
+    unmoved = ~J.any(axis=0) & np.array([q.prior is None for q in p.parameters], dtype=bool)
+    if not (noise.variance(p, f) > 0.0).all() or (u != p.free.start)[unmoved].any():
+        return np.inf, np.inf, np.inf
+    error, there = p.value - f, solve(p, blocks, noise, f, weight, u)
+    moved, off = p.predict(there) - f, prior_residual(p, there)[0] - prior_residual(p, u)[0]
+    found = fit_noise(p, f, J, error, noise, gauge, weight, blocks=blocks)
+    before, after = (np.sqrt(n.variance(p, f) + np.sum(n.common(p, f) ** 2, axis=1)) for n in (noise, found))
+    judged = outlier_weight(_own(p, blocks, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
+    return (
+        float(np.max(np.abs(np.concatenate([moved / before, off])), initial=0.0)),
+        float(np.max(np.abs(after / before - 1.0), initial=0.0)),
+        float(np.max(np.abs(judged - weight), initial=0.0)),
+    )
+
+
+def outlier_weight(own: Array) -> Array:
+    """Weights (m,) of standardised residuals: 1 up to OUTLIER, falling to about 1 / WIDER^2 for sure outliers.
+
+    The weights of the likelihood of a contaminated normal distribution (Tukey 1960; Little 1988,
+    doi:10.2307/2347491), maximised in turn with the variances: by its odds a reading belongs to the wider one. An
+    outlier then adds to the sum of squares about what a good reading adds, so that the noise is not taken for larger
+    than it is. Divided by its value at OUTLIER, so that good readings count in full.
+    """
+
+    def weight(x: Array) -> Array:
+        odds = OUTLIERS / (1.0 - OUTLIERS) / WIDER * np.exp(np.minimum(0.5 * x**2 * (1.0 - WIDER**-2), 500.0))
+        return np.asarray(1.0 - odds / (1.0 + odds) * (1.0 - WIDER**-2))
+
+    return np.minimum(1.0, weight(own) / weight(np.array(OUTLIER)))
+
+
+def estimate_at(
+    p: Problem,
+    u: Array,
+    noise: Noise,
+    weight: Array,
+    *,
+    settled: bool,
+    given: bool = False,
+    blocks: Blocks | None = None,
+) -> Estimate:
+    """The estimate whose variables, noise and weights are known already; ``given``: noise not from these readings."""
+    blocks = blocks or Blocks.of(p)
+    f, J = p.evaluate(u)
+    error, variance = p.value - f, noise.variance(p, f)
+    own = _own(p, blocks, noise, f, weight, error)
+    V = blocks.covariance(variance / weight, noise.common(p, f))
+    white = V.whiten(np.column_stack([error, J]))
+    square = float(white[:, 0] @ white[:, 0]) + float(np.sum(prior_residual(p, u)[0] ** 2))
+    names = () if given else terms_of(p, f)
+    return Estimate(p, u, f, error, noise, weight, own, J, white[:, 1:], settled, square, names, V)
+
+
+def solve(
+    p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, start: Array, held: int | None = None
+) -> Array:
+    """Variables (p,) that minimise the weighted squares for given noise; ``held``: one that stays where it is."""
+    V = blocks.covariance(noise.variance(p, f) / weight, noise.common(p, f))
+    return minimise(p, V, start, held)[0]
+
+
+def _check(p: Problem) -> None:
+    if len(p) == 0:
+        raise InputError("no reading to calibrate on", remedy="select poses or loads that were measured")
+    _, J = p.evaluate(p.free.start)
+    norm = np.linalg.norm(J * step_sizes(p), axis=0)
+    seen = norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300)
+    free = [q.name for q, visible in zip(p.parameters, seen, strict=True) if visible and q.prior is None]
+    if len(free) > len(p):
+        raise InputError(
+            f"{len(p)} reading(s) cannot determine {len(free)} parameters ({', '.join(free)})",
+            remedy="measure more poses, set fewer free, or give some of them a prior",
+        )

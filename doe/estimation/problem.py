@@ -1,0 +1,154 @@
+"""Readings and a model with numbers set free, as one estimation problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.published.readings import loaded_points
+from doe.tables.load_history import history_of
+from doe.tables.measurements import Measurements
+from fem import ArmModel
+from fem.effects.base import PlacedEffect
+from fem.effects.history import History
+from fem.free.laws import FreeLaw
+from fem.free.model import FreeModel
+from fem.free.parameters import Parameter
+from fem.statics.loads import as_loaded
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flexibility = Callable[[float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """m read components and a model with p numbers set free.
+
+    ``value`` (m,) m or rad as read; ``row`` (m,): the reading it belongs to; ``component`` (m,): 0..5 for dx, dy,
+    dz, rx, ry, rz; ``pose`` (m,): number of the pose (set-up) it was read in, ``poses`` their labels;
+    ``replicate`` (m,): number of the group of readings of one component under the same pose, load, point and
+    phase; ``sigma`` (m,): standard deviation given with the reading, NaN where none was.
+    """
+
+    free: FreeModel
+    value: Array
+    row: Indices
+    component: Indices
+    pose: Indices
+    poses: tuple[str, ...]
+    replicate: Indices
+    sigma: Array
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The numbers set free."""
+        return self.free.parameters
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (p,) of the estimator's variables."""
+        ends = np.array([p.inner_bounds for p in self.parameters]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Predicted readings (m,) and their derivatives (m, p) by the estimator's variables u (p,)."""
+        if self._linear is not None:
+            start, value, J = self._linear
+            return value + J @ (u - start), J
+        if not self._last or not np.array_equal(self._last[0], u):
+            value, J = self.free.evaluate(u)
+            self._last[:] = [u.copy(), value[self.row, self.component], J[self.row, self.component]]
+        return self._last[1], self._last[2]
+
+    def predict(self, u: Array) -> Array:
+        """Predicted readings (m,) alone, at a fraction of the work where angles or points are free."""
+        if self._linear is not None:
+            return self.evaluate(u)[0]
+        return np.asarray(self.free.displacement(u)[self.row, self.component])
+
+    @cached_property
+    def _last(self) -> list[Array]:
+        """The latest variables evaluated, with readings and derivatives: rounds and stages ask again for the same."""
+        return []
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Whether the predictions are linear in all of the estimator's variables."""
+        return self.free.is_linear
+
+    @cached_property
+    def _linear(self) -> tuple[Array, Array, Array] | None:
+        """Variables, readings predicted with them, and derivatives, which hold everywhere; None if they do not."""
+        if not self.is_linear:
+            return None
+        start = self.free.start
+        value, J = self.free.evaluate(start)
+        J = np.ascontiguousarray(J[self.row, self.component])
+        J.setflags(write=False)
+        return start, value[self.row, self.component], J
+
+    def of_poses(self, wanted: Sequence[str]) -> Problem:
+        """The part of the problem read in some poses (labels)."""
+        numbers = [k for k, label in enumerate(self.poses) if label in set(wanted)]
+        return self.take(np.isin(self.pose, numbers))
+
+    def take(self, mask: NDArray[np.bool_]) -> Problem:
+        """Keep the components where ``mask`` (m,) is true; loaded poses that none of them needs are dropped."""
+        rows, row = np.unique(self.row[mask], return_inverse=True)
+        free, kept_as = self.free.take(rows)
+        kept, pose = np.unique(self.pose[mask], return_inverse=True)
+        return Problem(
+            free,
+            self.value[mask],
+            kept_as[row],
+            self.component[mask],
+            pose,
+            tuple(self.poses[k] for k in kept),
+            np.unique(self.replicate[mask], return_inverse=True)[1],
+            self.sigma[mask],
+        )
+
+
+def problem(
+    model: ArmModel,
+    data: Measurements,
+    parameters: Sequence[Parameter],
+    laws: Sequence[FreeLaw] = (),
+    walls: Mapping[str, Flexibility] | None = None,
+    effects: Sequence[PlacedEffect] = (),
+    history: History | None = None,
+) -> Problem:
+    """Set up the estimation of ``parameters`` from all components that were read.
+
+    ``effects``: those that the arm has beyond ``model``; ``history``: by default what the table says.
+    """
+    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
+    row, component = np.nonzero(data.used)
+    labels = tuple(dict.fromkeys(data.pose))
+    number = {label: k for k, label in enumerate(labels)}
+    then = history or history_of(data)
+    down = then.unloading(np.linalg.norm(at.wrench[:, :3], axis=1) + np.linalg.norm(at.wrench[:, 3:], axis=1))
+    phase = 2 * np.unique([p or "" for p in data.phase], return_inverse=True)[1] + down
+    case = np.column_stack([at.q, at.wrench, at.point, phase, [number[p] for p in data.pose]])
+    same = np.unique(np.round(case, 12), axis=0, return_inverse=True)[1].reshape(-1)
+    free = FreeModel(
+        model, tuple(parameters), at, tuple(laws), dict(walls or {}), tuple(effects), then if effects else None
+    )
+    return Problem(
+        free=free,
+        value=data.displacement[row, component],
+        row=row.astype(np.int64),
+        component=component.astype(np.int64),
+        pose=np.array([number[data.pose[i]] for i in row], dtype=np.int64),
+        poses=labels,
+        replicate=np.unique(6 * same[row] + component, return_inverse=True)[1].astype(np.int64),
+        sigma=data.sigma[row],
+    )

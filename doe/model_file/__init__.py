@@ -1,0 +1,1 @@
+"""Calibrated values written into a model file, with their source and covariance."""

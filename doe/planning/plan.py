@@ -1,0 +1,236 @@
+"""Which poses, loads and directions to measure next, given what is known already, and what that will tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.estimation.noise import Noise
+from doe.planning.optimal_choice import Choice, Criterion, Progress, choose, judge
+from doe.planning.outset import Outset
+from doe.planning.random_plans import random_values
+from fem.free.model import FreeModel
+from fem.free.parameters import Parameter
+from fem.statics.loads import LoadedPoses, as_loaded
+from robots import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Random plans are drawn up to so many times as many set-ups as chosen ones.
+RANDOM_REACH = 4
+# Of random plans: one in ten is better, half are, nine in ten are.
+QUANTILES = (0.1, 0.5, 0.9)
+# Columns below this share of the largest are moved by no reading.
+BLIND = 1e-9
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is done in every new set-up.
+
+    ``forces`` (l,) N; ``directions`` (d, 3) unit vectors, base axes: each set-up takes one of them with all the
+    forces; ``components``: what is read (0..5); ``repeats`` of each force.
+    """
+
+    forces: Array
+    directions: Array
+    components: tuple[int, ...] = (2,)
+    repeats: int = 1
+
+    def __post_init__(self) -> None:
+        length = np.linalg.norm(self.directions, axis=1) if self.directions.ndim == 2 else np.zeros(0)
+        if self.directions.shape[1:] != (3,) or not length.size or not np.allclose(length, 1.0):
+            raise InputError("directions of a plan", value=self.directions.tolist(), allowed="unit vectors (d, 3)")
+        if self.forces.size == 0 or not (np.isfinite(self.forces) & (self.forces > 0.0)).all():
+            raise InputError("forces of a plan (N)", value=self.forces.tolist(), allowed="greater than 0")
+        if not self.components or not set(self.components) <= set(range(6)):
+            raise InputError("components to read", value=self.components, allowed="0 to 5, one or more")
+        if not 1 <= self.repeats <= 1000:
+            raise InputError("repeats of a plan", value=self.repeats, allowed="1 to 1000")
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """What a plan will tell about one parameter.
+
+    ``before``, ``after``: standard deviations of ln value (positive ones) or of the value, the vague prior included;
+    ``planned_for``: its value at which that holds; ``seen``: whether a reading of the plan moves with it at all.
+    """
+
+    parameter: Parameter
+    planned_for: float
+    before: float
+    after: float
+    seen: bool
+
+    @property
+    def shrink(self) -> float:
+        """How many times narrower the interval gets."""
+        return self.before / self.after
+
+
+@dataclass(frozen=True)
+class MeasurementPlan:
+    """n new set-ups: ``q`` (n, dof) rad, ``direction`` (n, 3), and what they will tell.
+
+    ``value`` of the criterion, smaller is better (D: ln det of the covariance; A: mean share of the vague prior's
+    variance that is left; I: mean variance of predictions, mm^2). ``random`` (m, 3): the same for 1 to m set-ups
+    chosen at random, as quantiles 0.1, 0.5 and 0.9; without rows for a plan that was not chosen.
+    """
+
+    q: Array
+    direction: Array
+    protocol: Protocol
+    foresight: tuple[Foresight, ...]
+    criterion: Criterion
+    value: float
+    random: Array
+
+    @property
+    def random_median(self) -> float:
+        """Value of the median random plan of the same size; NaN if none was drawn."""
+        return float(self.random[len(self.q) - 1, 1]) if len(self.random) else np.nan
+
+    @property
+    def random_needed(self) -> int | None:
+        """How many set-ups chosen at random it takes (in the median) to be as good; None: more than were tried."""
+        enough = np.flatnonzero(self.random[:, 1] <= self.value) if len(self.random) else np.zeros(0, dtype=np.int64)
+        return int(enough[0]) + 1 if enough.size else None
+
+    def per_parameter(self, value: float | Array) -> Array:
+        """A criterion's value as a standard deviation: of the mean seen parameter (D, A) or prediction (I, mm).
+
+        D: geometric mean of the standard deviations along the covariance's axes, unseen parameters left out.
+        A: root mean square, as a share of the vague prior's.
+        """
+        if self.criterion != "D":
+            return np.asarray(np.sqrt(value))
+        unseen = [f for f in self.foresight if not f.seen]
+        constant = sum(2.0 * float(np.log(f.after)) for f in unseen)
+        seen = max(len(self.foresight) - len(unseen), 1)
+        return np.asarray(np.exp((np.asarray(value) - constant) / (2.0 * seen)))
+
+
+def plan(
+    start: Outset,
+    poses: Array,
+    n: int,
+    protocol: Protocol,
+    criterion: Criterion = "D",
+    *,
+    workspace: LoadedPoses | None = None,
+    rng: np.random.Generator,
+    starts: int = 4,
+    progress: Progress | None = None,
+) -> MeasurementPlan:
+    """Choose n set-ups among ``poses`` (N, dof) rad x the protocol's directions.
+
+    Parameters
+    ----------
+    start : what is known so far, and the noise to expect
+    workspace : for the I criterion: loaded poses at which the model shall predict well (default: the candidates)
+
+    Raises
+    ------
+    InputError
+        Bad protocol or criterion, or fewer candidates than set-ups.
+    """
+    candidates = experiments(start, poses, protocol)
+    weight = criterion_weight(start, criterion, workspace or _loaded(start.free, poses, protocol))
+    found = choose(start.known, candidates, n, criterion, weight=weight, rng=rng, starts=starts, progress=progress)
+    most = min(RANDOM_REACH * n, len(candidates))
+    random = random_values(start.known, candidates, most, criterion, weight, rng)
+    pose, direction = np.divmod(found.chosen, len(protocol.directions))
+    return MeasurementPlan(
+        poses[pose], protocol.directions[direction], protocol, _foresight(start, candidates, found), criterion,
+        found.value, np.quantile(random, QUANTILES, axis=0).T,
+    )  # fmt: skip
+
+
+def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterion = "D") -> MeasurementPlan:
+    """What measuring all ``poses`` (n, dof) under all directions will tell: a plan that nobody chose."""
+    candidates = experiments(start, poses, protocol)
+    weight = criterion_weight(start, criterion, _loaded(start.free, poses, protocol))
+    found = judge(start.known, candidates, np.arange(len(candidates)), criterion, weight)
+    d = len(protocol.directions)
+    return MeasurementPlan(
+        np.repeat(poses, d, axis=0), np.tile(protocol.directions, (len(poses), 1)), protocol,
+        _foresight(start, candidates, found), criterion, found.value, np.zeros((0, 3)),
+    )  # fmt: skip
+
+
+def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
+    """Factors (N d, r, p) of the information of every pose and direction, poses slowest; r components read.
+
+    A displacement is proportional to the force, so all forces of one set-up tell the same in the same direction:
+    they are one row, weighed with their joint information ``F^T V^-1 F``.
+    """
+    unit = replace(protocol, forces=np.ones(1))
+    value, J = replace(start.free, at=_loaded(start.free, poses, unit), history=None).evaluate(start.u)
+    read = list(protocol.components)
+    weight = np.stack([_weight(start.noise, value[:, k], k >= 3, protocol) for k in read], axis=1)
+    return np.asarray(np.sqrt(weight)[:, :, None] * J[:, read] * start.slopes)
+
+
+def _weight(noise: Noise, per_newton: Array, turn: bool, protocol: Protocol) -> Array:
+    """Information (s,) of one component's readings about its displacement under 1 N."""
+    F = protocol.forces
+    f = per_newton[:, None] * F
+    variance = (noise.white[int(turn)] ** 2 + (noise.share * f) ** 2) / protocol.repeats
+    V = noise.pose[int(turn)] ** 2 + noise.pose_share**2 * f[:, :, None] * f[:, None, :]
+    V = np.broadcast_to(V, (len(f), F.size, F.size)).copy()
+    d = np.arange(F.size)
+    V[:, d, d] += variance
+    return np.asarray(np.linalg.solve(V, np.broadcast_to(F[:, None], (len(f), F.size, 1)))[:, :, 0] @ F)
+
+
+def _loaded(free: FreeModel, poses: Array, protocol: Protocol) -> LoadedPoses:
+    """Every pose under every direction and force, poses slowest, forces fastest."""
+    loads = (protocol.directions[:, None] * protocol.forces[:, None]).reshape(-1, 3)
+    wrench = np.hstack([np.tile(loads, (len(poses), 1)), np.zeros((len(poses) * len(loads), 3))])
+    return _at_tool(free, np.repeat(poses, len(loads), axis=0), wrench)
+
+
+def _at_tool(free: FreeModel, q: Array, wrench: Array) -> LoadedPoses:
+    """Nominal loads at the tool point, placed as the model says that they act."""
+    return as_loaded(free.model, q, wrench, np.tile(free.model.robot.T_flange_tool[:3, 3], (len(q), 1)))
+
+
+def expected(start: Outset, q: Array, force: Array) -> Array | None:
+    """Displacements (n, 6) m and rad to expect at poses q (n, dof) under forces (n, 3) N; None before any reading."""
+    if start.best is None:
+        return None
+    wrench = np.hstack([force, np.zeros((len(q), 3))])
+    return replace(start.free, at=_at_tool(start.free, q, wrench), history=None).evaluate(start.best)[0]
+
+
+def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses) -> Array | None:
+    """Weight (p, p) of the A and I criteria.
+
+    A: parameters have different units, so each variance counts as a share of what it was before any reading.
+    I: mean of the derivatives' products over predictions of translations, mm.
+    """
+    if criterion == "A":
+        return np.diag(1.0 / start.vague**2) / len(start.u)
+    if criterion == "I":
+        J = replace(start.free, at=workspace, history=None).evaluate(start.u)[1][:, :3].reshape(-1, len(start.u))
+        J = J * start.slopes * 1e3
+        return np.asarray(J.T @ J / len(workspace))
+    return None
+
+
+def seen_by(candidates: Array, vague: Array) -> NDArray[np.bool_]:
+    """Which parameters (p,) any of the experiments (N, r, p) moves with; vague (p,): their standard deviations."""
+    norm = np.linalg.norm(candidates.reshape(-1, candidates.shape[2]) * vague, axis=0)
+    return np.asarray(norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300))
+
+
+def _foresight(start: Outset, candidates: Array, choice: Choice) -> tuple[Foresight, ...]:
+    before, after = np.sqrt(np.diag(np.linalg.inv(start.known))), np.sqrt(np.diag(choice.covariance))
+    # A parameter that no candidate moves with may still be known from the readings so far.
+    visible = seen_by(candidates[choice.chosen], start.vague)
+    rows = zip(start.parameters, start.u, before, after, visible, strict=True)
+    return tuple(Foresight(q, q.outer(float(u)), float(a), float(b), bool(s)) for q, u, a, b, s in rows)

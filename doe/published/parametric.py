@@ -1,0 +1,297 @@
+"""One parametric study: level grid over the springs of a stage, at one pose, refined and widened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimize
+
+from doe.planning.designs import level_grid
+from doe.published.readings import Equations
+from doe.published.scheme import FEWEST_LEVELS
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+# Springs outside this range are as good as absent or rigid on any arm; widening stops here.
+WIDEST_Nm_per_rad = (1e3, 1e9)
+MAX_ROUNDS = 40
+# A spring whose whole contribution is below half a gauge digit reads the same as a rigid one.
+RIGID_SHARE_OF_GAUGE = 0.5
+# Several springs matched to one reading leave a valley of equal matches. The grid leans towards the starting
+# values: in the first round 50 um of error weigh as much as a factor e in one spring (for a gauge of 10 um),
+# and every later round lets go by a factor of four, so the match wins in the end.
+TIE_WEIGHT = 100.0
+# Levels that differ by less than this (relative) cannot be told apart by any reading.
+SAME_LEVEL = 1e-6
+
+
+@dataclass(frozen=True)
+class PoseFit:
+    """The best-matching springs of one stage at one pose.
+
+    ``stiffness`` (k,) N m/rad; ``error_mm``: RMS of simulated minus measured at this pose (signed for a
+    single reading); ``runs``: model runs of the grids; ``first_error_mm``: RMS after the first grid;
+    ``remarks``: bounds that were hit and widened, or what could not be matched; ``matched``: within the
+    gauge; ``equivalent`` (k, 2): smallest and largest stiffness of each spring that match as well with
+    some value of the others (NaN where nothing matches; 1e9 N m/rad stands for rigid).
+    """
+
+    pose: str
+    joints: tuple[str, ...]
+    stiffness: Array
+    error_mm: float
+    first_error_mm: float
+    runs: int
+    rounds: int
+    matched: bool
+    remarks: tuple[str, ...]
+    equivalent: Array
+
+
+def fit_pose(
+    system: Equations,
+    fixed: Array,
+    columns: list[int],
+    joints: tuple[str, ...],
+    levels: int,
+    bounds: tuple[float, float],
+    gauge_m: float,
+    start: float,
+    spacing: str = "log",
+) -> PoseFit:
+    """Level grid over the springs in ``columns`` at one pose, refined about the best level.
+
+    A grid finds *a* match. Of several springs that match one reading in many ways, those nearest to
+    ``start`` (least sum of squared logarithms of the ratios) are then taken, so that the answer does not
+    depend on where the levels happened to lie; they match no worse than the grid's best level. Where the
+    levels of several springs find no match, the exact least squares (the model is linear) decide.
+
+    Parameters
+    ----------
+    system : equations of this pose only
+    fixed : (dof,) compliances of all springs; those in ``columns`` are overwritten
+    levels : levels of each spring in each round, at least FEWEST_LEVELS
+    bounds : first lower and upper stiffness, N m/rad
+    gauge_m : refinement ends when the RMS error is within this
+    start : stiffness (N m/rad) that ties between several springs lean towards
+    spacing : "log" or "linear" levels
+
+    Raises
+    ------
+    InputError
+        Too few levels, bounds out of order, or another spacing.
+    """
+    _check(levels, bounds, spacing)
+    base = system.rest + system.influence @ np.where(_mask(columns, fixed.size), 0.0, fixed) - system.value
+    A = system.influence[:, columns]
+    low, high = np.full(len(columns), bounds[0]), np.full(len(columns), bounds[1])
+    bound, limit = (low.copy(), high.copy()), _widest(A, bounds, gauge_m)
+    runs, first, best_k, best_error = 0, np.nan, np.sqrt(low * high), np.inf
+    for round_number in range(1, MAX_ROUNDS + 1):
+        grids = [_levels(a, b, levels, spacing) for a, b in zip(low, high, strict=True)]
+        k = level_grid(grids)
+        error = np.sqrt(np.mean((base + (1.0 / k) @ A.T) ** 2, axis=1))
+        score = (error / gauge_m) ** 2
+        if len(columns) > 1:
+            # All matches are equally good, and the nearest to the start is taken.
+            tie = TIE_WEIGHT / 4.0**round_number * np.sum(np.log(k / start) ** 2, axis=1)
+            score = np.maximum(score, 1.0) + tie
+        runs += len(k)
+        index = int(np.argmin(score))
+        best_k, best_error = k[index], float(error[index])
+        first = best_error if round_number == 1 else first
+        if best_error <= gauge_m:
+            break
+        widened = _widen(best_k, bound, limit)
+        low, high = _refined(best_k, grids, bound, widened)
+        if not widened.any() and np.all(high / low < 1.0 + SAME_LEVEL):
+            break
+    if best_error > gauge_m and len(columns) > 1:
+        best_k, best_error = _least_squares(A, base, best_k, bound, limit)
+    matched = best_error <= gauge_m
+    if matched and len(columns) > 1:
+        best_k = _nearest_match(A, base, best_k, bound, gauge_m, start)
+    left = base + A @ (1.0 / best_k)
+    remarks = _bound_remarks(best_k, bounds, bound, joints)
+    if not matched:
+        remarks.append(_why_unmatched(left, A))
+    return PoseFit(
+        pose=system.pose[0],
+        joints=joints,
+        stiffness=best_k,
+        error_mm=float(left[0] if len(system) == 1 else np.sqrt(np.mean(left**2))) * 1e3,
+        first_error_mm=first * 1e3,
+        runs=runs,
+        rounds=round_number,
+        matched=matched,
+        remarks=tuple(remarks),
+        equivalent=_equivalent(A, base, max(gauge_m, float(np.abs(left).max())), bounds, matched),
+    )
+
+
+def _check(levels: int, bounds: tuple[float, float], spacing: str) -> None:
+    if levels < FEWEST_LEVELS:
+        raise InputError("levels of a parametric study", value=levels, allowed=f"{FEWEST_LEVELS} or more")
+    if not 0.0 < bounds[0] < bounds[1] < np.inf:
+        text = f"{bounds[0]:g} to {bounds[1]:g} N m/rad"
+        raise InputError("bounds of a parametric study", value=text, allowed="0 < lower < upper, finite")
+    if spacing not in ("log", "linear"):
+        raise InputError("spacing of the levels", value=spacing, allowed="log, linear")
+
+
+def _widest(A: Array, bounds: tuple[float, float], gauge_m: float) -> tuple[Array, Array]:
+    """How far each bound may be widened: up to where the spring reads the same as a rigid one."""
+    rigid = np.abs(A).max(axis=0) / (RIGID_SHARE_OF_GAUGE * gauge_m)
+    high = np.clip(rigid, bounds[1], max(WIDEST_Nm_per_rad[1], bounds[1]))
+    return np.full(A.shape[1], min(WIDEST_Nm_per_rad[0], bounds[0])), high
+
+
+def _mask(columns: list[int], size: int) -> NDArray[np.bool_]:
+    mask = np.zeros(size, dtype=np.bool_)
+    mask[columns] = True
+    return mask
+
+
+def _levels(low: float, high: float, count: int, spacing: str) -> Array:
+    return np.geomspace(low, high, count) if spacing == "log" else np.linspace(low, high, count)
+
+
+def _widen(best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]) -> NDArray[np.bool_]:
+    """Move each bound that the best level sits on by a factor of ten, up to its limit; which were (2, k)."""
+    widened = np.zeros((2, best.size), dtype=np.bool_)
+    for i in range(best.size):
+        for side, step in ((0, 0.1), (1, 10.0)):
+            at = bound[side][i]
+            wider = min(at * step, limit[1][i]) if side else max(at * step, limit[0][i])
+            if np.isclose(best[i], at) and not np.isclose(wider, at):
+                bound[side][i] = wider
+                widened[side, i] = True
+    return widened
+
+
+def _refined(
+    best: Array, grids: list[Array], bound: tuple[Array, Array], widened: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """One level to both sides of the best one; up to the new bound where one was just widened.
+
+    Where the best level is the last one of its grid, the search goes on beyond it, by one such level.
+    """
+    low, high = np.empty_like(best), np.empty_like(best)
+    for i, grid in enumerate(grids):
+        at = int(np.argmin(np.abs(np.log(grid / best[i]))))
+        below, above = grid[0] ** 2 / grid[1], grid[-1] ** 2 / grid[-2]
+        low[i] = grid[at - 1] if at > 0 else max(bound[0][i], below)
+        high[i] = grid[at + 1] if at < len(grid) - 1 else min(bound[1][i], above)
+        if widened[0, i]:
+            low[i] = bound[0][i]
+        if widened[1, i]:
+            high[i] = bound[1][i]
+        low[i], high[i] = min(low[i], best[i]), max(high[i], best[i])
+    return low, high
+
+
+def _least_squares(
+    A: Array, base: Array, best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]
+) -> tuple[Array, float]:
+    """Finish where levels along the axes stick in a slanting valley: the optimum, bounds widened to hold it."""
+    scale = np.abs(A).max(axis=0)
+    scale[scale == 0.0] = 1.0
+    box = (scale / limit[1], scale / limit[0])
+    found = lsq_linear(A / scale, -base, bounds=box, method="bvls", tol=1e-14, max_iter=1000)
+    candidates = [best, np.clip(scale / found.x, limit[0], limit[1])]
+    errors = [float(np.sqrt(np.mean((base + A @ (1.0 / k)) ** 2))) for k in candidates]
+    k = candidates[int(np.argmin(errors))]
+    for i in range(k.size):
+        while k[i] < bound[0][i] * (1.0 - SAME_LEVEL):
+            bound[0][i] = max(0.1 * bound[0][i], limit[0][i])
+        while k[i] > bound[1][i] * (1.0 + SAME_LEVEL):
+            bound[1][i] = min(10.0 * bound[1][i], limit[1][i])
+    return k, min(errors)
+
+
+def _nearest_match(
+    A: Array, base: Array, best: Array, bound: tuple[Array, Array], gauge_m: float, start: float
+) -> Array:
+    """Of all springs that match as well as the best level, those nearest to ``start``."""
+    # In y = start / k the match is linear, and y is of order one.
+    rows, target = A / (start * gauge_m), -base / gauge_m
+    allowed = max(float(np.abs(base + A @ (1.0 / best)).max()) / gauge_m, SAME_LEVEL)
+
+    def distance(y: Array) -> float:
+        return float(np.sum(np.log(y) ** 2))
+
+    def slope(y: Array) -> Array:
+        return np.asarray(2.0 * np.log(y) / y)
+
+    found = minimize(
+        distance,
+        start / best,
+        jac=slope,
+        method="SLSQP",
+        bounds=Bounds(start / bound[1], start / bound[0]),
+        constraints=LinearConstraint(rows, target - allowed, target + allowed),
+        options={"ftol": 1e-12, "maxiter": 200},
+    )
+    k = np.clip(start / found.x, bound[0], bound[1])
+    nearer = distance(start / k) < distance(start / best)
+    still_matched = np.sqrt(np.mean((base + A @ (1.0 / k)) ** 2)) <= gauge_m
+    return np.asarray(k) if nearer and still_matched else best
+
+
+def _bound_remarks(
+    best: Array, first: tuple[float, float], last: tuple[Array, Array], joints: tuple[str, ...]
+) -> list[str]:
+    """Say which springs lie outside the first bounds, and which stand at a bound."""
+    out = []
+    for i, joint in enumerate(joints):
+        for side, name in ((0, "lower"), (1, "upper")):
+            outside = best[i] > first[1] * (1.0 + SAME_LEVEL) if side else best[i] < first[0] * (1.0 - SAME_LEVEL)
+            at_end = np.isclose(best[i], last[side][i], rtol=10.0 * SAME_LEVEL)
+            bound = f"{joint}: {name} bound {first[side]:.2g} N m/rad"
+            if outside:
+                end = " and stands there" if at_end else ""
+                out.append(f"{bound} hit, widened to {last[side][i]:.2g}{end}")
+            elif np.isclose(best[i], first[side], rtol=10.0 * SAME_LEVEL):
+                out.append(f"{bound} hit, stands there")
+    return out
+
+
+def _why_unmatched(left: Array, A: Array) -> str:
+    """In words; for a single reading by the side on which the springs ran out of range."""
+    error_mm = float(np.sqrt(np.mean(left**2))) * 1e3
+    if len(left) > 1:
+        return f"not matched: no level brings the readings of this pose within the gauge (RMS {error_mm:.3f} mm)"
+    if not A.any():
+        return f"not matched: {error_mm:.3f} mm off, and the reading does not move with the spring"
+    # A softer spring moves the reading along the sign of its influence.
+    if np.all(left[0] * A[0] >= 0.0):
+        stands = "this spring stands where it reads" if A.size == 1 else "these springs stand where they read"
+        return (
+            f"not matched: the rest of the model alone bends {error_mm:.3f} mm more than was measured, "
+            f"so {stands} the same as {'a rigid one' if A.size == 1 else 'rigid ones'}"
+        )
+    return f"not matched: {error_mm:.3f} mm less deflection than measured at the softest springs"
+
+
+def _equivalent(A: Array, base: Array, tolerance: float, bounds: tuple[float, float], matched: bool) -> Array:
+    """Range of each spring over all combinations that match within the tolerance, by linear programming."""
+    k = A.shape[1]
+    out = np.full((k, 2), np.nan)
+    if not matched:
+        return out
+    # Scaled to c in 1e-6 rad/(N m) and readings in um, so the solver's tolerances mean something.
+    rows = np.vstack([A, -A])
+    limit = np.concatenate([tolerance - base, tolerance + base]) * 1e6
+    widest = min(WIDEST_Nm_per_rad[0], bounds[0]), max(WIDEST_Nm_per_rad[1], bounds[1])
+    box = [(1e6 / widest[1], 1e6 / widest[0])] * k
+    for i in range(k):
+        for side, sign in ((1, 1.0), (0, -1.0)):
+            cost = np.zeros(k)
+            cost[i] = sign
+            found = linprog(cost, A_ub=rows, b_ub=limit, bounds=box, method="highs")
+            if found.x is not None:
+                out[i, side] = 1e6 / found.x[i]
+    return out

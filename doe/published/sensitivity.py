@@ -1,0 +1,71 @@
+"""Sensitivity study: two-level full factorial of joint springs, effects with signs, by pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.planning.designs import two_level_factorial
+from doe.published.readings import Equations
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PoseEffects:
+    """Main effects of the springs on the deflection at one pose.
+
+    ``effect_mm`` (k,): mean deflection at the high level minus that at the low level; ``share`` (k,):
+    its part of the summed absolute effects; ``runs_mm`` (2^k,): the runs in standard order.
+    """
+
+    pose: str
+    joints: tuple[str, ...]
+    effect_mm: Array
+    share: Array
+    runs_mm: Array
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """Joints from the largest effect to the smallest."""
+        return tuple(self.joints[i] for i in np.argsort(-np.abs(self.effect_mm), kind="stable"))
+
+
+def sensitivity_study(
+    system: Equations, joints: tuple[str, ...], joint_names: tuple[str, ...], low: float, high: float
+) -> list[PoseEffects]:
+    """Two-level factorial of k_j in {low, high} N m/rad at every pose of ``system``, Z deflection.
+
+    Springs that are not varied are rigid. Deflection is a sum over springs, so all interactions are
+    exactly zero and the main effects tell everything. Several loads at a pose: the largest one counts.
+
+    Raises
+    ------
+    InputError
+        Bounds out of order, an unknown joint, or a pose without a Z reading's equation.
+    """
+    if not 0.0 < low < high:
+        raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
+    for joint in joints:
+        if joint not in joint_names:
+            raise InputError("joint of the sensitivity study", value=joint, allowed=", ".join(joint_names))
+    design = two_level_factorial(len(joints))
+    columns = [joint_names.index(name) for name in joints]
+    compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)
+    out = []
+    for pose in dict.fromkeys(system.pose):
+        one = system.of_poses((pose,))
+        vertical = np.flatnonzero(one.component == 2)
+        if vertical.size == 0:
+            raise InputError(f"pose {pose} has no Z reading", remedy="the sensitivity study needs dz_mm")
+        index = vertical[np.argmax(np.abs(one.value[vertical]))]
+        runs = (one.rest[index] + compliance @ one.influence[index, columns]) * 1e3
+        # Half the runs have a factor high, half low: the contrast over half their number is the effect.
+        effect = design.T @ runs / (len(runs) / 2)
+        total = np.abs(effect).sum()
+        share = np.abs(effect) / total if total > 0.0 else np.zeros_like(effect)
+        out.append(PoseEffects(pose, joints, effect, share, runs))
+    return out

@@ -1,0 +1,1 @@
+"""Measurement tables: read, checked, joined, and what their readings can tell at all."""

@@ -1,0 +1,329 @@
+"""Columns and cells of a measurement file: text in, numbers or faults (with their line) out."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import compress
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.tables.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
+from robots import InputError, InputErrors, Robot
+from robots.errors import FAULTS_SHOWN, line_ranges
+from robots.files.csv_text import as_read
+from robots.files.reading import read_bytes
+from robots.schema.units import factor
+
+Array = NDArray[np.float64]
+
+LOADS: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+DISPLACEMENTS: Final = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+POINT: Final = ("px_mm", "py_mm", "pz_mm")
+OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT)
+PHASES: Final = ("loading", "unloading")
+SUFFIXES: Final = (".csv", ".xlsx")
+_FAULTS_KEPT: Final = 10 * FAULTS_SHOWN
+
+_TO_SI: Final = MappingProxyType(
+    {"deg": factor("angle", "deg"), "mrad": factor("angle", "mrad"), "mm": factor("length", "mm")}
+)
+_UNIT: Final = re.compile(
+    r"([munckd]|da|milli|micro|kilo)?(m|n|g|nm|n_m|n_mm|nmm|rad|deg|met(re|er)s?|newtons?|radians?|degrees?)"
+    r"|inch(es)?|in|mils?|microns?|kgf|lbf?|arcmin|arcsec|"
+)
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
+_DOUBLED: Final = re.compile(r"\.\d+$")  # the mark some programs put on a column name's second use
+# Joint coordinates as robot programs usually name them; only "q" is clear enough without a unit.
+_JOINT_LIKE: Final = re.compile(r"q_?\d+[a-z]*(_[a-z]+)?|(a|j|joint|axis|theta)_?\d+[a-z]*_(deg|rad)", re.I)
+
+
+def si_factor(column: str) -> float:
+    """Factor from the unit in a column's name to SI; 1 for N, Nm and names without a unit."""
+    return _TO_SI.get(column.rpartition("_")[2], 1.0)
+
+
+@dataclass
+class Faults:
+    """Collects what is wrong in one file, to report it all at once in the order of the lines.
+
+    ``lines``: those with a fault; ``count``: of all faults. Of the faults themselves the first are kept: a table can
+    have a million.
+    """
+
+    file: str
+    lines: set[int] = field(default_factory=set)
+    count: int = 0
+    _found: list[tuple[int, InputError]] = field(default_factory=list)
+    _beyond: float = math.inf
+
+    def add(
+        self, line: int, problem: str, *, value: str | None = None, allowed: str, remedy: str, file: str | None = None
+    ) -> None:
+        """Record a problem of one line (of ``file``, where there are several); ``problem`` starts with its column."""
+        if self._takes(line):
+            what = f"{file or self.file}, row {line}, {problem}"
+            self._found.append((line, InputError(what, value=value, allowed=allowed, remedy=remedy)))
+
+    def record(self, line: int, error: InputError) -> None:
+        """Record an error that somebody else has found in a line."""
+        if self._takes(line):
+            self._found.append((line, error))
+
+    def _takes(self, line: int) -> bool:
+        """Count a fault; whether it may be among the first."""
+        self.count += 1
+        self.lines.add(line)
+        if len(self._found) == 2 * _FAULTS_KEPT:
+            self._found = sorted(self._found, key=lambda item: item[0])[:_FAULTS_KEPT]
+            self._beyond = self._found[-1][0]
+        return line < self._beyond
+
+    def raise_if_any(self, what: str = "measurements") -> None:
+        """Raise InputErrors if anything was recorded; ``what`` the file is begins the message."""
+        if self.count:
+            ordered = sorted(self._found, key=lambda item: item[0])
+            raise InputErrors(f"{what} {self.file}", [error for _, error in ordered], self.count)
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """A file as stripped text: header, rows with their line numbers, and remarks on what was left out."""
+
+    name: str
+    sha256: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def read_table(path: Path) -> RawTable:
+    """Read a CSV or XLSX (first sheet) file as text; the header is line 1.
+
+    Raises
+    ------
+    InputError
+        No such file, not a file, other suffix, empty, header only, or not readable as its suffix says.
+    """
+    allowed = f"a file ending in {' or '.join(SUFFIXES)}"
+    data = read_bytes(path, "measurement file")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError("measurement file", value=str(path), allowed=allowed, remedy="save it as one of these")
+    remedy = "the first line holds the column names, each further line one reading"
+    if not data.strip():
+        raise InputError(f"measurement file {path} is empty", remedy=remedy)
+    where = f"measurement file {path}"
+    if suffix == ".csv":
+        numbered, notes = _csv_rows(data, where), list[str]()
+    else:
+        sheet = read_first_sheet(data, where)
+        numbered, notes = list(enumerate(sheet.rows, start=1)), list(sheet.notes)
+    stripped = [(line, tuple(cell.strip() for cell in row)) for line, row in numbered]
+    if not stripped or not any(stripped[0][1]):
+        raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), remedy=remedy)
+    body = {line: row for line, row in stripped[1:] if any(row)}
+    if not body:
+        raise InputError("; ".join((f"{where} has a header but no readings", *notes)), remedy=remedy)
+    if blank := [line for line, row in stripped[1:] if not any(row)]:
+        notes.append(f"blank lines skipped: {line_ranges(blank)}")
+    return RawTable(
+        name=path.name,
+        sha256=hashlib.sha256(data).hexdigest(),
+        header=stripped[0][1],
+        rows=tuple(body.values()),
+        lines=tuple(body),
+        notes=tuple(notes),
+    )
+
+
+def _csv_rows(data: bytes, where: str) -> list[tuple[int, list[str]]]:
+    # csv, not pandas.read_csv: that pads short rows, renames doubled columns and loses line numbers.
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        what = f"{where} is not UTF-8 text (byte {error.start})"
+        raise InputError(what, remedy="save it as 'CSV UTF-8', or a workbook as .xlsx") from error
+    first = re.split(r"[\r\n]", text, maxsplit=1)[0]
+    separator = next((mark for mark in ",;\t" if mark in first), ",")
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    rows, line, cells = list[tuple[int, list[str]]](), 1, 0
+    try:
+        for row in reader:
+            rows.append((line, list(map(as_read, row))))
+            cells += len(row)
+            if len(row) > MOST_COLUMNS or cells > MOST_CELLS:
+                what, found = f"{where}, row {line}: columns", str(len(row))
+                if len(row) <= MOST_COLUMNS:
+                    what, found = f"{where}: cells", f"more than {MOST_CELLS} up to row {line}"
+                raise InputError(
+                    what,
+                    value=found,
+                    allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
+                    remedy="split the table, or leave out what is no reading",
+                )
+            line = reader.line_num + 1  # a quoted cell may run over several lines
+    except csv.Error as error:
+        what = f"{where}, row {line} is not valid CSV ({error})"
+        raise InputError(what, remedy='check the quotation marks (") from that line on') from error
+    return rows
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where each column stands: those of the contract, and unknown ones."""
+
+    known: dict[str, int]
+    unknown: dict[str, int]
+
+
+def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
+    """Sort the header into columns of the contract and unknown ones; faults go to ``faults``."""
+    names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *OPTIONAL)
+    known, unknown, meant = dict[str, int](), dict[str, int](), set[str]()
+    for i, name in enumerate(table.header):
+        column = f"column {name}" if name else f"column number {i + 1}"
+        if not name and not any(row[i] for row in table.rows if len(row) > i):
+            continue  # spreadsheets leave empty columns behind
+        if not name:
+            faults.add(1, f"{column} has cells but no name", allowed="a name for each column",
+                       remedy="name the column, or clear its cells")  # fmt: skip
+        elif name in known or name in unknown or _DOUBLED.sub("", name) in known:
+            faults.add(1, f"{column} stands there twice", value=name, allowed="each name once",
+                       remedy="rename or remove one of the two")  # fmt: skip
+        elif name in names:
+            known[name] = i
+        elif right := _right_name(name, names):
+            meant.add(right)
+            faults.add(1, f"{column} has a wrong or missing unit", value=name, allowed=right,
+                       remedy=f"convert the values if need be and name the column {right}")  # fmt: skip
+        elif _JOINT_LIKE.fullmatch(name):
+            meant.update(robot.coordinates)
+            faults.add(1, f"{column} is not a joint coordinate of {robot.name}", value=name,
+                       allowed=", ".join(robot.coordinates),
+                       remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
+        else:
+            unknown[name] = i
+    _check_groups(robot, {*known, *meant}, faults)
+    return Columns(known, unknown)
+
+
+def _right_name(name: str, names: Sequence[str]) -> str | None:
+    """Return the contract's name if ``name`` has a known stem and a wrong, missing or misspelt unit."""
+    plain = name.lower().replace("\u00b5", "u").replace("\u03bc", "u")
+    plain = re.sub(r"[\W_]+", "_", plain).strip("_")
+    for right in names:
+        stem = (right.rpartition("_")[0] or right).lower()
+        if plain.startswith(stem) and _UNIT.fullmatch(plain.removeprefix(stem).strip("_")):
+            return right
+    return None
+
+
+def _check_groups(robot: Robot, present: set[str], faults: Faults) -> None:
+    needed = {f"joint column of {robot.name}": robot.coordinates, "load column": LOADS,
+              "deflection column": DISPLACEMENTS}  # fmt: skip
+    for kind, group in needed.items():
+        if not present.intersection(group):
+            faults.add(1, f"the header has no {kind}", allowed=f"at least one of {', '.join(group)}",
+                       remedy="add those that are not zero throughout, named exactly so")  # fmt: skip
+    missing = [name for name in POINT if name not in present]
+    if 0 < len(missing) < len(POINT):
+        faults.add(1, f"no column {', '.join(missing)}", allowed=f"all of {', '.join(POINT)}, or none",
+                   remedy="give all three coordinates of the loaded point in the flange frame")  # fmt: skip
+
+
+# No angle, load or deflection of an arm in the file's units comes near; beyond it products overflow.
+LARGEST_NUMBER = 1e12
+
+
+def parse_number(text: str, *, positive: bool = False) -> float:
+    """Read one finite number written with a decimal point, above 0 if ``positive``.
+
+    Raises
+    ------
+    ValueError
+        It is not one; the message is the remedy.
+    """
+    if _NUMBER.fullmatch(text):
+        value = float(text)
+        if not abs(value) < LARGEST_NUMBER:
+            raise ValueError(f"the number is too large (below {LARGEST_NUMBER:.0e}): check its exponent")
+        if positive and value <= 0.0:
+            raise ValueError("give a value above 0, or leave the cell empty")
+        return value
+    if not text:
+        raise ValueError("fill in the value, 0 too")
+    if text.lower().lstrip("+-") in {"nan", "inf", "infinity"}:
+        raise ValueError("give the value that was set or read; only an empty cell means 'not read'")
+    if _DECIMAL_COMMA.fullmatch(text):
+        raise ValueError(f"this is a decimal comma: write {text.replace(',', '.')}")
+    if "\u2212" in text or "\u2013" in text:
+        raise ValueError("this is a typographic minus: write it with the hyphen '-'")
+    raise ValueError("write digits with a decimal point, without unit or text")
+
+
+def numbers(
+    table: RawTable, columns: Columns, names: Sequence[str], faults: Faults, *,
+    empty: str | None = None, missing: float = np.nan, positive: bool = False,
+) -> Array:  # fmt: skip
+    """Columns in SI units (n, len(names)); NaN where empty or faulty, ``missing`` where there is no column.
+
+    ``empty`` says what an empty cell means ("not read"); None makes an empty cell a fault.
+    """
+    out = np.full((len(table.rows), len(names)), missing)
+    allowed = "a finite number" + " above 0" * positive + (f", or an empty cell ({empty})" if empty else "")
+    for k, name in enumerate(names):
+        if name not in columns.known:
+            continue
+        out[:, k] = np.nan
+        for i, text in enumerate(texts(table, columns.known[name])):
+            try:
+                if text or empty is None:
+                    out[i, k] = parse_number(text, positive=positive) * si_factor(name)
+            except ValueError as error:
+                problem = f"column {name}" + ("" if text else " is empty")
+                faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=str(error))
+    return out
+
+
+def texts(table: RawTable, index: int | None) -> tuple[str, ...]:
+    """One column as text; empty strings if the column is missing."""
+    return tuple("" if index is None else row[index] for row in table.rows)
+
+
+def check_words(table: RawTable, columns: Columns, faults: Faults) -> None:
+    """Check the cells of ``pose``, ``repeat`` and ``phase``."""
+    for name, good, allowed, remedy in (
+        ("pose", re.compile(r"(?s).+"), "a label in each row", "name the pose, or leave the column out"),
+        ("repeat", re.compile(r"\d{0,9}", re.ASCII), "a whole number, or an empty cell",
+         "count the repeats 1, 2, 3 ..."),
+        ("phase", re.compile(f"(?:{'|'.join(PHASES)})?"), f"{', '.join(PHASES)}, or an empty cell",
+         "use one of these words"),
+    ):  # fmt: skip
+        if name in columns.known:
+            for line, text in zip(table.lines, texts(table, columns.known[name]), strict=True):
+                if not good.fullmatch(text):
+                    faults.add(line, f"column {name}", value=text, allowed=allowed, remedy=remedy)
+
+
+def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
+    """Record rows with too many or too few cells as faults and leave them out."""
+    width = len(table.header)
+    for line, row in zip(table.lines, table.rows, strict=True):
+        if len(row) != width:
+            faults.add(line, "the row does not fit the header", value=f"{len(row)} cells",
+                       allowed=f"{width} cells",
+                       remedy="look for a missing or extra separator, or a decimal comma")  # fmt: skip
+    whole = tuple(len(row) == width for row in table.rows)
+    return replace(table, rows=tuple(compress(table.rows, whole)), lines=tuple(compress(table.lines, whole)))

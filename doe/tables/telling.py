@@ -1,0 +1,143 @@
+"""Whether readings tell anything about the arm at all, asked before any number is made of them.
+
+A calibration answers whatever it is given: of readings with every second sign flipped it makes springs at their rigid
+end and a large noise. So readings are first held against all passive arms of the model's geometry
+(:mod:`doe.tables.passive_arm`). Where what the nearest one leaves is below half of the readings, they are deflections
+of such an arm with some noise. Where it is more, they must follow the arm better than chance would: better than the
+same readings with the signs of whole rows drawn at random (a passive arm gives along its loads), and better than with
+rows exchanged at random (it gives by pose and load). Both are tests by randomisation (Fisher 1935; Edgington and
+Onghena, Randomization Tests, 4th ed.), exact whatever the noise is distributed like.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from doe.estimation.problem import Problem
+from doe.tables.passive_arm import PassiveArm
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+# Scatter of less than this share of the readings leaves no doubt that they follow the arm: random readings get there
+# by chance once in some thousand tables of nine. Gauges at robots scatter by 1 to 30 % of what they read.
+NOISY = 0.5
+# Readings that scatter by more must follow the arm better than all but this share of their random variants.
+LEVEL = 0.01
+DRAWS = 499
+# Sums of squares that differ by less (relative) are the same.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Told:
+    """What readings tell.
+
+    ``scatter``: what the nearest passive arm leaves of them, over their RMS, at most 1 (NaN: none spare). ``by_sign``,
+    ``by_order``: share of the draws with random signs, and with rows exchanged, that follow the arm better than the
+    readings as they stand; NaN where it was not asked.
+    """
+
+    anything: bool
+    readings: int
+    scatter: float = math.nan
+    by_sign: float = math.nan
+    by_order: float = math.nan
+
+    @property
+    def words(self) -> str:
+        """Why the readings tell nothing, in a phrase."""
+        share, drawn = max(
+            (self.by_sign, "with signs drawn at random"), (self.by_order, "in another order of the rows")
+        )
+        return (
+            f"the springs that fit them best leave {100.0 * self.scatter:.0f} % of their size (RMS) unexplained, and "
+            f"in {100.0 * share:.0f} of 100 trials the same readings {drawn} fit better"
+        )
+
+
+def told_by(p: Problem) -> Told:
+    """Hold the readings of a problem against all passive arms of its geometry.
+
+    The same readings in another order of rows give the same answer.
+    """
+    arm = PassiveArm.of(p)
+    scaled = arm.over(_sizes(arm))
+    f, ways = scaled.fit()
+    spare = len(f) - ways
+    if spare <= 0:
+        return Told(True, len(f))
+    energy = float(scaled.value @ scaled.value)
+    left = float(np.sum((scaled.value - f) ** 2))
+    # With many numbers for few readings the estimate can exceed all that was read, which is not possible.
+    scatter = min(math.sqrt(left / spare * len(f) / energy), 1.0) if energy > 0.0 else 1.0
+    if scatter <= NOISY:
+        return Told(True, len(f), scatter)
+    by_sign, by_order = _by_chance(scaled, energy - left)
+    return Told(max(by_sign, by_order) <= LEVEL, len(f), scatter, by_sign, by_order)
+
+
+def refuse_telling_nothing(p: Problem, source: str) -> None:
+    """Refuse readings that tell nothing about the arm.
+
+    Raises
+    ------
+    InputError
+        Their scatter is of the size of the readings themselves, and chance would do as well.
+    """
+    told = told_by(p)
+    if told.anything:
+        return
+    raise InputError(
+        f"{source}: these {told.readings} readings tell nothing about the arm: {told.words}",
+        allowed=f"at most {100.0 * NOISY:g} % unexplained, or {100.0 * LEVEL:g} of 100 such trials that fit better",
+        remedy="check signs, the order of the rows, which column is which, loads and joint angles; "
+        "else measure again with larger loads",
+    )
+
+
+def _sizes(arm: PassiveArm) -> Array:
+    """RMS (m,) of what was read of each one's kind, translations and rotations; 1 where all of them are 0."""
+    size = np.ones(len(arm.value))
+    for kind in (arm.component < 3, arm.component >= 3):
+        if arm.value[kind].any():
+            size[kind] = np.sqrt(np.mean(arm.value[kind] ** 2))
+    return size
+
+
+def _by_chance(arm: PassiveArm, explained: float) -> tuple[float, float]:
+    """Shares of the draws that explain more than ``explained``: with signs of rows, and with rows exchanged."""
+    if explained <= ROUNDING * float(arm.value @ arm.value):
+        return 1.0, 1.0
+    row = np.unique(arm.row, return_inverse=True)[1]
+    table = np.full((int(row.max()) + 1, 6), np.nan)
+    table[row, arm.component] = arm.value
+    # Rows in an order of their own, so that it does not matter how they stand in the file.
+    order = np.lexsort(np.column_stack([arm.setup[np.unique(arm.row)], table]).T)
+    table, row = table[order], np.argsort(order)[row]
+    rng = np.random.default_rng(0)
+    sign, moved = rng.choice([-1.0, 1.0], size=(DRAWS, len(table))), np.tile(np.arange(len(table)), (DRAWS, 1))
+    for alike in _alike(table):
+        moved[:, alike] = rng.permuted(moved[:, alike], axis=1)
+    # In as many numbers as there are ways of giving: a draw then costs next to nothing.
+    Q, R = np.linalg.qr(arm.ways)
+    drawn = sign[:, row] * table[row, arm.component], table[moved[:, row], arm.component]
+    more = [sum(_explained(R, b) > explained * (1.0 + ROUNDING) for b in values @ Q) for values in drawn]
+    return more[0] / DRAWS, more[1] / DRAWS
+
+
+def _explained(R: Array, b: Array) -> float:
+    """What the nearest passive arm explains of readings with the coefficients b (k,), as a sum of squares."""
+    f = R @ nnls(R, b)[0]
+    return float(2.0 * f @ b - f @ f)
+
+
+def _alike(table: Array) -> list[NDArray[np.intp]]:
+    """Rows (k,) of a table with the same components read, which may be exchanged for one another."""
+    kind = np.unique(np.isnan(table), axis=0, return_inverse=True)[1].reshape(-1)
+    return [np.flatnonzero(kind == k) for k in range(int(kind.max()) + 1)]

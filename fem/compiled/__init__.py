@@ -1,0 +1,1 @@
+"""The same statics as compiled loops over poses."""

@@ -1,0 +1,1 @@
+"""Beam and shell elements, and links condensed from them."""

@@ -1,0 +1,1 @@
+"""Models with parameters set free: exact derivatives for calibration."""

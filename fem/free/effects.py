@@ -1,0 +1,114 @@
+"""Effects in a model with numbers set free: the arm as the numbers say, with its effects, and what is then read.
+
+Effects hang on the springs (friction holds back a share of a spring's turn) and on one another, so the arm is built
+anew for each set of numbers, and derivatives are differences. Those by stiffnesses are exact: an arm is statically
+determinate, so that loads and torques do not hang on its compliances, and every effect of the catalogue is linear in
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import PlacedEffect
+from fem.free.laws import FreeLaw
+from fem.free.parameters import Parameter
+from fem.model import ArmModel
+from fem.springs import RIGID, LawSpring, SpringLaw, SumSpring
+
+Array = NDArray[np.float64]
+Flexibility = Callable[[float], tuple[Array, Array]]
+
+# Steps of differences: a share of the range for what is linear, where any step is exact; else small enough for a
+# third-order error below 1e-8.
+LINEAR_STEP, STEP = 1e-2, 1e-4
+
+
+def changed_model(
+    model: ArmModel,
+    parameters: Sequence[Parameter],
+    laws: Sequence[FreeLaw],
+    walls: Mapping[str, Flexibility],
+    u: Array,
+) -> ArmModel:
+    """The model with stiffnesses, moduli, walls and laws at the estimator's variables u (p,)."""
+    for p, v in zip(parameters, u.tolist(), strict=True):
+        if p.kind in ("stiffness", "coupling"):
+            model = _with_entry(model, p, v)
+        elif p.kind == "modulus":
+            model = _with_link(model, p.place, p.value * v * _flexibility(model, p.place))
+        elif p.kind == "wall":
+            model = _with_link(model, p.place, walls[p.place](p.outer(v))[0])
+    for law in laws:
+        coefficients = u[law.first : law.first + law.basis.size]
+        model = _with_spring(model, law.joint, LawSpring(law.basis, coefficients))
+    return model
+
+
+def changed_effects(
+    effects: Sequence[PlacedEffect], parameters: Sequence[Parameter], u: Array
+) -> tuple[PlacedEffect, ...]:
+    """The effects with those of their numbers that are free at the estimator's variables u (p,)."""
+    values = {e.effect.code: e.values.copy() for e in effects}
+    for p, v in zip(parameters, u.tolist(), strict=True):
+        if p.kind == "effect":
+            # A stiffness acts as a compliance, which is its variable already.
+            values[p.place][p.index[0]] = v if p.scale == "compliance" else p.outer(v)
+    return tuple(replace(e, values=values[e.effect.code]) for e in effects)
+
+
+def step_of(p: Parameter, u: float, *, exact: bool) -> tuple[float, float]:
+    """Ends of the difference by one variable at u, within its range; ``exact``: readings are linear in it."""
+    low, high = p.inner_bounds
+    if p.scale == "compliance":
+        # The range spans decades; its geometric middle is the size that a compliance usually has.
+        size = max(abs(u), float(np.sqrt(low * high)))
+        h = size if exact else STEP * size
+    elif exact:
+        h = LINEAR_STEP * (high - low)
+    elif p.scale == "log" or p.kind == "law":
+        h = STEP
+    else:
+        h = STEP * min(max(abs(u), 0.1 * high), high - low)
+    return max(u - h, low), min(u + h, high)
+
+
+def _with_entry(model: ArmModel, p: Parameter, v: float) -> ArmModel:
+    if p.place == "bar":
+        return model if model.bar is None else replace(model, bar=replace(model.bar, compliance=v))
+    a, b = p.index[0], p.index[-1]
+    if p.place in model.robot.joint_names:
+        if (a, b) == (5, 5):
+            return _with_spring(model, p.place, SumSpring(RIGID, v))
+        joint = model.joints[model.robot.joint_names.index(p.place)]
+        changed = replace(joint, bearing=_with(joint.bearing, a, b, v))
+        return replace(model, joints=tuple(changed if j.name == p.place else j for j in model.joints))
+    if p.place == "base":
+        return replace(model, base=_with(model.base, a, b, v))
+    return replace(model, tool=_with(model.tool, a, b, v))
+
+
+def _with(C: Array, a: int, b: int, v: float) -> Array:
+    out = C.copy()
+    out[a, b] = out[b, a] = v
+    return out
+
+
+def _with_spring(model: ArmModel, joint: str, spring: SpringLaw) -> ArmModel:
+    return replace(model, joints=tuple(replace(j, axial=spring) if j.name == joint else j for j in model.joints))
+
+
+def _flexibility(model: ArmModel, name: str) -> Array:
+    return next(link for link in model.links if link.name == name).element.flexibility
+
+
+def _with_link(model: ArmModel, name: str, flexibility: Array) -> ArmModel:
+    """The model with a link of that flexibility; its mesh and stiffness stay, for statics asks neither."""
+    links = tuple(
+        replace(x, element=replace(x.element, flexibility=flexibility)) if x.name == name else x for x in model.links
+    )
+    return replace(model, links=links)

@@ -1,0 +1,75 @@
+"""Springs over joint angles as free parameters: ln(stiffness) is linear in coefficients of a basis.
+
+Whatever the coefficients, the stiffness stays positive. Bases over scaled angles ``u = (q - centre) / half_range``:
+polynomials (total degree up to six, orthogonal or not is the solver's affair: monomials, as in the model file),
+Fourier series ``1, cos m q, sin m q`` in the angle itself, tables (piecewise linear between nodes, constant
+beyond the ends). Fitted on the angles that were read: beyond them a polynomial runs away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
+from fem.free.parameters import TURN, Parameter
+from fem.model import ArmModel
+from robots import InputError
+
+__all__ = ["Basis", "FourierBasis", "FreeLaw", "PolynomialBasis", "TableBasis", "law_parameters", "polynomial_basis"]
+
+Array = NDArray[np.float64]
+
+HIGHEST_DEGREE = 6
+
+
+@dataclass(frozen=True)
+class FreeLaw:
+    """The law of one joint, set free: its basis, and where its coefficients stand among the parameters."""
+
+    joint: str
+    basis: Basis
+    first: int
+
+
+def polynomial_basis(model: ArmModel, inputs: tuple[str, ...], degree: int) -> PolynomialBasis:
+    """Total degree up to six in one or more joint coordinates, scaled to their limits.
+
+    Raises
+    ------
+    InputError
+        Unknown coordinate, or a degree out of range.
+    """
+    if not 0 <= degree <= HIGHEST_DEGREE:
+        raise InputError("degree of a spring's law", value=degree, allowed=f"0 to {HIGHEST_DEGREE}")
+    columns = tuple(model.robot.coordinate_index(name) for name in inputs)
+    limits = model.robot.limits[list(columns)]
+    powers = sorted(
+        (e for e in product(range(degree + 1), repeat=len(columns)) if sum(e) <= degree), key=lambda e: (sum(e), e)
+    )
+    return PolynomialBasis(columns, limits.mean(axis=1), np.diff(limits, axis=1)[:, 0] / 2.0, np.array(powers))
+
+
+def law_parameters(model: ArmModel, joint: str, basis: Basis, spread: float = 1.0) -> list[Parameter]:
+    """The coefficients of a joint's law, ``JOINT.law[0]`` onwards; they start at the model's constant spring.
+
+    ``spread``: standard deviation of the prior of every coefficient but those of the mean: laws that the data
+    do not ask for stay flat.
+    """
+    if joint not in model.robot.joint_names:
+        raise InputError("joint of a law", value=joint, allowed=", ".join(model.robot.joint_names))
+    number = model.robot.joint_names.index(joint)
+    compliance = float(model.joints[number].axial.compliance(np.zeros((1, model.robot.dof)))[0])
+    level = -np.log(compliance) if compliance > 0.0 else np.log(TURN[1])
+    table = isinstance(basis, TableBasis)
+    low, high = np.log(TURN[0]), np.log(TURN[1])
+    out = []
+    for k in range(basis.size):
+        mean = table or k == 0
+        start, span = (float(level), (low, high)) if mean else (0.0, (low - high, high - low))
+        prior = None if mean else (0.0, spread)
+        out.append(Parameter(f"{joint}.law[{k}]", "law", joint, (k,), "ln(N m/rad)", start, *span, "linear", prior))
+    return out

@@ -1,0 +1,278 @@
+"""A model with numbers set free: displacements and their exact derivatives, for all loaded poses at once.
+
+Stiffnesses, moduli and laws act at ports (:mod:`fem.statics.ports`), where derivatives are exact; zero errors change
+the robot, points and loads change the loaded poses, and their derivatives are central differences of the same formula
+(1e-9). Each number acts as the model file that holds it will: laws over angles go by the coordinates, whatever the
+zero errors, and tilts and offsets are added to those that the model has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.base import PlacedEffect
+from fem.effects.history import History, plain_history
+from fem.effects.observed import observed
+from fem.effects.situation import Situation
+from fem.free.effects import changed_effects, changed_model, step_of
+from fem.free.laws import FreeLaw
+from fem.free.parameters import GEOMETRIC, Kind, Parameter, own_compliance
+from fem.model import ArmModel
+from fem.springs import ConstantSpring, SpringLaw, SumSpring
+from fem.statics.flexibility import deflection
+from fem.statics.loads import LoadedPoses, as_read, placed
+from fem.statics.ports import Port, port_of, ports
+from robots import InputError
+from robots.robot import with_zero_errors
+
+__all__ = ["FreeModel", "LoadedPoses"]
+
+Array = NDArray[np.float64]
+Flexibility = Callable[[float], tuple[Array, Array]]
+
+# Loaded poses of many runs that are worked on at once: some 10 MB.
+ROWS = 4000
+# Steps of the central differences: a third-order error below 1e-9 of the value, and round-off below that.
+STEP = {"zero": 1e-4, "tilt": 1e-4, "load": 1e-4, "point": 1e-4}
+
+
+@dataclass(frozen=True)
+class FreeModel:
+    """A model, the numbers set free, and the loaded poses at which it is asked.
+
+    ``at``: loads as the model says that they act. ``laws``: springs over angles whose coefficients are among the
+    parameters. ``walls``: by link, the link's
+    flexibility and its derivative with ln(wall) as functions of the wall (m). ``effects``: what the arm has beyond
+    the model, none of it in ``model`` yet; ``history`` of the loaded poses, by default each a loading from zero.
+    """
+
+    model: ArmModel
+    parameters: tuple[Parameter, ...]
+    at: LoadedPoses
+    laws: tuple[FreeLaw, ...] = ()
+    walls: dict[str, Flexibility] = field(default_factory=dict)
+    effects: tuple[PlacedEffect, ...] = ()
+    history: History | None = None
+
+    def __post_init__(self) -> None:
+        codes = {e.effect.code for e in self.effects}
+        lost = [p.name for p in self.parameters if p.kind == "effect" and p.place not in codes]
+        if lost:
+            raise InputError("parameter", value=lost[0], allowed=f"effects here: {', '.join(sorted(codes)) or 'none'}")
+        seen = [(p.kind, p.place, p.index) for p in self.parameters]
+        for k, (p, key) in enumerate(zip(self.parameters, seen, strict=True)):
+            if key in seen[:k]:
+                raise InputError(f"parameter {p.name}", value="given twice", allowed="each number once")
+            clash = p.kind == "stiffness" and p.index == (5,) and any(law.joint == p.place for law in self.laws)
+            if clash:
+                raise InputError(f"parameter {p.name}", value="a constant and a law", allowed="one of them")
+            if p.kind == "wall" and p.place not in self.walls:
+                raise InputError(f"parameter {p.name}", value="no sections to vary", allowed="a link with a section")
+            if p.kind == "wall" and any(
+                other.kind == "modulus" and other.place == p.place for other in self.parameters
+            ):
+                raise InputError(
+                    f"parameters {p.name} and {p.place}.modulus",
+                    value="both free",
+                    allowed="one of them: readings only see their product",
+                )
+
+    @property
+    def start(self) -> Array:
+        """The estimator's variables (p,) at the model's own values, clipped into their ranges."""
+        inner = np.array([p.inner(p.value) for p in self.parameters])
+        low, high = np.array([p.inner_bounds for p in self.parameters]).reshape(-1, 2).T
+        return np.asarray(np.clip(inner, low, high))
+
+    def evaluate(self, u: Array) -> tuple[Array, Array]:
+        """Displacements (n, 6) and derivatives (n, 6, p) by the estimator's variables u (p,)."""
+        if self.effects:
+            value = self._observed(u)
+            return value, self._differences(u, value)
+        value, J = self._placed(u)
+        for k, p in enumerate(self.parameters):
+            if p.kind in GEOMETRIC:
+                h = STEP[p.kind]
+                ends = [self._placed(_stepped(u, k, s * h))[0] for s in (1, -1)]
+                J[:, :, k] = (ends[0] - ends[1]) / (2.0 * h)
+        return value, J
+
+    def displacement(self, u: Array) -> Array:
+        """Displacements (n, 6) alone, at a fraction of the work where angles or points are free."""
+        if self.effects:
+            return self._observed(u)
+        return self._placed(u)[0]
+
+    def displacements(self, u: Array) -> Array:
+        """Displacements (r, n, 6) for many sets of variables u (r, p): as many at once as memory serves best."""
+        if self.effects or self._one_at_a_time:
+            return np.array([self.displacement(one) for one in u]).reshape(len(u), len(self.at), 6)
+        out, at = np.empty((len(u), len(self.at), 6)), self.at
+        step = max(ROWS // max(len(at), 1), 1)
+        for first in range(0, len(u), step):
+            some = u[first : first + step]
+            each, times = np.repeat(some, len(at), axis=0), (len(some), 1)
+            tiled = LoadedPoses(np.tile(at.q, times), np.tile(at.wrench, times), np.tile(at.point, times))
+            value = self._at_ports(each, self._turned(each, self._moved(each, tiled, self.model)), self.model)[0]
+            out[first : first + step] = value.reshape(len(some), len(at), 6)
+        return out
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether displacements are linear in all variables; of a user's own effects that is not known."""
+        return all(p.is_linear for p in self.parameters) and not any(e.effect.own for e in self.effects)
+
+    def take(self, rows: NDArray[np.intp]) -> tuple[FreeModel, NDArray[np.intp]]:
+        """The same at some of the loaded poses (rising numbers), and which of the new ones these are.
+
+        With effects whole load cycles stay: what was read before is what a memory remembers.
+        """
+        kept, history = rows, self.history
+        if self.effects and history is not None:
+            kept = np.flatnonzero(np.isin(history.cycle, history.cycle[rows]))
+            history = history.take(kept)
+        at = LoadedPoses(self.at.q[kept], self.at.wrench[kept], self.at.point[kept])
+        return replace(self, at=at, history=history), np.searchsorted(kept, rows)
+
+    def _observed(self, u: Array) -> Array:
+        """Displacements (n, 6) with effects."""
+        arm = self._arm(u)
+        model = changed_model(arm, self.parameters, self.laws, self.walls, u)
+        effects = changed_effects(self.effects, self.parameters, u)
+        moved = self._moved(u, self.at, arm)
+        start = self._start if moved is self.at and arm is self.model else None
+        return observed(model, moved, effects, self.history or plain_history(len(self.at)), start)
+
+    @cached_property
+    def _start(self) -> Situation:
+        """Statics at the loaded poses as they are, for all numbers that leave them there."""
+        situation = Situation(self.model, self.at, self.history or plain_history(len(self.at)))
+        if any(e.effect.stage == "arm" and not e.effect.own for e in self.effects):
+            _ = situation.places, situation.preload
+        return situation
+
+    def _differences(self, u: Array, value: Array) -> Array:
+        """Derivatives (n, 6, p) with effects: exact by what is linear, else good to some 1e-8."""
+        J = np.zeros((len(self.parameters), len(self.at), 6)).transpose(1, 2, 0)
+        trusted = not any(e.effect.own for e in self.effects)
+        for k, p in enumerate(self.parameters):
+            at = float(u[k])
+            if p.is_linear and trusted:
+                # Any two points of a straight line will do, and one is known.
+                low, high = step_of(p, at, exact=True)
+                end = high if high - at > at - low else low
+                J[:, :, k] = (self._observed(_stepped(u, k, end - at)) - value) / (end - at)
+                continue
+            fixed = STEP.get(p.kind)
+            low, high = step_of(p, at, exact=False) if fixed is None else (at - fixed, at + fixed)
+            ends = [self._observed(_stepped(u, k, end - at)) for end in (low, high)]
+            J[:, :, k] = (ends[1] - ends[0]) / (high - low)
+        return J
+
+    def _placed(self, u: Array) -> tuple[Array, Array]:
+        """Displacements and derivatives as :meth:`_at_ports`, of the arm and loads that the variables u (p,) say."""
+        arm = self._arm(u)
+        return self._at_ports(u, self._moved(u, self.at, arm), arm)
+
+    def _arm(self, u: Array) -> ArmModel:
+        """The model whose joints' zeros are where the variables u (p,) say."""
+        more = self._shift(u, "zero", self.model.robot.dof)
+        return replace(self.model, robot=with_zero_errors(self.model.robot, more)) if more.any() else self.model
+
+    def _shift(self, u: Array, kind: Kind, size: int = 3) -> Array:
+        """What the variables u (p,) or (n, p) add to the model's own zero errors, point, load offset or tilt."""
+        shift = np.zeros((*u.shape[:-1], size))
+        for k, p in enumerate(self.parameters):
+            if p.kind == kind:
+                shift[..., p.index[0]] += u[..., k]
+        return shift
+
+    def _moved(self, u: Array, at: LoadedPoses, arm: ArmModel) -> LoadedPoses:
+        """Loaded poses (n) with points and loads as variables (p,), or a set of them for each pose (n, p), say."""
+        point, offset, tilt = (self._shift(u, kind) for kind in ("point", "load", "tilt"))
+        if arm is self.model and not (point.any() or offset.any() or tilt.any()):
+            return at
+        read = as_read(self.model, at)
+        read = replace(read, point=read.point + point)
+        return placed(arm.robot, read, self.model.load_offset + offset, self.model.load_tilt + tilt)
+
+    def _turned(self, u: Array, at: LoadedPoses) -> LoadedPoses:
+        """Loaded poses turned by their own zero errors (n, p): the same where nothing goes by the coordinates."""
+        more = self._shift(u, "zero", self.model.robot.dof)
+        return replace(at, q=at.q + more) if more.any() else at
+
+    @cached_property
+    def _one_at_a_time(self) -> bool:
+        """Whether sets of variables make arms that differ by more than what acts at the ports."""
+        kinds = {p.kind for p in self.parameters}
+        loaded = bool(self.model.load_offset.any() or {"load", "tilt"} & kinds)
+        return "wall" in kinds or ("zero" in kinds and (loaded or bool(self.laws) or _varies(self.model)))
+
+    @cached_property
+    def _unmoved(self) -> tuple[dict[str, Port], Array]:
+        return self._mechanics(self.at, self.model)
+
+    def _mechanics(self, at: LoadedPoses, arm: ArmModel) -> tuple[dict[str, Port], Array]:
+        """Ports, and the displacement (n, 6) of the model as it is."""
+        used = {p.place for p in self.parameters} | {law.joint for law in self.laws}
+        as_it_is = deflection(arm, at.q, at.wrench, at.point)
+        return ports(arm, at.q, at.wrench, at.point, used), as_it_is
+
+    def _at_ports(self, u: Array, at: LoadedPoses, arm: ArmModel) -> tuple[Array, Array]:
+        """Displacements and derivatives by everything but geometry; u (p,), or (n, p) where no wall is free."""
+        is_unmoved = at is self.at and arm is self.model
+        places, as_it_is = self._unmoved if is_unmoved else self._mechanics(at, arm)
+        value = as_it_is.copy()
+        # A parameter's derivatives lie together in memory: they are written one parameter at a time.
+        J = np.zeros((len(self.parameters), len(at), 6)).transpose(1, 2, 0)
+        for k, p in enumerate(self.parameters):
+            v = u[..., k]
+            if p.kind in ("stiffness", "coupling"):
+                a, b = p.index[0], p.index[-1]
+                J[:, :, k] = port_of(places, p.place).influence(a, b)
+                change = v - own_compliance(self.model, p.place, a, b, at.q)
+                value += change[:, None] * J[:, :, k]
+            elif p.kind == "modulus":
+                port = port_of(places, p.place)
+                J[:, :, k] = p.value * _share(port)
+                value += np.reshape(v - 1.0 / p.value, (-1, 1)) * J[:, :, k]
+            elif p.kind == "wall":
+                F, dF = self.walls[p.place](p.outer(float(v)))
+                port = port_of(places, p.place)
+                # The serial load path leaves the lever's pin, the last six rows, without load.
+                s = len(port.distinct)
+                J[:, :, k] = port.share(dF[:s, :s])
+                value += port.share(F[:s, :s]) - _share(port)
+        for law in self.laws:
+            columns = slice(law.first, law.first + law.basis.size)
+            basis = law.basis(at.q)
+            compliance = np.exp(-np.sum(basis * u[..., columns], axis=1))
+            influence = port_of(places, law.joint).influence(5, 5)
+            value += (compliance - own_compliance(self.model, law.joint, 5, 5, at.q))[:, None] * influence
+            J[:, :, columns] = -(compliance[:, None] * basis)[:, None, :] * influence[:, :, None]
+        return value, J
+
+
+def _varies(model: ArmModel) -> bool:
+    """Whether a part of the arm goes by the joints' coordinates, or by where their zeros are."""
+    return any(j.laws or j.housing.any() or not _is_constant(j.axial) for j in model.joints)
+
+
+def _is_constant(spring: SpringLaw) -> bool:
+    return isinstance(spring, ConstantSpring) or (isinstance(spring, SumSpring) and _is_constant(spring.spring))
+
+
+def _share(port: Port) -> Array:
+    assert port.flexibility is not None  # noqa: S101 - links and the bar have one
+    return port.share(port.flexibility)
+
+
+def _stepped(u: Array, k: int, h: float) -> Array:
+    out = np.array(u, dtype=np.float64)
+    out[k] += h
+    return out

@@ -1,0 +1,1 @@
+"""Independent solutions that the production path is held against."""

@@ -1,0 +1,1 @@
+"""Inputs for CalculiX, an independent code."""

@@ -1,0 +1,257 @@
+"""The whole shell arm in one pose as an input for CalculiX 2.20, so that an independent code can check our solution.
+
+Shells: quads become S8R, triangles S6, with the mid-side nodes on straight edges, so that both codes see the same
+facets. Everything else is linear equations between freedoms; nothing is penalised:
+
+- *Rings*: CalculiX turns shells into solids and gives a shell node rotations only where the elements around it
+  disagree about the normal. Thin beams along the ring, too soft to count, make them do so. Without the beams the
+  wall is hinged to a rigid ring, some 3 % too soft in short links, and a distributing ring pulls at the faces of the
+  wall, ever softer on finer meshes.
+- *Rigid ring*: a RIGID BODY for the displacements, equations for the rotations.
+- *Distributing ring*: its weighted mean motion is the interface's, by equations.
+- *Joint*: the root of the next link follows the tip of the one before; each direction in which the joint gives way is
+  a scalar freedom with a SPRING1. Bodies without a shell carry motions on.
+- *Parallelogram*: the elbow's scalar freedom has no spring; the bar is a scalar freedom equal to the change of the
+  pins' distance.
+
+Equations nest (a ring follows its interface, that follows the link below), which CalculiX resolves by itself. But no
+freedom may depend twice, and what follows hundreds of others makes whatever follows it do so as well: of a
+distributing ring six freedoms, chosen by :func:`fem.elements.couplings.giving_way`, follow the interface and the ring's
+rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fem.model import ArmModel, LinkPart, independent_springs
+from fem.reference.calculix.deck import MM_PER_M, Deck, Freedom, ascii_text, number, safe_name
+from fem.reference.calculix.links import Motion, add_link, follow
+from fem.reference.shell_arm import all_links, both, one_pose, shell_of
+from fem.statics.flexibility import deflection
+from robots import InputError
+from robots.kinematics import BodyFrames, forward_kinematics, tool_position
+
+Array = NDArray[np.float64]
+
+# Names of the six directions of a joint, the base or the tool.
+DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
+
+
+@dataclass(frozen=True)
+class ArmDeck:
+    """A CalculiX input and what it should give.
+
+    ``sets``: meaning of each set by name. ``tool``: numbers of the tool point's node and rotation node.
+    ``displacement`` (6,): what :func:`fem.statics.flexibility.deflection` gives for the tool point, m and rad, base
+    axes.
+    """
+
+    text: str
+    sets: dict[str, str]
+    tool: tuple[int, int]
+    displacement: Array
+    nodes: int
+    elements: int
+    equations: int
+
+
+@dataclass
+class _Arm:
+    """The deck while it grows: links written so far, nodes of scalar freedoms."""
+
+    model: ArmModel
+    deck: Deck = field(default_factory=Deck)
+    links: int = 0
+    scalars: list[int] = field(default_factory=list)
+
+    def link(self, link: LinkPart, root: Motion, R: Array, origin: Array) -> dict[str, Motion]:
+        self.links += 1
+        return add_link(self.deck, link, self.links, root, R, origin)
+
+    def scalar(self, name: str, what: str, at: Array, stiffness: float | None) -> Freedom:
+        """A node at ``at`` (3,) m whose direction 1 is a relative motion, with its spring (N/mm, N mm/rad)."""
+        freedom = self.deck.scalar(MM_PER_M * at, name, f"direction 1 is {what}", stiffness)
+        self.scalars.append(freedom[0])
+        return freedom
+
+    def springs(self, motion: Motion, name: str, R: Array, at: Array, springs: tuple[Array, Array]) -> Motion:
+        """Add springs: directions (6, k) in axes R (3, 3), SI, and their stiffnesses (k,) N/m or N m/rad."""
+        for k, (direction, stiffness) in enumerate(zip(springs[0].T, springs[1].tolist(), strict=True)):
+            shift = not direction[3:].any()
+            label = DIRECTIONS[int(np.argmax(direction))] if np.sum(direction != 0.0) == 1 else f"S{k + 1}"
+            unit = "mm" if shift else "rad"
+            column = both(R) @ direction
+            if shift:
+                stiffness /= MM_PER_M
+            else:
+                column[:3] *= MM_PER_M
+                stiffness *= MM_PER_M
+            what = f"relative motion {label.lower()} ({unit}) of {name.lower()}, its own axes"
+            motion = motion.plus(self.scalar(f"{name}_{label}", what, at, stiffness), column)
+        return motion
+
+    def turn(self, motion: Motion, joint: int, axis: Array, at: Array, q: Array, *, free: bool = False) -> Motion:
+        """Turn about a joint's axis against its spring, or freely as a parallelogram's elbow does."""
+        part = self.model.joints[joint]
+        compliance = float(part.axial.compliance(q)[0])
+        if not free and compliance == 0.0:
+            return motion
+        what = f"the turn (rad) about the axis of joint {ascii_text(part.name)}"
+        what += "; it is free, for the actuator sits at the crank" if free else ""
+        name = _name("ELBOW" if free else "J", joint + 1, part.name)
+        freedom = self.scalar(name, what, at, None if free else MM_PER_M / compliance)
+        return motion.plus(freedom, np.concatenate([np.zeros(3), axis]))
+
+    def joint(self, motion: Motion, joint: int, R: Array, at: Array, q: Array, *, free: bool) -> Motion:
+        """A joint and its bearing, axes R (3, 3) with z along the joint's."""
+        part = self.model.joints[joint]
+        name = _name("J", joint + 1, part.name)
+        if part.is_coupled:
+            C = part.bearing.copy()
+            C[5, 5] = part.axial.compliance(q)[0]
+            return self.springs(motion, name, R, at, independent_springs(C))
+        motion = self.turn(motion, joint, R[:, 2], at, q, free=free)
+        return self.springs(motion, name, R, at, part.springs())
+
+
+def arm_deck(
+    model: ArmModel, q: ArrayLike, wrench: ArrayLike, point: ArrayLike | None = None, *, title: Sequence[str] = ()
+) -> ArmDeck:
+    """Write the shell arm in one pose under one load.
+
+    Parameters
+    ----------
+    model : built with ``links="shell"``, either load path
+    q : (dof,) rad; limits are not checked here
+    wrench : (6,) force N and moment N m in base axes at the tool point
+    point : (3,) m in the flange frame instead of the model's tool point
+    title : lines for the header: which model, which pose
+
+    Raises
+    ------
+    InputError
+        Links that are not shells, more than one pose or load, values that are not finite, a flat parallelogram, or
+        an interface whose ring has no edges.
+    """
+    model.without_housings("CalculiX input")
+    pose, loads, at = one_pose(model, q, wrench, point)
+    if len(loads) != 1:
+        raise InputError("loads of a CalculiX input", value=len(loads), allowed="one")
+    if not model.links:
+        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell")
+    for link in all_links(model):
+        shell_of(link)
+    expected = deflection(model, pose, loads, at)[0]
+    frames = forward_kinematics(model.robot, pose)
+    position = tool_position(model.robot, frames, at)[0]
+    arm = _Arm(model)
+    motion = _chain(arm, frames, pose, position)
+    tool = _tool(arm.deck, motion, position)
+    if arm.scalars:
+        arm.deck.node_set(arm.scalars, "SCALARS", "the scalar freedoms of joints and bar")
+    header = [*title, *_header(arm.deck, loads[0], expected)]
+    text = arm.deck.text(header, _step(arm, loads[0], tool))
+    deck = arm.deck
+    return ArmDeck(text, deck.sets, tool, expected, deck.nodes_made, deck.elements_made, deck.equations_made)
+
+
+def _name(kind: str, number: int, name: str) -> str:
+    """Name of a set: the number keeps apart what looks alike once it is spelt in ASCII."""
+    return f"{kind}{number}_{safe_name(name)}".rstrip("_")
+
+
+def _chain(arm: _Arm, frames: BodyFrames, q: Array, tool: Array) -> Motion:
+    """Walk down the chain, then tie the bar; returns the tool's motion."""
+    model, robot = arm.model, arm.model.robot
+    links = {link.body: link for link in model.links}
+    p = robot.parallelogram if model.bar is not None else None
+    R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
+    motion, at = Motion((), np.zeros((6, 0))), np.zeros(3)
+    motion = arm.springs(motion, "BASE", R[0], at, independent_springs(model.base))
+    crank = pin = None
+    for body in range(robot.dof + 1):
+        tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
+        if body > 0:
+            joint = body - 1
+            motion = motion.carried(origin[body] - at)
+            if p is not None and joint == p.crank_about:
+                turned = arm.turn(motion, p.driven, axis[p.driven], origin[body], q)
+                crank = _crank(arm, turned, R[p.driven + 1], origin[body])
+            free = p is not None and joint == p.driven
+            motion = arm.joint(motion, joint, R[body] @ robot.R_post[joint].T, origin[body], q, free=free)
+        link = links.get(body)
+        ends = {} if link is None else arm.link(link, motion, R[body], origin[body])
+        if p is not None and body == p.driven + 1:
+            pin = ends.get("pin", motion.carried(R[body] @ p.pin))
+        motion, at = ends.get("tip", motion.carried(tip - origin[body])), tip
+    if p is not None and crank is not None and pin is not None:
+        _bar(arm, crank, pin, origin[p.driven + 1] - origin[p.crank_about + 1], frames.p[0, p.crank_about + 1])
+    return arm.springs(motion.carried(tool - at), "TOOL", frames.R_flange[0], tool, independent_springs(model.tool))
+
+
+def _crank(arm: _Arm, motion: Motion, R: Array, origin: Array) -> Motion:
+    assert arm.model.bar is not None and arm.model.robot.parallelogram is not None  # noqa: S101, PT018
+    crank = arm.model.bar.crank
+    if crank is None:
+        return motion.carried(R @ arm.model.robot.parallelogram.pin)
+    return arm.link(crank, motion, R, origin)["tip"]
+
+
+def _bar(arm: _Arm, crank: Motion, pin: Motion, span: Array, at: Array) -> None:
+    """The bar between its pins: its elongation has a spring, or is zero if the bar is rigid."""
+    assert arm.model.bar is not None  # noqa: S101 - the caller knows
+    u = np.concatenate([span / np.linalg.norm(span), np.zeros(3)])
+    elongation = pin.along(u)
+    for freedom, coefficient in crank.along(-u).items():
+        elongation[freedom] = elongation.get(freedom, 0.0) + coefficient
+    compliance = arm.model.bar.compliance
+    if compliance > 0.0:
+        what = "the elongation (mm) of the parallelogram's bar"
+        arm.deck.equation(arm.scalar("BAR", what, at, 1.0 / (MM_PER_M * compliance)), elongation)
+        return
+    pivot = max((f for f in elongation if not arm.deck.depends(f)), key=lambda f: abs(elongation[f]))
+    arm.deck.equation(pivot, {f: -c / elongation[pivot] for f, c in elongation.items() if f != pivot})
+
+
+def _tool(deck: Deck, motion: Motion, position: Array) -> tuple[int, int]:
+    at = MM_PER_M * position[None]
+    node = int(deck.nodes(at, "TOOL", "the tool point, where the load acts; directions 1 to 3: displacement (mm)")[0])
+    rotation = int(deck.nodes(at, "TOOL_ROT", "the same; directions 1 to 3: rotation (rad)")[0])
+    follow(deck, node, rotation, motion)
+    return node, rotation
+
+
+def _header(deck: Deck, wrench: Array, expected: Array) -> Iterator[str]:
+    """What the file holds and what stiffarm's own solution is."""
+    yield ""
+    yield "Units: mm, N, MPa, rad. Axes: the robot's base (X forward, Z up). Run it with: ccx arm"
+    force, moment = (", ".join(f"{v:g}" for v in part) for part in (wrench[:3], wrench[3:]))
+    yield f"Load at the tool point: force ({force}) N, moment ({moment}) N m, base axes. Linear static."
+    yield ""
+    yield "What stiffarm's own solution gives for the tool point (arm.dat: node sets TOOL and TOOL_ROT):"
+    yield "displacement (mm): " + " ".join(f"{MM_PER_M * v:.6g}" for v in expected[:3])
+    yield "rotation (rad):    " + " ".join(f"{v:.6g}" for v in expected[3:])
+    yield ""
+    yield f"{deck.nodes_made} nodes, {deck.elements_made} elements. What each set is:"
+    for name, what in deck.sets.items():
+        yield f"{name}: {what}"
+    yield ""
+
+
+def _step(arm: _Arm, wrench: Array, tool: tuple[int, int]) -> Iterator[str]:
+    yield "*CLOAD"
+    for i, value in enumerate(wrench.tolist()):
+        if value != 0.0:
+            yield f"{tool[0]},{i + 1},{number(value)}" if i < 3 else f"{tool[1]},{i - 2},{number(MM_PER_M * value)}"
+    for name in ("TOOL", "TOOL_ROT", *(["SCALARS"] if arm.scalars else [])):
+        yield f"*NODE PRINT,NSET={name}"
+        yield "U"
+    yield "*NODE FILE"
+    yield "U"
+    yield "*EL FILE"
+    yield "S"

@@ -1,0 +1,127 @@
+"""The compliance as a sum of squares: ``C(q) = sum_r c_g(r)(q) l_r(q)^T l_r(q)``, never indefinite.
+
+Every compliant part adds ``T^T C_p T`` (:mod:`fem.statics.flexibility`). With ``C_p = F^T F`` its rows are those of ``F
+T``: for a chain of revolute joints they are sums of products of one sine or cosine of each angle, as smooth as
+functions get, while a spring that depends on the pose stays outside as a factor of its own. A surrogate that learns the
+rows is positive semidefinite whatever its error (:mod:`surrogate.factored`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import ArmModel, JointPart
+from fem.springs import SumSpring
+from fem.statics.flexibility import batches
+from fem.statics.transfers import Transfer, transfers
+from robots import InputError
+from robots.kinematics import as_poses
+
+Array = NDArray[np.float64]
+
+# Directions of a part's compliance matrix that carry less than this share of its largest entry are round-off.
+_NO_COMPLIANCE = 1e-14
+
+
+@dataclass(frozen=True)
+class ComplianceFactor:
+    """Rows of the compliance at n poses.
+
+    Parameters
+    ----------
+    rows : (n, r, 6), unit sqrt(m/N) in front of forces; for a spring in ``weights`` without its stiffness
+    part : (r,) name of the part of each row
+    weights : (n, g) compliances of springs that are single numbers at each pose, rad/(N m) or m/N
+    group : (r,) which weight belongs to a row, -1: none, its compliance is in the row
+    """
+
+    rows: Array
+    part: tuple[str, ...]
+    weights: Array
+    group: NDArray[np.int64]
+
+    def compliance(self) -> Array:
+        """The compliance matrices (n, 6, 6)."""
+        weight = np.hstack([self.weights, np.ones((len(self.rows), 1))])[:, self.group]
+        return np.asarray(np.swapaxes(self.rows, 1, 2) @ (weight[:, :, None] * self.rows))
+
+
+def compliance_factor(model: ArmModel, q: Array, point: Array | None = None) -> ComplianceFactor:
+    """Split the compliance (n, 6, 6) of :func:`fem.compliance` into rows; arguments and errors as there.
+
+    Raises
+    ------
+    InputError
+        Also a model in which nothing gives way, or a joint whose coupled compliance is no positive one.
+    """
+    q = as_poses(model.robot, q)
+    model = replace(model, joints=tuple(_apart(joint) if joint.is_coupled else joint for joint in model.joints))
+    rows: list[Array] = []
+    weights: list[Array] = []
+    names: list[str] = []
+    group: list[int] = []
+    for where, frames, tool in batches(model, q, point):
+        parts = list(transfers(model, frames, q[where], tool, where.start))
+        if not parts:
+            raise InputError(
+                f"model of {model.robot.name}: nothing in it gives way",
+                remedy="give it flexible links or joint springs",
+            )
+        rows.append(np.concatenate([_rows(part) for part in parts], axis=1))
+        for part in parts:
+            if (part.compliance < 0.0).any() and part.compliance.ndim == 1:
+                raise InputError(
+                    f"model of {model.robot.name}: compliance of {part.name} with what couples it to other directions",
+                    allowed="positive semidefinite",
+                    remedy="a softer spring about the axis, or a weaker coupling",
+                )
+        single = [part.compliance for part in parts if part.compliance.ndim == 1]
+        weights.append(np.stack(single, axis=1) if single else np.empty((len(tool), 0)))
+        if not names:
+            names, group = _labels(parts)
+    return ComplianceFactor(
+        np.concatenate(rows), tuple(names), np.concatenate(weights), np.array(group, dtype=np.int64)
+    )
+
+
+def _apart(joint: JointPart) -> JointPart:
+    """The same joint with a bearing that is positive semidefinite by itself, and the rest of the axial compliance.
+
+    What couples them, b, takes ``b^T B^-1 b`` (Schur's complement) of the axial compliance to be a sum of squares.
+    """
+    bearing = joint.bearing.copy()
+    size = np.sqrt(np.maximum(np.diag(bearing)[:5], 1e-300))
+    coupling = bearing[5, :5] / size
+    inverse = np.linalg.pinv(bearing[:5, :5] / np.outer(size, size), rcond=_NO_COMPLIANCE, hermitian=True)
+    bearing[5, 5] = coupling @ inverse @ coupling
+    return replace(joint, bearing=bearing, axial=SumSpring(joint.axial, -bearing[5, 5]))
+
+
+def _labels(parts: list[Transfer]) -> tuple[list[str], list[int]]:
+    names: list[str] = []
+    group: list[int] = []
+    springs = 0
+    for part in parts:
+        single = part.compliance.ndim == 1
+        count = 1 if single else len(_square_root(part.compliance))
+        names += [part.name] * count
+        group += [springs if single else -1] * count
+        springs += single
+    return names, group
+
+
+def _rows(part: Transfer) -> Array:
+    """Rows (n, r, 6) of one part."""
+    T = np.moveaxis(part.matrix(), 2, 0)
+    return T if part.compliance.ndim == 1 else np.asarray(_square_root(part.compliance) @ T)
+
+
+def _square_root(C: Array) -> Array:
+    """F (r, s) with F^T F = C (s, s), r its rank; forces and moments are scaled alike first."""
+    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    kept = values > _NO_COMPLIANCE * values[-1]
+    return np.asarray((np.sqrt(values[kept]) * vectors[:, kept] * size[:, None]).T)

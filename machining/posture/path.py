@@ -1,0 +1,236 @@
+"""Posture along a path as one problem, so that the result can be driven; beside it the paper's each-point best.
+
+Gao 2024 (doi:10.1109/ACCESS.2024.3435911, eq. 15) picks each point's best posture by itself. Here the course through
+gamma x branch x equivalent turns of the joints is chosen as a whole, by dynamic programming: exact on a grid of gamma,
+then again on finer grids around the course found, which never makes it worse but may settle in a local optimum.
+
+The cost of a course is the mean over its points of ``-merit / scale`` plus the costs of :class:`machining.Drive`
+(those of segments also over the number of points), ``scale`` the mean of each point's best on the grid. With the aim
+"worst" the worst point comes first, and that cost decides among the courses with the same worst point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining.posture.courses import Gap, Layers, Links, cheapest_course
+from machining.posture.drive import Drive
+from machining.posture.points import GammaRange, Postures, best_postures, sweep_gamma
+from machining.posture.problem import (
+    Course,
+    Problem,
+    States,
+    course_given,
+    course_of,
+    gap_error,
+    is_better,
+    problem_of,
+    solve,
+    states_of,
+)
+from machining.stiffness.objective import Objective
+from machining.task import Task
+from machining.toolpaths.path_error import PathError
+from robots import InputError
+from robots.inverse.turns import every_turn
+
+Array = NDArray[np.float64]
+
+# Angles of a finer grid around a course: four cells to either side.
+OFFSETS = np.linspace(-1.0, 1.0, 9)
+# Branches whose merits differ by less than this share are equally good.
+TIED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PathPosture:
+    """Result of :func:`optimise_path`.
+
+    ``course`` can be driven; ``each_point`` is the paper's best of each point by itself, its joints turned for the
+    least motion; ``fixed`` is the best course with one gamma of the grid, None if there is none (``why_no_fixed``).
+    ``scale`` is what costs are measured in. ``sure``: the inverse kinematics found all solutions on the grid; if not
+    (arms that are searched), there may be a better course.
+    """
+
+    course: Course
+    each_point: Course
+    fixed: Course | None
+    why_no_fixed: str | None
+    scale: float
+    sure: bool
+
+
+def optimise_path(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective | None = None,
+    gammas: GammaRange | None = None,
+    drive: Drive | None = None,
+    *,
+    passes: int = 4,
+    generator: np.random.Generator | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> PathPosture:
+    """Choose gamma, branch and turns along a whole path.
+
+    Parameters
+    ----------
+    objective : default the mean k_fs
+    gammas : grid of gamma, default a full turn in 5 deg
+    drive : limits and costs, default :class:`machining.posture.drive.Drive`
+    passes : finer grids after the first, each four times as fine; 0 keeps the grid's course, which is then exact
+    generator : as in :func:`robots.inverse_kinematics`
+    progress : called with (done, total) steps
+
+    Raises
+    ------
+    InputError
+        A point that no posture reaches or is allowed at; no course that keeps speeds and jumps (the message says
+        where it ends, which joint is in the way, and how near a singularity is).
+    """
+    objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
+    sweep = sweep_gamma(model, task, objective, gammas.angles, generator=generator)
+    said = _Said(progress, passes)
+    problem = problem_of(model, task, objective, gammas, drive, sweep, generator)
+    said.next()
+    states = states_of(problem, sweep)
+    found = solve(problem, states, problem.links)
+    said.next()
+    best = refine_course(problem, states, found, passes, said.next) if passes > 0 else found
+    if isinstance(best, Gap):
+        raise gap_error(problem, states, best)
+    each = best_postures(
+        model, task, objective, gammas, sweep=sweep, starts=3 if passes > 0 else 0, generator=generator
+    )
+    said.next()
+    fixed = solve(problem, states, replace(problem.links, gamma_step=0.0))
+    why = str(gap_error(problem, states, fixed)) if isinstance(fixed, Gap) else None
+    sure = bool(sweep.sure.all())
+    said.next()
+    fixed_course = None if isinstance(fixed, Gap) else fixed
+    return PathPosture(best, _each_point(problem, each), fixed_course, why, problem.scale, sure)
+
+
+def course_at(
+    model: fem.ArmModel,
+    task: Task,
+    gamma: float | Array,
+    objective: Objective | None = None,
+    drive: Drive | None = None,
+    *,
+    generator: np.random.Generator | None = None,
+) -> Course:
+    """Best course (branch and turns) with gamma given, one for all or (n,) rad: what a program does as it stands.
+
+    Its cost is in units of its own best values. Errors as :func:`optimise_path`.
+    """
+    objective, drive = objective or Objective(), drive or Drive()
+    angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
+    found = course_given(model, task, angle, objective, drive, generator)
+    if isinstance(found, PathError):
+        raise found
+    return found
+
+
+class _Said:
+    """Counts the steps of a search for whoever shows them."""
+
+    def __init__(self, progress: Callable[[int, int], None] | None, passes: int) -> None:
+        self.progress, self.done, self.total = progress, 0, passes + 4
+
+    def next(self) -> None:
+        self.done += 1
+        if self.progress is not None:
+            self.progress(self.done, self.total)
+
+
+def refine_course(
+    problem: Problem,
+    states: States,
+    found: Course | Gap,
+    passes: int,
+    said: Callable[[], None] = lambda: None,
+) -> Course | Gap:
+    """Courses on finer grids around those found, four times as fine each time; ``said`` is called after each."""
+    best, half = found, problem.gammas.cell
+    centres = [] if isinstance(found, Gap) else [found.gamma]
+    centres += _between_knots(problem, states)
+    for _ in range(passes):
+        for centre in centres:
+            trial = _around(problem, centre, half)
+            if is_better(problem, trial, best):
+                best = trial
+        said()
+        if isinstance(best, Gap):
+            return best
+        centres, half = [best.gamma], half / 4.0
+    return best
+
+
+def _around(problem: Problem, centre: Array, half: float) -> Course | Gap:
+    try:
+        states = problem.states(problem.gammas.inside(centre[:, None] + half * OFFSETS))
+    except InputError:
+        # The line between two knots may leave the reach; then there is nothing to gain here.
+        return Gap(0, 0, 0, np.zeros(0), np.inf)
+    return solve(problem, states, problem.links)
+
+
+def _between_knots(problem: Problem, states: States) -> list[Array]:
+    """Gamma (n,) of the best course through every k-th point, straight between them.
+
+    On a path of close points no joint can follow a whole cell of gamma from one point to the next, and the grid's
+    course would be stuck at one gamma. From knot to knot there is time for two cells.
+    """
+    step, n = problem.links.step, problem.task.path.n
+    if n < 3 or not np.isfinite(step).any() or problem.drive.gamma_step < 2.0 * problem.gammas.cell / n:
+        return []
+    stride = int(np.ceil(2.0 * problem.gammas.cell / np.median(step.min(axis=1))))
+    if stride < 2:
+        return []
+    knots = np.unique(np.append(np.arange(0, n, stride), n - 1))
+    many = np.diff(knots)[:, None]
+    summed = np.add.reduceat(step, knots[:-1], axis=0)
+    unit = np.add.reduceat(problem.links.unit, knots[:-1], axis=0) / np.sqrt(many)
+    gamma_step = problem.drive.gamma_step * stride
+    old = states.layers
+    rows = np.concatenate([np.arange(old.start[i], old.start[i + 1]) for i in knots])
+    start = np.concatenate([[0], np.cumsum(np.diff(old.start)[knots])]).astype(np.int64)
+    # A knot stands for the points around it, so that quality and motion keep their proportion.
+    weight = np.repeat(np.gradient(knots.astype(np.float64)), np.diff(start))
+    layers = Layers(start, old.q[rows], old.gamma[rows], old.cost[rows] * weight, old.merit[rows])
+    course = cheapest_course(layers, Links(summed, gamma_step, unit, problem.links.weight))
+    if isinstance(course, Gap):
+        return []
+    return [problem.gammas.inside(np.interp(np.arange(n), knots, np.unwrap(layers.gamma[course])))]
+
+
+def _each_point(problem: Problem, each: Postures) -> Course:
+    """The paper's choice; nothing keeps it from jumping.
+
+    Of branches equally good (a wrist flip changes nothing in an arm of rigid links) and of turns, those that move
+    least are taken. Gamma stays as it was chosen: between two peaks of nearly the same height it may go back and forth.
+    """
+    robot, drive, n = problem.model.robot, problem.drive, len(each.q)
+    sweep = sweep_gamma(
+        problem.model, problem.task, problem.objective, each.gamma[:, None], generator=problem.generator
+    )
+    best = sweep.merit.max(axis=(1, 2), keepdims=True)
+    point, _, branch = found = np.nonzero(sweep.valid & (sweep.merit >= best - TIED * np.abs(best)))
+    q, value = sweep.q[found], sweep.value[found]
+    turned = every_turn(robot, q)
+    row = turned.target
+    soft = drive.near_singular(robot, q)[0] + drive.near_things(q, point)[0]
+    soft -= problem.objective.sign * value / problem.scale
+    cost = (soft[row] + drive.near_limits(robot, turned.q)[0]) / n
+    start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
+    layers = Layers(start, turned.q, each.gamma[point[row]], np.zeros(len(row)), value[row])
+    free = Links(np.full_like(problem.links.step, np.inf), np.inf, problem.links.unit, 1.0)
+    course = cheapest_course(layers, free)
+    assert not isinstance(course, Gap)  # noqa: S101 - without limits there are no gaps
+    return course_of(problem, States(replace(layers, cost=cost), value[row], branch[row], sweep.names), course)

@@ -1,0 +1,307 @@
+"""Posture at points: the angle gamma about the tool axis and the branch that make the arm stiffest (Gao 2024, eq. 15).
+
+doi:10.1109/ACCESS.2024.3435911. Each point is looked at by itself, as in the paper; for a path that can be driven see
+:mod:`machining.posture.path`. Limits of the joints are kept, collisions are not looked at.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import fem
+from machining.stiffness.compiled import FastSweep, fast_sweep
+from machining.stiffness.objective import Objective
+from machining.task import Task, as_gammas
+from machining.toolpaths.path_error import PathError
+from robots import InputError, Reason, inverse_kinematics
+from robots.inverse.branches import BRANCH_NAMES
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+# Targets a call of the inverse kinematics: bounds its memory, not the result.
+TARGETS = 100_000
+# A full turn whose ends are this close (rad) is closed: its first and last angle are one.
+CLOSED = 1e-9
+
+
+@dataclass(frozen=True)
+class GammaRange:
+    """Angles gamma from ``lower`` to ``upper`` rad, ``count`` of them; a full turn counts its two ends once.
+
+    Raises
+    ------
+    InputError
+        An empty range, one of more than a turn, or fewer than two angles.
+    """
+
+    lower: float = -np.pi
+    upper: float = np.pi
+    count: int = 72
+
+    def __post_init__(self) -> None:
+        width = self.upper - self.lower
+        if not 0.0 < width <= 2.0 * np.pi + CLOSED:
+            raise InputError(
+                "range of gamma",
+                value=f"{np.degrees(self.lower):g} to {np.degrees(self.upper):g} deg",
+                allowed="lower below upper, at most 360 deg apart",
+                remedy="for one angle use postures_at",
+            )
+        if self.count < 2:
+            raise InputError("number of angles gamma", value=self.count, allowed="2 or more")
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is a full turn."""
+        return self.upper - self.lower > 2.0 * np.pi - CLOSED
+
+    @property
+    def cell(self) -> float:
+        """Rad from one angle to the next."""
+        return (self.upper - self.lower) / (self.count if self.closed else self.count - 1)
+
+    @property
+    def angles(self) -> Array:
+        """The angles (count,) rad."""
+        return np.linspace(self.lower, self.upper, self.count, endpoint=not self.closed)
+
+    def inside(self, gamma: Array) -> Array:
+        """Bring angles into the range: by whole turns if it is closed, else to its nearer end."""
+        if self.closed:
+            return np.asarray(self.lower + np.mod(gamma - self.lower, 2.0 * np.pi))
+        return np.clip(gamma, self.lower, self.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """All postures of n points, m angles gamma and b branches.
+
+    ``gamma`` (n, m) rad; ``q`` (n, m, b, dof) rad; ``valid`` (n, m, b); ``value`` (n, m, b) of the objective, NaN
+    where not valid; ``reason`` (n, m, b) as in :class:`robots.InverseSolutions`; ``names`` (b,) of the branches;
+    ``sure`` (n, m): all solutions were found.
+    """
+
+    objective: Objective
+    gamma: Array
+    q: Array
+    valid: Bools
+    value: Array
+    reason: NDArray[np.int8]
+    names: tuple[str, ...]
+    sure: Bools
+
+    @property
+    def merit(self) -> Array:
+        """Value with large is good, -inf where not valid, (n, m, b)."""
+        return np.asarray(np.where(self.valid, self.objective.sign * self.value, -np.inf))
+
+    def check_reached(self) -> None:
+        """Raise InputError if a point cannot be reached at any angle; it names the points and the reasons."""
+        lost = np.flatnonzero(~self.valid.any(axis=(1, 2)))
+        if len(lost) == 0:
+            return
+        first = int(lost[0])
+        found = Counter(self.reason[first].ravel().tolist())
+        why = "; ".join(
+            f"{times} of {self.reason[first].size} {Reason(code).words}"
+            for code, times in found.most_common()
+            if Reason(code) is not Reason.NO_SUCH
+        )
+        more = f" (and {len(lost) - 1} more: {', '.join(map(str, lost[1:6]))}{' ...' if len(lost) > 6 else ''})"
+        raise PathError(
+            lost,
+            f"path point {first}{more if len(lost) > 1 else ''} cannot be reached at any of {self.gamma.shape[1]} "
+            f"angles gamma from {np.degrees(self.gamma[first].min()):.4g} to "
+            f"{np.degrees(self.gamma[first].max()):.4g} deg",
+            value=why or "no solution was found",
+            allowed="one branch within joint limits",
+            remedy="move the part, change the tool or its axis, or widen the range of gamma",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """One posture a point: ``gamma`` (n,) rad, ``q`` (n, dof) rad, ``value`` (n,), ``branch`` (n,) into ``names``."""
+
+    gamma: Array
+    q: Array
+    value: Array
+    branch: Integers
+    names: tuple[str, ...]
+
+
+def sweep_gamma(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective,
+    gamma: ArrayLike,
+    *,
+    generator: np.random.Generator | None = None,
+) -> Sweep:
+    """Value of every branch at every point and angle; gamma (m,) or (n, m) rad.
+
+    ``generator`` as in :func:`robots.inverse_kinematics`, for arms without a closed form. Their columns are
+    solutions in no fixed order, not branches. Large sweeps go by compiled loops where that can be done
+    (:mod:`machining.stiffness.compiled`), with the same results to rounding.
+
+    Raises
+    ------
+    InputError
+        As :class:`Objective`, :func:`robots.inverse_kinematics` and :func:`fem.deflection`.
+    """
+    angle = as_gammas(gamma, task.path.n)
+    n, m = angle.shape
+    fast = fast_sweep(model, task, objective.quantity, objective.forces(n), angle)
+    if fast is not None:
+        return _sweep_of(fast, model, task, objective, angle)
+    frames = task.tool_frames(angle).reshape(n * m, 4, 4)
+    parts = [
+        inverse_kinematics(model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator)
+        for i in range(0, n * m, TARGETS)
+    ]
+    names = max((part.names for part in parts), key=len)
+    q = np.full((n * m, len(names), model.robot.dof), np.nan)
+    valid = np.zeros(q.shape[:2], dtype=np.bool_)
+    reason = np.full(q.shape[:2], np.int8(Reason.NO_SUCH))
+    for i, part in enumerate(parts):
+        rows, b = slice(i * TARGETS, i * TARGETS + len(part.q)), len(part.names)
+        q[rows, :b], valid[rows, :b], reason[rows, :b] = part.q, part.valid, part.reason
+    value = np.full(valid.shape, np.nan)
+    value[valid] = objective.values(model, q[valid], task, np.nonzero(valid)[0] // m)
+    shape = (n, m, len(names))
+    sure = np.concatenate([part.sure for part in parts]).reshape(n, m)
+    return Sweep(
+        objective,
+        angle,
+        q.reshape(*shape, -1),
+        valid.reshape(shape),
+        value.reshape(shape),
+        reason.reshape(shape),
+        names,
+        sure,
+    )
+
+
+def _sweep_of(fast: FastSweep, model: fem.ArmModel, task: Task, objective: Objective, angle: Array) -> Sweep:
+    n, m = angle.shape
+    valid, value = fast.valid, fast.value
+    target = np.nonzero(valid)[0]
+    if value is None:
+        value = np.full(valid.shape, np.nan)
+        value[valid] = objective.values(model, fast.q[valid], task, target // m)
+    else:
+        objective.check_finite(value[valid], target // m)
+    shape = (n, m, len(BRANCH_NAMES))
+    return Sweep(
+        objective,
+        angle,
+        fast.q.reshape(*shape, -1),
+        valid.reshape(shape),
+        value.reshape(shape),
+        fast.reason.reshape(shape),
+        BRANCH_NAMES,
+        np.ones((n, m), dtype=np.bool_),
+    )
+
+
+def best_of(sweep: Sweep) -> Postures:
+    """Best posture of each point among those of a sweep.
+
+    Raises
+    ------
+    InputError
+        A point that cannot be reached.
+    """
+    sweep.check_reached()
+    n, _, b = sweep.valid.shape
+    rows, best = np.arange(n), sweep.merit.reshape(n, -1).argmax(axis=1)
+    at, branch = np.divmod(best, b)
+    found = rows, at, branch
+    return Postures(sweep.gamma[rows, at], sweep.q[found], sweep.value[found], branch, sweep.names)
+
+
+def postures_at(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective,
+    gamma: float | Array,
+    *,
+    generator: np.random.Generator | None = None,
+) -> Postures:
+    """Best branch of each point at a given gamma, one for all or (n,) rad. Errors as :func:`best_of`."""
+    angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
+    return best_of(sweep_gamma(model, task, objective, angle[:, None], generator=generator))
+
+
+def best_postures(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective,
+    gammas: GammaRange | None = None,
+    *,
+    sweep: Sweep | None = None,
+    starts: int = 3,
+    tolerance: float = 1e-5,
+    generator: np.random.Generator | None = None,
+) -> Postures:
+    """Best posture of each point over gamma and all branches: grid, then refined about the ``starts`` best peaks.
+
+    A peak narrower than a cell of the grid can be missed; more angles find it.
+
+    Parameters
+    ----------
+    gammas : the range and grid, default a full turn in 5 deg
+    sweep : that of ``gammas``, if it is there already
+    starts : peaks of the grid that are refined at each point; 0 gives the grid's best
+    tolerance : rad, of gamma
+
+    Raises
+    ------
+    InputError
+        A point that cannot be reached; else as :func:`sweep_gamma`.
+    """
+    gammas = gammas or GammaRange()
+    sweep = sweep or sweep_gamma(model, task, objective, gammas.angles, generator=generator)
+    best = best_of(sweep)
+    if starts < 1:
+        return best
+    centre, half = _peaks(sweep, gammas, starts), gammas.cell
+    offsets = np.linspace(-1.0, 1.0, 9)
+    rows = np.arange(task.path.n)[:, None]
+    while half > tolerance:
+        trial = gammas.inside(centre[..., None] + half * offsets)
+        fine = sweep_gamma(model, task, objective, trial.reshape(task.path.n, -1), generator=generator)
+        merit = fine.merit.max(axis=2).reshape(trial.shape)
+        centre = np.take_along_axis(trial, merit.argmax(axis=2)[..., None], axis=2)[..., 0]
+        half /= 4.0
+    fine = sweep_gamma(model, task, objective, centre, generator=generator)
+    merit = np.concatenate([objective.sign * best.value[:, None], fine.merit.max(axis=2)], axis=1)
+    choice = merit.argmax(axis=1)
+    better, at = choice > 0, np.maximum(choice - 1, 0)
+    branch = fine.merit[rows[:, 0], at].argmax(axis=1)
+    found = rows[:, 0], at, branch
+    names = max(best.names, fine.names, key=len)
+    return Postures(
+        np.where(better, centre[rows[:, 0], at], best.gamma),
+        np.where(better[:, None], fine.q[found], best.q),
+        np.where(better, fine.value[found], best.value),
+        np.where(better, branch, best.branch),
+        names,
+    )
+
+
+def _peaks(sweep: Sweep, gammas: GammaRange, starts: int) -> Array:
+    """Gamma (n, starts) of the highest grid peaks of each point; the highest again where there are fewer."""
+    merit = sweep.merit.max(axis=2)
+    pad = ((0, 0), (1, 1))
+    around = np.pad(merit, pad, mode="wrap") if gammas.closed else np.pad(merit, pad, constant_values=-np.inf)
+    peak = np.isfinite(merit) & (merit >= around[:, :-2]) & (merit >= around[:, 2:])
+    order = np.argsort(-np.where(peak, merit, -np.inf), axis=1, kind="stable")[:, :starts]
+    order = np.where(np.take_along_axis(peak, order, axis=1), order, order[:, :1])
+    return np.take_along_axis(sweep.gamma, order, axis=1)

@@ -1,0 +1,1 @@
+"""Stiffness of the tool: Cartesian matrices, indices, ellipsoid, distribution over space."""

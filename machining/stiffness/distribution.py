@@ -1,0 +1,271 @@
+"""How a stiffness index is distributed over a plane, a box or any points, for each angle gamma about the tool axis.
+
+Gao 2024 (doi:10.1109/ACCESS.2024.3435911), section IV.C, Figs. 10 and 11: k_fs over a plane at several gamma, its
+mean, standard deviation and peak to valley against gamma, and the gamma with the largest mean. The paper does not say
+what becomes of points that a gamma does not reach. Here both answers are given: each gamma over the points that *it*
+reaches, which compares different sets of points, and all over the points that *every* gamma reaches.
+
+Each point has the best branch within joint limits. Neither collisions nor the way from point to point are looked at.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import fem
+from machining.stiffness.objective import Objective
+from machining.sweep_parts import Progress, sweep_parts
+from machining.task import Task, ToolPath
+from robots import InputError, Reason
+from robots.inverse.solutions import why_no_closed_form
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+Over = Literal["reached", "common"]
+
+# Merits that differ by less than this share are equally good: a tool point on the flange axis makes all gamma so.
+TIED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Figures of a distribution at each of m angles gamma; NaN where no point counts.
+
+    ``over``: "reached", at each gamma the points that it reaches, or "common", the points that every gamma reaches.
+    ``points`` (m,): how many those are. ``mean``, ``standard_deviation`` (of these points as they are: divided by
+    their number), ``smallest``, ``largest``, ``peak_to_valley`` (m,) in the unit of the quantity. ``share`` (m,) of
+    all points that this gamma reaches, whatever ``over`` is.
+    """
+
+    over: Over
+    points: Integers
+    mean: Array
+    standard_deviation: Array
+    smallest: Array
+    largest: Array
+    share: Array
+
+    @property
+    def peak_to_valley(self) -> Array:
+        """Largest less smallest value (m,)."""
+        return np.asarray(self.largest - self.smallest)
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """Best branch's value at n points and m angles.
+
+    ``gamma`` (m,) rad; ``value`` (n, m) of the objective, NaN where no posture is within reach and limits; ``sure``:
+    the inverse kinematics found all solutions.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, or infinite values.
+    """
+
+    objective: Objective
+    gamma: Array
+    value: Array
+    sure: bool = True
+
+    def __post_init__(self) -> None:
+        gamma, value = np.asarray(self.gamma, dtype=np.float64), np.asarray(self.value, dtype=np.float64)
+        if gamma.ndim != 1 or value.ndim != 2 or value.shape[1] != len(gamma) or value.size == 0:
+            shapes = f"gamma {gamma.shape}, value {value.shape}"
+            raise InputError("distribution", value=shapes, allowed="(m,) and (n, m), n and m at least 1")
+        if np.isinf(value).any() or not np.isfinite(gamma).all():
+            raise InputError("distribution", value="infinite", allowed="finite, NaN where a point is not reached")
+        object.__setattr__(self, "gamma", gamma)
+        object.__setattr__(self, "value", value)
+
+    @property
+    def reached(self) -> Bools:
+        """Whether a point is reached at an angle (n, m)."""
+        return np.isfinite(self.value)
+
+    @property
+    def common(self) -> Bools:
+        """Points (n,) that every gamma reaches."""
+        return np.asarray(self.reached.all(axis=1))
+
+    def within(self, inside: Bools) -> Distribution:
+        """The same over some of the points: ``inside`` (n,).
+
+        Raises
+        ------
+        InputError
+            Another shape, or no point.
+        """
+        return Distribution(self.objective, self.gamma, self.value[_checked(inside, len(self.value))], self.sure)
+
+    def statistics(self, over: Over = "reached") -> Statistics:
+        """Mean, scatter and range at each gamma."""
+        if over not in ("reached", "common"):
+            raise InputError("statistics over", value=over, allowed="reached, common")
+        counted = self.reached if over == "reached" else np.broadcast_to(self.common[:, None], self.value.shape)
+        number = counted.sum(axis=0)
+        some = np.where(number > 0, number, np.nan)
+        mean = np.where(counted, self.value, 0.0).sum(axis=0) / some
+        away = np.where(counted, self.value - mean, 0.0)
+        empty = number == 0
+        return Statistics(
+            over=over,
+            points=np.asarray(number, dtype=np.int64),
+            mean=mean,
+            standard_deviation=np.sqrt((away**2).sum(axis=0) / some),
+            smallest=np.where(empty, np.nan, np.where(counted, self.value, np.inf).min(axis=0)),
+            largest=np.where(empty, np.nan, np.where(counted, self.value, -np.inf).max(axis=0)),
+            share=self.reached.mean(axis=0),
+        )
+
+    def best_at_points(self) -> BestAtPoints:
+        """Best gamma of each point by itself; of equally good ones (to 1e-9) the first."""
+        merit = np.where(self.reached, self.objective.sign * self.value, -np.inf)
+        column = _first_best(merit)
+        found = self.reached.any(axis=1)
+        value = self.value[np.arange(len(self.value)), column]
+        gamma = np.where(found, self.gamma[column], np.nan)
+        return BestAtPoints(np.where(found, column, -1), gamma, np.where(found, value, np.nan))
+
+
+@dataclass(frozen=True, eq=False)
+class BestAtPoints:
+    """Best angle of each of n points: ``column`` (n,) into gamma, -1 where none; ``gamma`` rad and ``value`` or NaN."""
+
+    column: Integers
+    gamma: Array
+    value: Array
+
+
+@dataclass(frozen=True, eq=False)
+class GammaChoice:
+    """One gamma (rad) for all points of a region.
+
+    ``column`` into the distribution's gamma; ``score`` (m,) that was compared, in the quantity's unit, NaN where a
+    gamma was not allowed; ``share`` (m,) of the region that each gamma reaches.
+    """
+
+    column: int
+    gamma: float
+    value: float
+    aim: Literal["mean", "worst"]
+    score: Array
+    share: Array
+
+
+def distribution(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective | None = None,
+    gamma: ArrayLike = (0.0,),
+    *,
+    generator: np.random.Generator | None = None,
+    progress: Progress | None = None,
+) -> Distribution:
+    """Value of the best branch at every point of a task and every angle gamma (m,) rad.
+
+    The points are those of :func:`machining.stiffness.grid.grid_task`, or a path's. Parts of them are worked on in
+    turn, so only the result grows with their number. ``generator`` as in :func:`machining.posture.points.sweep_gamma`;
+    ``progress`` is called with points done and points in all.
+
+    Raises
+    ------
+    InputError
+        As :func:`machining.sweep_parts.sweep_parts`.
+    """
+    objective = objective or Objective()
+    angle = np.atleast_1d(np.asarray(gamma, dtype=np.float64))
+    value, sure = [], True
+    for _, _, sweep in sweep_parts(model, task, objective, angle, generator=generator, progress=progress):
+        best = sweep.merit.max(axis=2)
+        value.append(np.where(np.isfinite(best), objective.sign * best, np.nan))
+        sure = sure and bool(sweep.sure.all())
+    return Distribution(objective, angle, np.concatenate(value), sure)
+
+
+def why_not_reached(model: fem.ArmModel, task: Task, gamma: ArrayLike, *, sample: int = 200) -> str:
+    """Say in words what keeps the branches from the points: shares over some of the points and all angles.
+
+    ``sample``: points looked at, spread over all. For arms in closed form; "" for others. Errors as
+    :func:`machining.sweep_parts.sweep_parts`.
+    """
+    if why_no_closed_form(model.robot) is not None:
+        return ""
+    rows = np.unique(np.linspace(0, task.path.n - 1, sample).astype(int))
+    p = task.path
+    some = Task(
+        ToolPath(p.points[rows], p.normals[rows], p.axes[rows], p.feed[rows]),
+        task.T_flange_tool,
+        task.T_base_part,
+        task.reference,
+    )
+    found: Counter[int] = Counter()
+    for _, _, sweep in sweep_parts(model, some, Objective(), np.atleast_1d(np.asarray(gamma, dtype=np.float64))):
+        found.update(sweep.reason.ravel().tolist())
+    shares = {Reason(code): count / found.total() for code, count in found.most_common() if code != Reason.NO_SUCH}
+    return "; ".join(f"{100.0 * share:.3g} % of the branches {reason.words}" for reason, share in shares.items())
+
+
+def best_gamma(
+    found: Distribution,
+    inside: Bools | None = None,
+    *,
+    aim: Literal["mean", "worst"] | None = None,
+    partly: bool = False,
+) -> GammaChoice:
+    """The one gamma that is best for a region; of equally good ones (to 1e-9) the first.
+
+    Parameters
+    ----------
+    inside : (n,) the region's points, as :func:`machining.stiffness.grid.in_box` and its like give; default all
+    aim : the mean over the region or its worst point; default the objective's
+    partly : also allow a gamma that does not reach all of the region, judged by what it does reach. A gamma that loses
+        the soft places then looks better for it
+
+    Raises
+    ------
+    InputError
+        No gamma reaches all of the region (``partly``: none of it); a region of another shape or without a point.
+    """
+    aim = aim or found.objective.aim
+    if aim not in ("mean", "worst"):
+        raise InputError("aim of the best gamma", value=aim, allowed="mean, worst")
+    region = found if inside is None else found.within(inside)
+    s = region.statistics()
+    worst = s.largest if found.objective.minimised else s.smallest
+    score = np.where((s.share > 0.0) & (partly | (s.share == 1.0)), s.mean if aim == "mean" else worst, np.nan)
+    if np.isnan(score).all():
+        most = int(s.share.argmax())
+        whole = " all of" if not partly else " any point of"
+        raise InputError(
+            f"region of {len(region.value)} points: no gamma reaches{whole} it",
+            value=f"at most {100.0 * s.share[most]:.4g} % of it, at {np.degrees(found.gamma[most]):.4g} deg",
+            allowed="a gamma that does",
+            remedy="move or shrink the region, change the tool, or judge by what is reached (partly)",
+        )
+    merit = np.where(np.isnan(score), -np.inf, found.objective.sign * score)
+    column = int(_first_best(merit[None])[0])
+    return GammaChoice(column, float(found.gamma[column]), float(score[column]), aim, score, s.share)
+
+
+def _first_best(merit: Array) -> Integers:
+    """Column of the largest merit (n, m) in each row: where rounding alone tells two apart, the first."""
+    best = merit.max(axis=1, keepdims=True)
+    # Nothing reached: all are -inf, and the first is as good as any.
+    least = np.where(np.isfinite(best), best - TIED * np.abs(best), -np.inf)
+    return np.asarray((merit >= least).argmax(axis=1), dtype=np.int64)
+
+
+def _checked(inside: Bools, n: int) -> Bools:
+    mask = np.asarray(inside)
+    if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
+        raise InputError("region", value=f"shape {mask.shape}, {mask.dtype}", allowed=f"({n},) of bool, some true")
+    return mask

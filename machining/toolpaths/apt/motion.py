@@ -1,0 +1,201 @@
+"""Words of APT files that move the tool, or prepare a motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.toolpaths.apt import words
+from machining.toolpaths.apt.arcs import ArcWord, circle, movarc, tlon
+from machining.toolpaths.apt.cycles import cycle
+from machining.toolpaths.apt.state import AptState, Handler
+from machining.toolpaths.arcs import ArcError, arc_points, between
+from machining.toolpaths.cycles import Cycle
+from machining.toolpaths.drilling import drill
+from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.recorder import Vector
+
+
+class AptMotion(AptState):
+    """Motion words on top of the state words."""
+
+    def __init__(self, path: Path, options: ReadOptions) -> None:
+        super().__init__(path, options)
+        self.here: Vector | None = None
+        self.last_cycle: Cycle | None = None
+        self.arc: ArcWord | None = None
+        self.tangent: NDArray[np.float64] | None = None
+
+    def motion_words(self) -> dict[str, Handler]:
+        """Handlers by word."""
+        return {
+            "GOTO": self._goto,
+            "FROM": self._from,
+            "GOHOME": self._gohome,
+            "GODLTA": self._godlta,
+            "RAPID": self._rapid,
+            "RETRCT": self._retract,
+            "CIRCLE": self._circle,
+            "MOVARC": self._movarc,
+            "INDIRV": self._indirv,
+            "TLON,GOFWD": self._tlon,
+            "CYCLE": self._cycle,
+        }
+
+    def _to(self, point: Vector) -> None:
+        if self.dirty:
+            self._commit()
+        self.recorder.move(self.line, point, self.axis, self.rapid)
+        self.here, self.rapid = point, False
+
+    def _target(self, rest: str) -> Vector:
+        parts = words.items(rest)
+        values = words.numbers(parts, (3, 6) if self.arc is None else (3, 6, *range(9, 400, 3)))
+        if len(values) > 6:
+            # Creo: all points of an arc in one statement; the last one ends it.
+            values = values[-3:]
+        if len(values) == 6:
+            self.axis = self.frames.direction((values[3], values[4], values[5]))
+        return self.frames.point((values[0] * self.scale, values[1] * self.scale, values[2] * self.scale))
+
+    def _goto(self, rest: str) -> None:
+        before = self.axis
+        point = self._target(rest)
+        if self.cycle is not None:
+            self._drill(self.cycle, point)
+        elif self.arc is not None:
+            self._along(self.arc, point, before)
+        else:
+            self._to(point)
+
+    def _along(self, arc: ArcWord, end: Vector, before: Vector) -> None:
+        self.arc = None
+        if self.here is None:
+            raise words.WordError("an arc without a point before it", "GOTO or FROM before the arc")
+        try:
+            arc, remark = arc.settled(np.array(self.here), np.array(end))
+            if remark:
+                self.recorder.note(self.line, remark)
+            fraction, points = arc_points(
+                self.here,
+                end,
+                arc.center,
+                arc.axis,
+                chord_tolerance=self.options.chord_tolerance,
+                arc_tolerance=self.options.arc_tolerance,
+                radius=arc.radius,
+                turns=arc.turns,
+                limit=self.options.max_moves,
+            )
+        except ArcError as fault:
+            self._fault(fault.what, fault.value, fault.allowed, "post once more with more decimals, or arc_tolerance")
+            self.here = end
+            return
+        if self.dirty:
+            self._commit()
+        self.recorder.moves(self.line, points, between(before, self.axis, fraction), self.rapid)
+        self.here, self.rapid = end, False
+
+    def _from(self, rest: str) -> None:
+        self._no_open_arc()
+        point = self._target(rest)
+        self.rapid = True
+        self._to(point)
+
+    def _gohome(self, rest: str) -> None:
+        self._no_open_arc()
+        if rest.strip():
+            self._from(rest)
+            return
+        self.recorder.event(self.line, "GOHOME")
+        self.recorder.note(self.line, "GOHOME without a point: the machine's home is not in the file")
+        self.here, self.rapid = None, False
+
+    def _godlta(self, rest: str) -> None:
+        self._no_open_arc()
+        parts = words.items(rest)
+        values = [v * self.scale for v in words.numbers(parts, (1, 3))]
+        if self.here is None:
+            raise words.WordError("GODLTA without a point before it", "GOTO or FROM before it")
+        if len(values) == 1:
+            length = math.sqrt(sum(v * v for v in self.axis)) or 1.0
+            step = [values[0] * v / length for v in self.axis]
+        else:
+            step = list(self.frames.direction((values[0], values[1], values[2])))
+        self._to((self.here[0] + step[0], self.here[1] + step[1], self.here[2] + step[2]))
+
+    def _rapid(self, rest: str) -> None:
+        self.rapid = True
+
+    def _retract(self, rest: str) -> None:
+        self.recorder.event(self.line, "RETRCT", rest)
+        self.recorder.note(self.line, "RETRCT: the height is the machine's and not in the file")
+
+    def _drill(self, work: Cycle, point: Vector) -> None:
+        if self.dirty:
+            self._commit()
+
+        def state(own: bool, reverse: bool) -> None:
+            sign = self.spindle.signed
+            speed = self.feed.speed(sign)
+            if own and not math.isnan(work.feed):
+                speed = words.Feed(
+                    work.feed * (1.0 if work.per_turn else 60.0), "turn" if work.per_turn else "minute"
+                ).speed(sign)
+            self.recorder.state(speed, -sign if reverse else sign, self.tool, self.operation)
+
+        self.here = drill(self.recorder, self.line, self.here, point, self.axis, work, state)
+        self.rapid = False
+
+    def _no_open_arc(self) -> None:
+        if self.arc is not None:
+            self.arc = None
+            self._fault("an arc without its GOTO before this line", "", "the end of the arc")
+
+    def _circle(self, rest: str) -> None:
+        self._no_open_arc()
+        self._open(circle(rest, self.scale, self.options.circle_axis))
+
+    def _movarc(self, rest: str) -> None:
+        self._no_open_arc()
+        self._open(movarc(rest, self.scale))
+
+    def _open(self, arc: ArcWord) -> None:
+        center = self.frames.point((arc.center[0], arc.center[1], arc.center[2]))
+        axis = self.frames.direction((arc.axis[0], arc.axis[1], arc.axis[2]))
+        self.arc = replace(arc, center=np.array(center), axis=np.array(axis))
+
+    def _indirv(self, rest: str) -> None:
+        self.tangent = np.array(words.numbers(words.items(rest), (3,)))
+
+    def _tlon(self, rest: str) -> None:
+        self._no_open_arc()
+        if self.here is None or self.tangent is None or self.frames.moves:
+            raise words.WordError("no point or no INDIRV before it", "GOTO and INDIRV before it, frames as written")
+        arc, end = tlon(rest, self.scale, np.array(self.here), self.tangent)
+        self._along(arc, (float(end[0]), float(end[1]), float(end[2])), self.axis)
+
+    def _cycle(self, rest: str) -> None:
+        self._no_open_arc()
+        parts = words.items(rest)
+        self.recorder.event(self.line, "CYCLE", rest)
+        if parts in (["OFF"], ["INIT"], ["CLEAR"], ["START"], ["NOMORE"]):
+            self.cycle = None
+        elif parts == ["ON"] and self.last_cycle is not None:
+            self.cycle = self.last_cycle
+        else:
+            self.cycle = None
+            try:
+                self.cycle, unread = cycle(parts, self.scale)
+            except words.WordError as fault:
+                if self.options.unknown_motion == "error":
+                    raise
+                self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}")
+                return
+            self.last_cycle = self.cycle
+            for text in unread:
+                self.recorder.note(self.line, f"CYCLE, not read: {text}")

@@ -1,0 +1,218 @@
+"""APT and CLSF files: Siemens NX, CATIA, Creo, SolidWorks CAM, Autodesk and relatives.
+
+Words by ISO 4343 and the vendors' manuals; where dialects differ, the module of the word says so. Files are read line
+by line; the numbers of ``GOTO/`` go straight into flat arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from machining.magnitudes import LARGEST
+from machining.toolpaths.apt import words
+from machining.toolpaths.apt.motion import AptMotion
+from machining.toolpaths.apt.state import Handler
+from machining.toolpaths.apt.units import split_word
+from machining.toolpaths.motions import Motions
+from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.source import lines, readable
+from robots.files.reading import recording
+
+# Words kept as events without a remark; display words are dropped.
+KEPT = (
+    "AIR",
+    "APPLY",
+    "ARCSLP",
+    "AUTOPS",
+    "BEGIN",
+    "CHECK",
+    "CLAMP",
+    "CONTCT",
+    "COOLNT",
+    "CSI_SET_EXTENSION_LENGTH",
+    "CSI_SET_FLUTE_LENGTH",
+    "END",
+    "END-OF-PATH",
+    "FINI",
+    "GOUGCK",
+    "HEAD",
+    "INSERT",
+    "INTOL",
+    "LEADER",
+    "LINTOL",
+    "MACHIN",
+    "MATERL",
+    "MAXDPM",
+    "MCHTOL",
+    "MFGNO",
+    "MODE",
+    "MULTAX",
+    "OPSTOP",
+    "OUTTOL",
+    "PARTNO",
+    "PIVOTZ",
+    "PPFUN",
+    "PPRINT",
+    "PREFUN",
+    "PSIS",
+    "REMARK",
+    "REWIND",
+    "SELCTL",
+    "SELECT",
+    "SEQNO",
+    "SET",
+    "SETUP",
+    "STOP",
+    "SYN",
+    "TCP",
+    "TITLE",
+    "TOLER",
+    "TPRINT",
+    "TRNTYP",
+    "TURRET",
+    "UNLOAD",
+)
+DROPPED = ("PAINT", "DISPLY", "LABEL", "CNTRL", "KNOT")
+STATEMENT_LIMIT = 65536
+
+
+@recording()
+def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
+    """Read an APT or CLSF file.
+
+    ``RAPID`` holds for the next motion. ``GOTO`` without a tool axis keeps the last one (z before the first).
+    ``FROM`` is the first point, and rapid, as is ``GOHOME/x,y,z``. ``DELAY`` counts for the move before it.
+
+    Raises
+    ------
+    InputError
+        The file is too large, too many moves, no unit of length.
+    InputErrors
+        Faults of lines, all of them.
+    """
+    options = options or ReadOptions()
+    reader = _Reader(path, options)
+    reader.read(lines(path, options.max_bytes))
+    return reader.recorder.motions()
+
+
+class _Reader(AptMotion):
+    def __init__(self, path: Path, options: ReadOptions) -> None:
+        super().__init__(path, options)
+        self.head, self.head_line = "", 0
+        # Nothing open that the short way for GOTO would miss.
+        self.plain = True
+        self.table: dict[str, Handler] = {
+            **self.state_words(),
+            **self.motion_words(),
+            **{word: self._keep(word) for word in KEPT},
+            **dict.fromkeys(DROPPED, _drop),
+        }
+
+    def read(self, source: Iterable[str]) -> None:
+        number = 0
+        for number, raw in enumerate(source, start=1):
+            if self.plain and raw.startswith("GOTO"):
+                head, _, rest = raw.partition("/")
+                if len(head.rstrip()) == 4 and "$" not in rest and "_" not in rest:
+                    try:
+                        values = list(map(float, rest.split(",")))
+                    except ValueError:
+                        values = []
+                    # What no machine goes to is told by the long way; NaN is not less than anything.
+                    if len(values) in (3, 6) and sum(map(abs, values)) < LARGEST:
+                        self.line = number
+                        if len(values) == 6:
+                            self.axis = (values[3], values[4], values[5])
+                        s = self.scale
+                        self._to((values[0] * s, values[1] * s, values[2] * s))
+                        continue
+            self._physical(number, raw)
+        self.line = number
+        self._finish()
+
+    # Lines and statements
+
+    def _physical(self, number: int, raw: str) -> None:
+        text, comment_mark, comment = raw.strip().partition("$$")
+        if comment_mark:
+            self._comment(number, comment)
+        if not text.strip():
+            return
+        if not self.head:
+            self.head_line = number
+        body, dollar, behind = text.partition("$")
+        if dollar and behind.strip() and split_word(self.head + text)[0] in words.TEXT_WORDS:
+            body, dollar = text, ""
+        whole = self.head + body
+        if dollar:
+            self.head, self.plain = whole, False
+            if len(whole) > STATEMENT_LIMIT:
+                self.line, self.head = self.head_line, ""
+                self._fault("statement", "", f"up to {STATEMENT_LIMIT} characters")
+            return
+        self.head, self.line = "", self.head_line
+        self._settle()
+        if whole.strip():
+            self._statement(whole)
+
+    def _statement(self, text: str) -> None:
+        word, rest = split_word(text)
+        handler = self.table.get(word)
+        try:
+            if handler is not None:
+                handler(rest)
+            elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
+                self._fault("numbers without a word before them", readable(text), "GOTO/ and the like, or $ above")
+            elif words.sounds_like_motion(word):
+                self._lost(word, rest)
+            else:
+                self.recorder.event(self.line, word, readable(rest))
+                self.recorder.note(self.line, f"word {readable(word)} is not read")
+        except words.WordError as fault:
+            self.arc = None
+            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed)
+        self._settle()
+
+    def _comment(self, number: int, text: str) -> None:
+        text = readable(text).strip()
+        if not text:
+            return
+        self.recorder.event(number, "$$", text)
+        head, _, name = text.partition(":")
+        if head.strip().upper() == "OPERATION NAME" and name.strip():
+            self.operation, self.dirty = words.name(name), True
+
+    def _lost(self, word: str, rest: str) -> None:
+        if self.options.unknown_motion == "error":
+            remedy = "post the program without it, or pass unknown_motion='report' to go on without this motion"
+            self._fault(f"{word} sounds like a motion and is not read", rest, "GOTO, CIRCLE, MOVARC, ...", remedy)
+        else:
+            self.recorder.event(self.line, word, readable(rest))
+            self.recorder.note(self.line, f"motion word {readable(word)} left out, as asked")
+
+    def _settle(self) -> None:
+        self.plain = not self.head and self.arc is None and self.cycle is None and not self.frames.moves
+
+    def _finish(self) -> None:
+        if self.head:
+            self.line = self.head_line
+            self._fault("the file ends within a statement", self.head, "the rest behind the last $", "post once more")
+        if self.arc is not None:
+            self._fault("the file ends behind an arc without its GOTO", "", "the end of the arc", "post once more")
+        if not self.ended:
+            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short")
+
+    def _keep(self, word: str) -> Handler:
+        def keep(rest: str) -> None:
+            self.recorder.event(self.line, word, readable(rest))
+            if word in ("FINI", "GOUGCK", "END-OF-PATH"):
+                self.ended = True
+                self._no_open_arc()
+
+        return keep
+
+
+def _drop(rest: str) -> None:
+    pass

@@ -1,0 +1,1 @@
+"""G-code programs of milling machines."""

@@ -1,0 +1,104 @@
+"""Centres of G2 and G3 arcs, and drill cycles of G73 and G81 to G89."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.toolpaths.arcs import CLOSED
+from machining.toolpaths.cycles import Cycle
+from machining.toolpaths.gcode.words import Block
+
+Array = NDArray[np.float64]
+
+# Indices of the plane's first and second axis and its normal, right-handed: G17 XY, G18 ZX, G19 YZ.
+PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
+CYCLES = {730: "chip", 810: "drill", 820: "drill", 830: "peck", 840: "tap", 850: "bore", 860: "drill", 890: "bore"}
+
+
+class BlockError(ValueError):
+    """Block that cannot be read: what is wrong, what is allowed, what to do."""
+
+    def __init__(self, what: str, allowed: str | None = None, remedy: str | None = None) -> None:
+        super().__init__(what)
+        self.what, self.allowed, self.remedy = what, allowed, remedy
+
+
+def center(
+    block: Block, start: Array, end: Array, plane: int, clockwise: bool, *, scale: float, absolute: bool, slack: float
+) -> Array:
+    """Centre (3,) m from I, J, K of the plane (from the start, or ``absolute``), or from R.
+
+    R more than 0: at most half a turn; less than 0: more than half a turn (RS-274/NGC). A chord longer than 2 R by
+    ``slack`` at most is taken as a diameter.
+
+    Raises
+    ------
+    BlockError
+        Neither I, J, K nor R, or both; R with a full turn; a chord longer than 2 R; an absolute centre cut short.
+    """
+    first, second, _ = PLANES[plane]
+    letters = "IJK"[first], "IJK"[second]
+    given = [letter for letter in letters if letter in block.words]
+    if "R" in block.words:
+        if given:
+            raise BlockError("an arc with R and with I, J, K", "one of both")
+        return _by_radius(block.words["R"] * scale, start, end, plane, clockwise, slack)
+    if not given:
+        raise BlockError("an arc without centre or radius", f"{letters[0]}, {letters[1]} or R")
+    out = start.copy()
+    if absolute and len(given) < 2:
+        raise BlockError("an absolute centre with one coordinate", f"{letters[0]} and {letters[1]}")
+    for index, letter in zip((first, second), letters, strict=True):
+        value = block.words.get(letter, 0.0) * scale
+        out[index] = value if absolute else out[index] + value
+    return out
+
+
+def _by_radius(radius: float, start: Array, end: Array, plane: int, clockwise: bool, slack: float) -> Array:
+    first, second, _ = PLANES[plane]
+    du, dv = float(end[first] - start[first]), float(end[second] - start[second])
+    chord = math.hypot(du, dv)
+    if chord < CLOSED:
+        raise BlockError("a full turn with R", "I, J, K", "post arcs with centres")
+    if chord / 2.0 - abs(radius) > slack:
+        raise BlockError(
+            f"arc of radius {abs(radius) * 1e3:.6g} mm between points {chord * 1e3:.6g} mm apart",
+            f"a radius of at least {chord * 5e2:.6g} mm",
+        )
+    height = math.sqrt(max(radius * radius - chord * chord / 4.0, 0.0))
+    # The centre lies left of the way for a counter-clockwise arc of less than half a turn.
+    side = height * (-1.0 if clockwise else 1.0) * (-1.0 if radius < 0.0 else 1.0) / chord
+    out = start.copy()
+    out[first] += du / 2.0 - dv * side
+    out[second] += dv / 2.0 + du * side
+    return out
+
+
+def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float, dwell: float) -> Cycle:
+    """Cycle about the point of its retract plane R: ``bottom`` and ``back`` m along the normal, as ``start``.
+
+    Raises
+    ------
+    BlockError
+        Pecks missing, or numbers without sense.
+    """
+    kind = CYCLES[code]
+    if kind in ("chip", "peck") and not peck > 0.0:
+        raise BlockError("a peck cycle without its peck", "Q more than 0")
+    out = Cycle(
+        start=0.0,
+        depth=start - bottom,
+        back=back - start,
+        pecks=(peck,) if kind in ("chip", "peck") else (),
+        chip_break=kind == "chip",
+        dwell=dwell if code in (820, 890, 830, 840) else 0.0,
+        feed_out=kind in ("tap", "bore"),
+        reverse=kind == "tap",
+    )
+    fault = out.fault()
+    if fault:
+        raise BlockError(f"cycle with {fault}", "Z below R, numbers that make a hole")
+    return out

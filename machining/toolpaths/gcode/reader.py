@@ -1,0 +1,163 @@
+"""G-code programs (ISO 6983, RS-274) of three- and five-axis milling machines; Fanuc, LinuxCNC, Haas, Sinumerik ISO."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from machining.toolpaths.gcode import modes
+from machining.toolpaths.gcode.arcs import CYCLES, PLANES, BlockError
+from machining.toolpaths.gcode.motion import GcodeMotion
+from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
+from machining.toolpaths.motions import Motions
+from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.source import lines, readable
+from robots.files.reading import recording
+
+
+@recording()
+def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
+    """Read a G-code program.
+
+    Coordinates are those of the work offset that is in force. A rapid move made while a coordinate is not known yet
+    (after G28, G53, or at the start of the program) is an event with a note; a move at feed is a fault. Rotary axes
+    need ``options.rotary``, and the tool tip as programmed point: G43.4, G234, TRAORI, or ``options.tcp``.
+
+    Raises
+    ------
+    InputError
+        The file is too large, too many moves.
+    InputErrors
+        Faults of lines, all of them: variables, macros, subprograms, codes that move the tool and are not read.
+    """
+    options = options or ReadOptions()
+    reader = _Reader(path, options)
+    reader.read(lines(path, options.max_bytes))
+    return reader.recorder.motions()
+
+
+class _Reader(GcodeMotion):
+    over = False
+
+    def read(self, source: Iterable[str]) -> None:
+        for number, raw in enumerate(source, start=1):
+            self.line = self.modes.line = number
+            words = block(raw)
+            for comment in words.comments:
+                if comment.strip():
+                    self.recorder.event(number, "comment", readable(comment))
+            if self.over:
+                if words.words.keys() & set("XYZ"):
+                    self.recorder.note(number, "motion behind the end of the program is left out")
+                continue
+            if words.deleted:
+                if self.options.skip_deleted:
+                    self.recorder.event(number, "/", readable(raw))
+                    continue
+                self.recorder.note(number, "a block that '/' may delete is read; skip_deleted leaves it out")
+            try:
+                self._block(words)
+            except BlockError as fault:
+                text = readable(raw)
+                self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
+        if not self.over:
+            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
+
+    def _block(self, b: Block) -> None:
+        if b.macro:
+            raise BlockError("variables, macros or loops", "numbers", modes.REMEDY_MACRO)
+        if b.bad:
+            raise BlockError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
+        for word in b.long:
+            self._long(word, b)
+        if not b.codes and not b.misc and b.words.keys() == {"L"}:
+            raise BlockError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
+        self._refuse(b)
+        cycle_before = self.modes.motion
+        self.modes.take(b)
+        if self.modes.motion in CYCLES and cycle_before not in CYCLES:
+            self.initial, self.sticky = self.modes.here[PLANES[self.modes.plane][2]], {}
+        self.over = any(number in modes.ENDS for number in b.misc)
+        if 40 in b.codes:
+            self._dwell(b)
+            return
+        for code in b.codes:
+            if code in (280, 300, 530):
+                self._machine(code, b)
+                return
+            if code in (920, 520, 100):
+                self._origin(code, b)
+                return
+        if b.words.keys() & set("UVW"):
+            raise BlockError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
+        if b.words.keys() & set("XYZABC") or (self.modes.motion in (20, 30) and b.words.keys() & set("IJK")):
+            self._motion(b)
+
+    # Words that are not read
+
+    def _refuse(self, b: Block) -> None:
+        if any(number in modes.CALLS for number in b.misc):
+            raise BlockError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
+        for code in b.codes:
+            # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
+            known = code in modes.REFUSED and not (code in (51, 50) and not b.words.keys() & set("XYZIJ"))
+            unknown = not known and not self.modes.knows(code) and bool(b.words.keys() & set("XYZABCIJKR"))
+            if not known and not unknown:
+                continue
+            what = modes.REFUSED.get(code, "not known, with coordinates")
+            if self.options.unknown_motion == "error":
+                raise BlockError(f"{modes.shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it")
+            self.recorder.event(self.line, modes.shown(code))
+            self.recorder.note(self.line, f"{modes.shown(code)} ({what}) left out, as asked")
+            self.modes.lose(b)
+            b.words.clear()
+
+    def _long(self, word: str, b: Block) -> None:
+        head = word.partition("(")[0].strip()
+        if head in ("TRAORI", "TRAFOOF"):
+            self.modes.tcp = head == "TRAORI"
+        elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
+            if self.options.unknown_motion == "error":
+                raise BlockError(f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3")
+            self.recorder.note(self.line, f"{readable(head)} left out, as asked")
+            self.modes.lose(b)
+            b.words.clear()
+        elif head not in QUIET:
+            self.recorder.note(self.line, f"word {readable(head)} is not read")
+        self.recorder.event(self.line, readable(head), readable(word))
+
+    # Codes without motion in the part
+
+    def _dwell(self, b: Block) -> None:
+        for letter in "PXUF":
+            if letter in b.words:
+                value = b.words[letter]
+                whole = letter == "P" and "P" not in b.points
+                if whole and self.options.dwell_unit == "ms":
+                    value *= 1e-3
+                elif whole and value >= 100.0:
+                    self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; dwell_unit='ms'?")
+                self.recorder.dwell(self.line, value)
+                return
+        raise BlockError("a dwell without its time", "P, X, U or F with a number")
+
+    def _machine(self, code: int, b: Block) -> None:
+        """G28, G30: by way of a point to the machine's own; G53: coordinates of the machine."""
+        named = [i for i, letter in enumerate("XYZ") if letter in b.words]
+        if code != 530 and named and self.modes.target(b) != self.modes.here:
+            # The point on the way is in the part.
+            self._rapid_known(self.modes.target(b))
+        for i in named if named or b.words.keys() & set("ABC") else range(3):
+            self.modes.here[i] = None
+        for letter in "ABC":
+            if letter in b.words:
+                self.modes.angles[letter] = 0.0
+        self.recorder.event(self.line, modes.shown(code), " ".join(f"{k}{v:g}" for k, v in b.words.items()))
+        self.recorder.note(self.line, f"{modes.shown(code)}: a place of the machine, not in the part")
+
+    def _origin(self, code: int, b: Block) -> None:
+        self.recorder.event(self.line, modes.shown(code), " ".join(f"{k}{v:g}" for k, v in b.words.items()))
+        if code == 100:
+            self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
+        elif b.words.keys() & set("XYZABC"):
+            raise BlockError(f"{modes.shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")

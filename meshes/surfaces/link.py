@@ -1,0 +1,211 @@
+"""A link's shell mesh from surface files: repaired or wrapped, remeshed, on the mid-surface, interfaces found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+
+from meshes.shell_mesh import ShellMesh
+from meshes.surfaces.checks import SurfaceFault, census
+from meshes.surfaces.reading import check_scale, read_surface
+from meshes.surfaces.rings import Interface, Ring
+from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
+from robots import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
+
+# Has no type hints.
+_triangles: Any = trimesh.triangles
+
+POOR_ANGLE_DEG = 10.0
+GOOD = "good"
+
+
+@dataclass(frozen=True)
+class ImportFigures:
+    """What an import found and left.
+
+    ``bodies``, ``open_edges``: of the files, after corners at one place are merged. ``wrapped``: whether the
+    surface was wrapped. ``area_m2``: of the mid-surface. ``rings``: by interface. ``departure_m``: see
+    :class:`meshes.surfaces.routes.Meshed`.
+    """
+
+    bodies: int
+    open_edges: int
+    wrapped: bool
+    size_m: float
+    triangles: int
+    minimum_angle_deg: float
+    area_m2: float
+    rings: dict[str, Ring]
+    departure_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ImportedLink:
+    """Shell mesh of a link and what was done to get it, one line a change or figure."""
+
+    mesh: ShellMesh
+    report: tuple[str, ...]
+    figures: ImportFigures
+
+
+def import_surface(
+    path: Path | str,
+    *,
+    scale: float | None = None,
+    target_size: float | None = None,
+    wall: float,
+    youngs_modulus: float,
+    poissons_ratio: float,
+    interface_points: Mapping[str, ArrayLike],
+    interface_radius: Mapping[str, float] | None = None,
+    interface_axes: Mapping[str, ArrayLike] | None = None,
+    expected_span: float | None = None,
+    repair: Repair = "auto",
+    opening: float | None = None,
+) -> ImportedLink:
+    """Triangle shell on the mid-surface of a casing whose outer skin is in a STL, OBJ, DAE or PLY file.
+
+    Parameters
+    ----------
+    path : the file, in the link's own frame
+    scale : metres for one unit of the file (0.001 for mm); None takes the file's own unit, else metres
+    interface_points : point (3,) m of each interface, the root first
+    interface_radius : by name, m
+    interface_axes : joint axis (3,) at an interface, by name; see :func:`meshes.surfaces.rings.choose_rings`
+    target_size, wall, youngs_modulus, poissons_ratio, expected_span, repair, opening : see :class:`ImportSettings`
+
+    Limits: one wall thickness; what is seen of the skin from outside counts, and of holes smaller than two target
+    sizes across nothing is seen; details smaller than the target size are lost.
+
+    Raises
+    ------
+    InputError
+        Bad numbers, unreadable file, wrong scale, a surface that cannot be taken (with ``repair="none"``: an
+        open, self-crossing or degenerate one, or several bodies), a wall that the casing has no room for, no ring
+        at an interface, rings that share nodes.
+    """
+    path = Path(path)
+    settings = ImportSettings(
+        wall, youngs_modulus, poissons_ratio, target_size, repair, opening, expected_span=expected_span
+    )
+    interfaces = _interfaces(interface_points, interface_radius or {}, interface_axes or {})
+    nodes, faces, notes = read_surface(path, scale)
+    return prepare_link(path.stem, nodes, faces, interfaces, settings, tuple(notes))
+
+
+def _interfaces(
+    points: Mapping[str, ArrayLike], radius: Mapping[str, float], axes: Mapping[str, ArrayLike]
+) -> dict[str, Interface]:
+    for what, given in (("interface radius", radius), ("interface axis", axes)):
+        unknown = sorted(set(given) - set(points))
+        if unknown:
+            raise InputError(f"{what} {unknown[0]}", allowed=f"for {', '.join(points)}")
+    as_array = {name: np.asarray(point, dtype=np.float64) for name, point in points.items()}
+    return {
+        name: Interface(
+            point,
+            None if name not in axes else np.asarray(axes[name], dtype=np.float64),
+            radius=radius.get(name),
+        )
+        for name, point in as_array.items()
+    }
+
+
+def prepare_link(
+    name: str,
+    nodes: Array,
+    faces: Indices,
+    interfaces: Mapping[str, Interface],
+    settings: ImportSettings,
+    notes: tuple[str, ...] = (),
+) -> ImportedLink:
+    """Triangle shell from a surface, nodes (n, 3) m and faces (m, 3), in the link's frame.
+
+    ``interfaces``: the root first. ``notes``: of the reading, for the report. Errors as :func:`import_surface`.
+    """
+    _check_numbers(interfaces, settings)
+    points = np.stack([interface.point for interface in interfaces.values()])
+    report = [*notes, check_scale(name, nodes, points, settings.expected_span, settings.span_ratio)]
+    bodies, open_edges = census(nodes, faces)
+    report.append(f"as read: {bodies} {'body' if bodies == 1 else 'bodies'}, {open_edges} open edges")
+    wrap = settings.repair == "wrap"
+    if not wrap:
+        try:
+            done = as_it_is(name, nodes, faces, interfaces, settings)
+        except SurfaceFault as fault:
+            if settings.repair == "none":
+                raise
+            report.append(f"not taken as it is: {fault.what}")
+            wrap = True
+    if wrap:
+        done = wrapped(name, nodes, faces, interfaces, settings)
+    report += done.report
+    report += [f"interface {key}: {ring.words}, {ring.nodes.size} nodes" for key, ring in done.rings.items()]
+    mesh = ShellMesh(
+        name=name,
+        nodes=done.nodes,
+        triangles=done.faces,
+        quads=np.zeros((0, 4), dtype=np.int64),
+        thickness=np.full(len(done.faces), float(settings.wall)),
+        youngs_modulus=settings.youngs_modulus,
+        poissons_ratio=settings.poissons_ratio,
+        interfaces={key: ring.nodes for key, ring in done.rings.items()},
+    )
+    angle = least_angle(done.nodes, done.faces)
+    report.append(_quality(done.nodes, done.faces, angle))
+    area = float(_triangles.area(mesh.triangle_corners).sum())
+    figures = ImportFigures(
+        bodies, open_edges, wrap, done.size, len(done.faces), angle, area, done.rings, done.departure
+    )
+    return ImportedLink(mesh, tuple(report), figures)
+
+
+def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings) -> None:
+    sizes = {"wall thickness (m)": settings.wall, "target size (m)": settings.target_size}
+    sizes |= {"opening (m)": settings.opening}
+    sizes |= {f"interface radius {name} (m)": one.radius for name, one in interfaces.items()}
+    for what, value in sizes.items():
+        if value is not None and not 0.0 < value < np.inf:
+            raise InputError(what, value=value, allowed="greater than 0")
+    if settings.repair not in REPAIRS:
+        raise InputError("repair", value=settings.repair, allowed=", ".join(REPAIRS))
+    if not interfaces:
+        raise InputError("no interface points", remedy="name one point or more, the root first")
+    for name, one in interfaces.items():
+        if one.point.shape != (3,) or not np.isfinite(one.point).all():
+            raise InputError(f"interface point {name} (m)", value=one.point.tolist(), allowed="three finite numbers")
+        if one.axis is not None and not (one.axis.shape == (3,) and 0.0 < np.linalg.norm(one.axis) < np.inf):
+            raise InputError(f"interface axis {name}", value=one.axis.tolist(), allowed="three numbers, not all zero")
+    alone = [one for one in interfaces.values() if one.radius is None and one.axis is None]
+    if len(interfaces) == 1 and alone:
+        raise InputError("one interface has no direction to cut along", remedy="give its interface_radius")
+
+
+def quality_words(least_angle_deg: float) -> str:
+    """The verdict on an imported mesh, which is closed, of one body and without folds: only its angle may be poor."""
+    if least_angle_deg >= POOR_ANGLE_DEG:
+        return GOOD
+    return (
+        f"POOR for one reason only, a minimum angle of {least_angle_deg:.1f} deg below {POOR_ANGLE_DEG:g}: stresses "
+        f"near it are not to be trusted, displacements are"
+    )
+
+
+def _quality(nodes: Array, faces: Indices, least: float) -> str:
+    mesh = trimesh.Trimesh(nodes, faces, process=False)
+    edge = 1e3 * mesh.edges_unique_length
+    return (
+        f"quality {quality_words(least)}: {len(faces)} triangles, minimum angle {least:.1f} deg, "
+        f"edges {edge.min():.4g} to {edge.max():.4g} mm, watertight {'yes' if mesh.is_watertight else 'NO'}, "
+        f"bodies {mesh.body_count}, folds 0, area {mesh.area:.6g} m2"
+    )

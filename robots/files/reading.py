@@ -1,0 +1,269 @@
+"""The one place that opens what a user gives: ordinary files of bounded size, each read once and hashed as read.
+
+A file that changes or vanishes while a command runs cannot be recorded wrongly, nor take the results with it: within
+:func:`recording` every file is read once, later readers get the same bytes, and its hash is that of those bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+from robots.errors import InputError
+from robots.files.published import heal_above
+
+# Far above any model, table or tool path (170 bytes of memory a move); a mesh of a million triangles has 50 MB.
+LARGEST_FILE = 256 * 2**20
+# Bytes kept for later readers of the same file; beyond that a file is read again and must still be the same.
+MOST_KEPT = 256 * 2**20
+# No file of ours nests deeper than ten; parsers and those who walk their results recurse.
+DEEPEST = 64
+# Beyond 64 bits whole numbers fit no array.
+_WHOLE_DIGITS, _LARGEST_WHOLE = 19, 2**63 - 1
+# A key of more parts than that; in a list of numbers commas stand between the dots.
+_DOTTED = re.compile(rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+@dataclass
+class Ledger:
+    """What was read: ``sha256`` of each file by its absolute path, in the order of reading."""
+
+    sha256: dict[str, str] = field(default_factory=dict)
+    _kept: dict[str, bytes] = field(default_factory=dict)
+    _room: int = MOST_KEPT
+
+    def kept(self, place: str) -> bytes | None:
+        """The bytes read before, if they were kept."""
+        return self._kept.get(place)
+
+    def enter(self, place: str, data: bytes) -> bool:
+        """Record a file as read; False if it was read before with another content."""
+        found = hashlib.sha256(data).hexdigest()
+        if self.sha256.setdefault(place, found) != found:
+            return False
+        if place not in self._kept and len(data) <= self._room:
+            self._kept[place] = data
+            self._room -= len(data)
+        return True
+
+    def of(self, path: Path) -> str | None:
+        """SHA-256 of a file as it was read, None if it was not."""
+        return self.sha256.get(_place(path))
+
+
+_ledger: ContextVar[Ledger | None] = ContextVar("ledger", default=None)
+
+
+@contextmanager
+def recording() -> Iterator[Ledger]:
+    """Within this every file is read once and its hash kept; inside another recording it is that one."""
+    around = _ledger.get()
+    if around is not None:
+        yield around
+        return
+    ledger = Ledger()
+    token = _ledger.set(ledger)
+    try:
+        yield ledger
+    finally:
+        _ledger.reset(token)
+
+
+def recorded() -> Ledger | None:
+    """The ledger of the recording around, if there is one."""
+    return _ledger.get()
+
+
+def read_bytes(
+    path: Path | str, kind: str, *, most: int = LARGEST_FILE, remedy: str = "check the path", kept: bool = True
+) -> bytes:
+    """Content of an ordinary file.
+
+    Parameters
+    ----------
+    path : the file; links to files are followed
+    kind : what it is to the user ("measurement file"); begins the message of an error
+    most : largest size in bytes
+    remedy : what to do if it cannot be read
+    kept : False where a file that changes is meant (what the program itself has just written)
+
+    Results of a killed run that were moving into the file's folder are put right first (:mod:`robots.files.published`).
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is a folder, a pipe or a device, it is larger than ``most``, it may not be read, or
+        it has changed since it was read first in this recording.
+    """
+    ledger = _ledger.get() if kept else None
+    place = _place(path)
+    if ledger is not None and (before := ledger.kept(place)) is not None:
+        return before
+    heal_above(Path(place))
+    try:
+        data = _ordinary(path, kind, most, remedy)
+    except (OSError, ValueError) as error:  # ValueError: no path at all, as with a null character in it
+        if isinstance(error, InputError):
+            raise
+        reason = "it does not exist" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", None)
+        raise InputError(f"{kind} {path} cannot be read ({reason or error})", remedy=remedy) from error
+    if ledger is not None and not ledger.enter(place, data):
+        raise InputError(f"{kind} {path} has changed while this command was running", remedy="run the command again")
+    return data
+
+
+def read_text(
+    path: Path | str, kind: str, *, most: int = LARGEST_FILE, remedy: str = "check the path", kept: bool = True
+) -> str:
+    """Text of a UTF-8 file, with or without a byte order mark; arguments and errors as :func:`read_bytes`."""
+    data = read_bytes(path, kind, most=most, remedy=remedy, kept=kept).removeprefix(BYTE_ORDER_MARK)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{kind} {path} cannot be read (no UTF-8 text from byte {error.start} on)", remedy="save it as UTF-8 text"
+        ) from error
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Parse TOML; raises InputError with the place of a syntax error, ``where`` naming the file.
+
+    Whole numbers beyond 64 bits and tables nested deeper than :data:`DEEPEST` are refused.
+    """
+    remedy = "mend the file at that line"
+    try:
+        _check_keys(text)
+        data = tomllib.loads(text.removeprefix("\ufeff"))
+        _check_depth(data)
+        _check_whole_numbers(data)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where} is not valid TOML ({_reason(error)})", remedy=remedy) from error
+    return data
+
+
+def parse_json(text: str, where: str, *, remedy: str = "mend the file at that place") -> Any:
+    """Parse JSON; raises InputError with the place of a syntax error, ``where`` naming the file.
+
+    NaN, infinite numbers (``1e999`` too), whole numbers beyond 64 bits, a key twice in one object, and nesting deeper
+    than :data:`DEEPEST` are refused: none of them is a value that a program wrote on purpose.
+    """
+    try:
+        data = json.loads(
+            text.removeprefix("\ufeff"),
+            parse_constant=_no_constant,
+            parse_float=_finite,
+            parse_int=_whole,
+            object_pairs_hook=_each_once,
+        )
+        _check_depth(data)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where} is not valid JSON ({_reason(error)})", remedy=remedy) from error
+    return data
+
+
+def _place(path: Path | str) -> str:
+    try:
+        return os.path.realpath(path)
+    except (OSError, ValueError):
+        return str(path)
+
+
+def _ordinary(path: Path | str, kind: str, most: int, remedy: str) -> bytes:
+    """Read a file that is neither folder, pipe nor device; opening one of these would wait for ever, or never end."""
+    # Without O_NONBLOCK opening a pipe waits for its other end.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+    if not stat.S_ISREG(mode := os.stat(path).st_mode):
+        what = "a folder" if stat.S_ISDIR(mode) else "a pipe, socket or device"
+        raise InputError(
+            f"{kind} {path} cannot be read (it is {what})",
+            allowed="an ordinary file",
+            remedy=remedy if stat.S_ISDIR(mode) else "save what comes from there as a file, and give that",
+        )
+    with os.fdopen(os.open(path, flags), "rb") as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):  # it was changed between the two calls
+            raise InputError(f"{kind} {path} cannot be read (no ordinary file)", remedy=remedy)
+        # One byte more than allowed tells a file that is longer than it says, as those in /proc.
+        data = file.read(most + 1) if status.st_size <= most else b""
+    if status.st_size > most or len(data) > most:
+        raise InputError(
+            f"{kind} {path}: size",
+            value=f"{max(status.st_size, len(data))} bytes",
+            allowed=f"up to {most} bytes",
+            remedy="split it, or leave out what is not needed",
+        )
+    return data
+
+
+def _check_keys(text: str) -> None:
+    """Refuse keys of too many parts before tomllib takes minutes over one of a hundred thousand."""
+    if _DOTTED.search(text):
+        raise ValueError(f"nested more than {DEEPEST} deep")
+
+
+def _check_depth(data: object) -> None:
+    level = [data]
+    for _ in range(DEEPEST):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer if isinstance(outer, list) else ())
+            if type(inner) in (dict, list)
+        ]
+        if not level:
+            return
+    raise ValueError(f"nested more than {DEEPEST} deep")
+
+
+def _check_whole_numbers(data: object) -> None:
+    left = [data]
+    while left:
+        node = left.pop()
+        left += node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+        if type(node) is int and not -_LARGEST_WHOLE <= node <= _LARGEST_WHOLE:
+            raise ValueError("a whole number beyond 64 bits")
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, RecursionError):
+        return f"nested more than {DEEPEST} deep"
+    # Python's own words on numbers of thousands of digits advise on Python.
+    return "a whole number beyond 64 bits" if "sys.set_int_max_str_digits" in str(error) else str(error)
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:20]} is beyond the largest number")
+    return value
+
+
+def _whole(text: str) -> int:
+    if len(text) > _WHOLE_DIGITS + 1 or abs(value := int(text)) > _LARGEST_WHOLE:
+        raise ValueError(f"the whole number {text[:20]}{'...' if len(text) > 20 else ''} is beyond 64 bits")
+    return value
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen = set[str]()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+        raise ValueError(f"key {twice[:40]!r} stands twice in one object")
+    return found

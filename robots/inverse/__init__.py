@@ -1,0 +1,1 @@
+"""Inverse kinematics: closed forms, a numerical search, branches, singularities."""

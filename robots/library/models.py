@@ -1,0 +1,161 @@
+"""Where models come from and go to: bundled names, TOML files with their meshes, URDF files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import ValidationError
+
+from robots.errors import InputError, InputErrors
+from robots.files.reading import parse_toml, read_text, recording
+from robots.files.written import write_whole
+from robots.library.surface_files import SurfaceCopies, with_absolute_surfaces
+from robots.robot import Robot, robot_from
+from robots.schema.description import ModelDescription, ReferenceFaults
+from robots.urdf.reading import read_urdf
+from robots.urdf.xml import is_xml
+
+# pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
+_WORDS = {
+    "missing": ("this key is missing", "add it (a figure is a table { value, unit, source })"),
+    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
+}
+
+
+def bundled_names() -> tuple[str, ...]:
+    """Names of the bundled robots."""
+    files = resources.files("robots").joinpath("data").iterdir()
+    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+
+
+@recording()
+def load_description(model: str | Path) -> ModelDescription:
+    """Read a model by bundled name, from a TOML file, or from a URDF (see :func:`robots.urdf.reading.read_urdf`).
+
+    Surface files of links come back as absolute paths; whether they are there is seen when they are used.
+
+    Raises
+    ------
+    InputError
+        Unknown name, unreadable file, or a file that does not fit the schema (all faults at once).
+    """
+    name = str(model)
+    if name in bundled_names():
+        text = resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
+        return parse_description(text, f"bundled robot {name}")
+    path = Path(model)
+    if not _is_file(path):
+        raise InputError(
+            "model",
+            value=name,
+            allowed=f"{', '.join(bundled_names())}, or the path of a model TOML or a URDF",
+            remedy="`stiffarm robots` lists the bundled ones",
+        )
+    if is_xml(path):
+        return read_urdf(path).description
+    description = parse_description(read_text(path, "model file"), str(path))
+    return with_absolute_surfaces(description, path.resolve().parent)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.exists() and not path.is_dir()
+    except ValueError:  # a null character in it
+        return False
+
+
+def parse_description(text: str, where: str) -> ModelDescription:
+    """Parse and validate a model TOML; ``where`` names it in messages."""
+    data = parse_toml(text, where)
+    try:
+        return ModelDescription.model_validate(data)
+    except ValidationError as error:
+        faults = [fault for item in error.errors() for fault in _faults(where, data, item)]
+        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+
+
+def _faults(where: str, data: Any, item: Any) -> list[InputError]:
+    message, remedy = _WORDS.get(
+        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
+    )
+    cause = item.get("ctx", {}).get("error")
+    messages = cause.faults if isinstance(cause, ReferenceFaults) else (message,)
+    value = item["input"]
+    shown = value if isinstance(value, str | int | float | list) else None
+    place = _place(data, item["loc"])
+    return [InputError(f"{where}: {place}: {text}", value=shown, remedy=remedy) for text in messages]
+
+
+def _place(data: Any, loc: tuple[int | str, ...]) -> str:
+    """Name the path to a key as a reader of the file would: entries of a list by their name."""
+    steps: list[str] = []
+    node = data
+    for step in loc:
+        if isinstance(node, dict) and step in node:
+            node = node[step]
+        elif isinstance(node, list) and isinstance(step, int) and step < len(node):
+            node = node[step]
+            label = (node.get("name") or node.get("code")) if isinstance(node, dict) else None
+            if isinstance(label, str):
+                step = label
+        # Else the step is pydantic's own (the branch of a union) or the missing key: the path goes on.
+        steps.append(str(step))
+    return ".".join(steps) or "file"
+
+
+def load_robot(model: str | Path) -> Robot:
+    """Read a model and return its kinematics as arrays."""
+    return robot_from(load_description(model))
+
+
+def to_toml(description: ModelDescription) -> str:
+    """Write the description as TOML text; reading it back gives the same description."""
+    data = description.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if not data["effect"]:
+        del data["effect"]  # `effect = []` would stand in the way of [[effect]] tables that a user adds
+    return tomlkit.dumps(data)
+
+
+def save_description(description: ModelDescription, path: Path) -> None:
+    """Write a model TOML, whole or not at all. Never over an existing file.
+
+    The surface files of its links are copied into ``meshes/`` beside it, so that model and meshes travel
+    together; a file with the same content that is there already is shared.
+
+    Raises
+    ------
+    InputError
+        The file exists already, its folder does not, or a surface file is gone or not the one that was prepared.
+    """
+    if path.exists():
+        raise InputError(
+            f"model file {path} exists already", remedy="choose another name; models are never overwritten"
+        )
+    if not path.parent.is_dir():
+        raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
+    with SurfaceCopies(path.parent) as copies:
+        write_whole(path, to_toml(copies.of(description)))
+
+
+def content_hash(description: ModelDescription) -> str:
+    """SHA-256 of the description's content, independent of layout, comments and where surface files lie.
+
+    The covariance of calibrated numbers counts where there is one, as notes and sources do: what is made of the model
+    with error bars depends on it.
+    """
+    data = description.model_dump(mode="json", by_alias=True)
+    if not data["effect"]:
+        del data["effect"]  # models of the time before effects keep their hash
+    if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
+        del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
+    if data["load"] is not None and data["load"]["point"] is None:
+        del data["load"]["point"]  # and those of the time before points could be off
+    for link in data["link"]:
+        if link["surface"] is not None:
+            del link["surface"]["file"]  # its sha256 stays
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,211 @@
+"""The command `calibrate`: the published scheme, or any numbers of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from doe import Measurements, Scheme, bundled_scheme
+from doe.tables.load_history import history_of
+from robots import InputError, save_description
+from stiffarm.commands.calibrate import general as general_calibration
+from stiffarm.commands.calibrate import payload as calibration_payload
+from stiffarm.commands.calibrate import tables as calibration_tables
+from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
+from stiffarm.commands.plan.options import parse_parameters
+from stiffarm.session import inputs, payloads, steps, tables
+from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session.effect_words import history_notes
+from stiffarm.session.options import (
+    ConfirmUnits,
+    Debug,
+    EffectFile,
+    Joints,
+    Json,
+    Links,
+    LoadPathOpt,
+    Loads,
+    ModelArg,
+    Out,
+    SchemeFile,
+    Seed,
+    TablesArg,
+    folder_if,
+    model_hash,
+    open_tables,
+    say_notes,
+)
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.own_effects import own_effects, own_files
+
+Free = Annotated[
+    str | None,
+    typer.Option("--free", help="numbers set free, as in j2.stiffness,j3.rx,forearm.modulus; instead of --joints"),
+]
+
+
+def calibrate(
+    model: ModelArg,
+    data: TablesArg = None,
+    scheme: Annotated[
+        str | None,
+        typer.Option("--scheme", help="staged (published) or global; default: staged where a scheme is known"),
+    ] = None,
+    joints: Joints = None,
+    free: Free = None,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="calibration TOML: free numbers, ranges, priors, laws, stages")
+    ] = None,
+    effect: EffectFile = None,
+    loads: Loads = None,
+    spacing: Annotated[
+        str | None, typer.Option("--spacing", help="of the levels (staged): log or linear; default: log")
+    ] = None,
+    low: Annotated[
+        float | None,
+        typer.Option(help="springs are expected from here (global), N m/rad; default: the scheme's, or 1e5"),
+    ] = None,
+    high: Annotated[
+        float | None, typer.Option(help="springs are expected to here (global), N m/rad; default: the scheme's, or 1e6")
+    ] = None,
+    holdout: Annotated[
+        Path | None, typer.Option("--holdout", help="table of other poses, to judge the prediction (global)")
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust/--no-robust", help="outliers lose weight (global)")] = True,
+    bootstrap: Annotated[
+        int, typer.Option("--bootstrap", help="draws of poses with replacement (global)", min=0, max=MOST_DRAWS)
+    ] = 0,
+    seed: Seed = 0,
+    confirm_units: ConfirmUnits = False,
+    scheme_file: SchemeFile = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Find numbers of the model from measured deflections; writes a new model TOML and a report into --out."""
+    with user_errors(debug):
+        staged_only = {"--spacing": spacing}
+        global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}
+        global_only |= {"--holdout": holdout, "--bootstrap": bootstrap or None, "--no-robust": None if robust else ""}
+        if scheme not in (None, "staged", "global"):
+            raise InputError("--scheme", value=scheme, allowed="staged, global", remedy="choose one of them")
+        if spacing not in (None, "log", "linear"):
+            raise InputError("--spacing", value=spacing, allowed="log, linear", remedy="choose one of them")
+        _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
+        _refuse_both({"--campaign": campaign, "--low or --high": low or high})
+        chosen_loads = inputs.parse_loads(loads)
+        own, files = own_effects(effect), own_files(effect)
+        given = inputs.read_model(model, links, load_path, own=own)
+        files["model"] = model_hash(given)
+        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
+        staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
+        if staged:
+            inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
+        elif given.description.effect:
+            codes = ", ".join(described.code for described in given.description.effect)
+            say_notes((f"with effects: {codes}", *history_notes(given.effects, history_of(table))))
+        _refuse(global_only if staged else staged_only, "staged" if staged else "global")
+        for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
+            if file is not None:
+                files[name] = file if name == "scheme" else _existing(file, f"--{name}")
+        names = inputs.parse_names(joints, given.robot.joint_names, "--joints")
+        plan = _plan(given, table, scheme_file, staged)
+        if chosen_loads is None:
+            chosen_loads = plan.loads_N if plan is not None and campaign is None else ()
+        options = Options(
+            names,
+            parse_parameters(free),
+            campaign,
+            chosen_loads,
+            low,
+            high,
+            holdout,
+            robust,
+            bootstrap,
+            seed,
+            confirm_units,
+        )
+        with folder_if(out, files, seed if bootstrap else None) as folder:
+            say(f"loads used: {', '.join(f'{v:g} N' for v in chosen_loads) or 'all'}")
+            if staged and plan is not None:
+                content, show = _by_stages(given, table, plan, chosen_loads, spacing or "log", folder)
+            else:
+                content, show = _in_general(given, table, plan, options, folder)
+        if out is not None:
+            say(f"written: {out / 'model.toml'}, {out / 'calibration.json'}")
+        if as_json:
+            emit_json(content)
+        else:
+            show()
+
+
+def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
+    """The published scheme where one is known and nothing says otherwise."""
+    if scheme is not None:
+        return scheme == "staged"
+    if named or given.description.effect:
+        return False
+    return scheme_file is not None or bundled_scheme(given.robot.name) is not None
+
+
+def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Scheme | None:
+    """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
+    if staged or scheme_file is not None:
+        return inputs.read_scheme(given.robot, scheme_file)
+    bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
+    return bundled_scheme(given.robot.name) if bundled else None
+
+
+def _by_stages(
+    given: inputs.ModelInput,
+    table: Measurements,
+    plan: Scheme,
+    loads: tuple[float, ...],
+    spacing: str,
+    folder: OutputFolder | None,
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    result = steps.calibrate_by_stages(given, table, plan, loads, spacing, progress=say)
+    content = payloads.variant(result)
+    if folder is not None:
+        folder.write_json("calibration.json", content)
+        save_description(result.description, folder.path("model.toml"))
+    return content, lambda: tables.variant(result)
+
+
+def _in_general(
+    given: inputs.ModelInput, table: Measurements, plan: Scheme | None, options: Options, folder: OutputFolder | None
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    found = general_calibration.run(given, table, plan, options)
+    content = calibration_payload.calibration(found)
+    if folder is not None:
+        general_calibration.write(found, content, folder)
+    return content, lambda: calibration_tables.show(found)
+
+
+def _existing(file: Path, option: str) -> Path:
+    """The file itself; the folder of results hashes it, and its reader says what is wrong inside."""
+    if not file.is_file():
+        raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
+    return file
+
+
+def _refuse_both(options: dict[str, Any]) -> None:
+    """Refuse options that exclude one another."""
+    given = [name for name, value in options.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
+
+
+def _refuse(options: dict[str, Any], scheme: str) -> None:
+    """Refuse options that this calibration would not heed."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise InputError(
+            f"{', '.join(given)}: no option of --scheme {scheme}",
+            remedy="give --scheme global" if scheme == "staged" else "give --scheme staged, or leave it out",
+        )

@@ -1,0 +1,172 @@
+"""Figures of what a calibration leaves: by pose, load, direction, phase; against the prediction; its distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from robots import InputError
+from stiffarm.pages.figure_parts import SERIES, above, title
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_GOOD: Final = OKABE_ITO["blue"]
+_FLAGGED: Final = OKABE_ITO["vermillion"]
+# More names than this do not fit below an axis.
+_MOST_NAMES: Final = 28
+_TURNED_FROM: Final = 12
+# Outliers beyond this many times the largest good residual stand at the edge, or nothing else could be seen.
+_ROOM: Final = 1.6
+
+
+def residuals_figure(
+    residual: Array, unit: str, groups: Mapping[str, Sequence[str]], flagged: Mask, sd: Array | None = None
+) -> Figure:
+    """Draw residuals (m,) by each grouping (its name -> a label for each residual), a panel each.
+
+    Labels stand in order of first appearance. The black bar is the mean of a group. ``flagged`` (m,): outliers.
+    ``sd`` (m,): standard deviation by the noise found, of which the band shows twice the median.
+
+    Raises
+    ------
+    InputError
+        No groups, or labels of another number than residuals.
+    """
+    if not groups or any(len(labels) != len(residual) for labels in groups.values()):
+        raise InputError("residuals figure: groups", allowed="at least one, a label for each residual")
+    size = (10.0, 0.7 + 2.5 * len(groups))
+    with house_style():
+        figure, axes = new_figure(size, len(groups), 1)
+        for ax, (name, labels) in zip(axes, groups.items(), strict=True):
+            _strip(ax, residual, list(labels), flagged)
+            if sd is not None:
+                reach = 2.0 * float(np.median(sd))
+                ax.axhspan(-reach, reach, color=FAINT, alpha=0.25, linewidth=0, zorder=0.2)
+            ax.set_xlabel(f"by {name}")
+            ax.set_ylabel(f"residual ({unit})")
+        title(figure, "What the calibrated model leaves: read minus predicted")
+    return figure
+
+
+def _strip(ax: Axes, residual: Array, labels: list[str], flagged: Mask) -> None:
+    names = list(dict.fromkeys(labels))
+    place = np.array([names.index(label) for label in labels], dtype=np.float64)
+    spread = np.zeros(len(place))
+    for k in range(len(names)):
+        mine = np.flatnonzero(place == k)
+        spread[mine] = np.linspace(-0.22, 0.22, len(mine)) if len(mine) > 1 else 0.0
+    _dots(ax, place + spread, residual, flagged)
+    good = np.where(flagged, np.nan, residual)
+    means = np.array([_mean(good[place == k]) for k in range(len(names))])
+    if len(labels) > len(names):
+        ax.hlines(means, np.arange(len(names)) - 0.3, np.arange(len(names)) + 0.3, color=INK, linewidth=1.6, zorder=3)
+    ax.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
+    shown = range(0, len(names), -(-len(names) // _MOST_NAMES))
+    turned = len(shown) > _TURNED_FROM and max(len(n) for n in names) > 3
+    ax.set_xticks(
+        list(shown), [names[k] for k in shown], rotation=60 if turned else 0, ha="right" if turned else "center"
+    )
+    ax.set_xlim(-0.6, len(names) - 0.4)
+    ax.grid(visible=False, axis="x")
+
+
+def checks_figure(predicted: Array, measured: Array, own: Array, unit: str, flagged: Mask) -> Figure:
+    """Draw measured against predicted, residuals against predicted, and standardised residuals against a normal law.
+
+    ``own`` (m,): residuals without what set-ups have in common, over their standard deviations.
+
+    Raises
+    ------
+    InputError
+        Arrays of different lengths, or empty.
+    """
+    if not len(predicted) or {len(measured), len(own), len(flagged)} != {len(predicted)}:
+        raise InputError("checks figure", allowed="as many measured as predicted, at least one")
+    with house_style():
+        figure, (match, left, normal) = new_figure((11.0, 4.2), 1, 3)
+        ends = np.array([min(predicted.min(), measured.min()), max(predicted.max(), measured.max())])
+        ends = ends + np.array([-1.0, 1.0]) * 0.04 * max(float(np.ptp(ends)), 1e-12)
+        match.plot(ends, ends, color=INK, linewidth=0.9)
+        match.set(xlim=ends, ylim=ends, xlabel=f"predicted ({unit})", ylabel=f"read ({unit})", aspect="equal")
+        left.axhline(0.0, color=INK, linewidth=0.8)
+        left.set(xlabel=f"predicted ({unit})", ylabel=f"read minus predicted ({unit})")
+        order = np.argsort(own)
+        quantile = norm.ppf((np.arange(len(own)) + 0.5) / len(own))
+        reach = max(float(np.abs(quantile).max()), 1.0) * 1.1
+        normal.plot([-reach, reach], [-reach, reach], color=INK, linewidth=0.9)
+        normal.set(xlabel="normal law", ylabel="residual / its standard deviation", xlim=(-reach, reach))
+        match.scatter(predicted[~flagged], measured[~flagged], s=14, color=_GOOD, alpha=0.75, linewidths=0, zorder=2)
+        match.scatter(predicted[flagged], measured[flagged], s=28, color=_FLAGGED, marker="D", linewidths=0, zorder=2)
+        for ax, x, y, mask in (
+            (left, predicted, measured - predicted, flagged),
+            (normal, quantile, own[order], flagged[order]),
+        ):
+            _dots(ax, x, y, mask)
+        match.set_title("measured and predicted", loc="left")
+        left.set_title("residuals", loc="left")
+        normal.set_title("distribution", loc="left")
+    return figure
+
+
+def _mean(values: Array) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _dots(ax: Axes, x: Array, y: Array, flagged: Mask) -> None:
+    """Points; outliers as diamonds, as triangles at the edge if they are too far off for the axis."""
+    look: dict[str, Any] = {"s": 24 if len(x) < 200 else 11, "linewidths": 0, "zorder": 2}
+    ax.scatter(x[~flagged], y[~flagged], color=_GOOD, alpha=0.75, **look)
+    look["color"], look["s"] = _FLAGGED, 34
+    reach = _ROOM * float(np.abs(y[~flagged]).max(initial=0.0))
+    if not flagged.any() or reach == 0.0 or np.abs(y[flagged]).max() <= reach:
+        ax.scatter(x[flagged], y[flagged], marker="D", **look)
+        return
+    ax.set_ylim(-reach, reach)
+    near = flagged & (np.abs(y) <= reach)
+    ax.scatter(x[near], y[near], marker="D", **look)
+    for side, marker in ((1.0, "^"), (-1.0, "v")):
+        far = flagged & (side * y > reach)
+        ax.scatter(x[far], np.full(int(far.sum()), 0.97 * side * reach), marker=marker, **look)
+
+
+def predictions_figure(
+    errors: Mapping[str, Mapping[str, float]], noise_mm: float | None = None, noise: str = "noise of a reading"
+) -> Figure:
+    """Draw RMS errors (mm) by pose, a series each: fitted, left out, held out; NaN: no such error.
+
+    ``noise_mm``: standard deviation of a reading, as a line, called ``noise``.
+
+    Raises
+    ------
+    InputError
+        No errors.
+    """
+    poses = list(dict.fromkeys(label for one in errors.values() for label in one))
+    if not poses:
+        raise InputError("predictions figure: no errors to draw")
+    step = 0.8 / len(errors)
+    with house_style():
+        figure, (ax,) = new_figure((10.0, 3.8))
+        for i, (name, one) in enumerate(errors.items()):
+            place = np.arange(len(poses)) + (i - (len(errors) - 1) / 2) * step
+            ax.bar(place, [one.get(label, np.nan) for label in poses], step * 0.9, color=SERIES[i % 6], label=name)
+        if noise_mm is not None:
+            ax.axhline(noise_mm, color=INK, linewidth=1.0, linestyle="--", label=noise)
+        shown = range(0, len(poses), -(-len(poses) // _MOST_NAMES))
+        turned = len(shown) > _TURNED_FROM and max(map(len, poses)) > 3
+        ax.set_xticks(list(shown), [poses[k] for k in shown], rotation=60 if turned else 0)
+        ax.set_xlim(-0.6, len(poses) - 0.4)
+        ax.set_xlabel("pose")
+        ax.set_ylabel("RMS error (mm)")
+        ax.grid(visible=False, axis="x")
+        above(ax, ax.get_legend_handles_labels()[0], 4)
+    return figure

@@ -1,0 +1,94 @@
+"""From the options of `calibrate --scheme global` to its request, run and files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from doe import Measurements, Scheme
+from doe.estimation.campaign import Campaign, NoiseChoice, load_campaign
+from meshes.array_cache import user_cache
+from robots import InputError, save_description
+from stiffarm.commands.calibrate import payload as calibration_payload
+from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.calibrate.step import Calibrated, Request
+from stiffarm.session import steps
+from stiffarm.session.console import progress, say
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.reading_checks import read_held_out
+
+MOST_DRAWS = 10_000
+
+
+@dataclass(frozen=True)
+class Options:
+    """What was typed, parsed: names of ``joints`` and of ``free`` numbers, ``campaign`` file; None: not given."""
+
+    joints: tuple[str, ...] | None = None
+    free: tuple[str, ...] | None = None
+    campaign: Path | None = None
+    loads: tuple[float, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    holdout: Path | None = None
+    robust: bool = True
+    bootstrap: int = 0
+    seed: int = 0
+    confirm_units: bool = False
+
+
+def run(given: ModelInput, table: Measurements, plan: Scheme | None, options: Options) -> Calibrated:
+    """Calibrate as asked; progress and remarks are said."""
+    request = request_of(given, table, plan, options)
+    holdout = None
+    if options.holdout is not None:
+        holdout = read_held_out(given, options.holdout, confirm_units=options.confirm_units)
+    with progress("poses left out, draws") as bar:
+        return calibrating.calibrate(given, table, request, holdout=holdout, store=user_cache(), say=say, count=bar)
+
+
+def request_of(given: ModelInput, table: Measurements, plan: Scheme | None, options: Options) -> Request:
+    """The campaign of a file, or of the numbers named; bounds and gauge are the scheme's where there is one."""
+    if options.campaign is not None:
+        campaign, expected = load_campaign(options.campaign), None
+        if not options.robust:
+            campaign = campaign.model_copy(update={"noise": campaign.noise.model_copy(update={"robust": False})})
+    else:
+        campaign, expected = _at_once(given, table, plan, options)
+    return Request(campaign, options.loads, expected, options.bootstrap, options.seed)
+
+
+def _at_once(
+    given: ModelInput, table: Measurements, plan: Scheme | None, options: Options
+) -> tuple[Campaign, tuple[float, float]]:
+    usual, gauge, joints = steps.DEFAULT_BOUNDS_Nm_per_rad, steps.DEFAULT_GAUGE_mm, options.joints
+    if plan is not None:
+        usual, gauge = (plan.low_Nm_per_rad, plan.high_Nm_per_rad), plan.gauge_mm
+        joints = joints or plan.constant.joints
+    low, high = usual[0] if options.low is None else options.low, usual[1] if options.high is None else options.high
+    if not (0.0 < low < high and np.isfinite(high)):
+        raise InputError(
+            "--low, --high",
+            value=f"{low:g}, {high:g}",
+            allowed="0 < low < high, finite, N m/rad",
+            remedy="give the range in which the springs are expected; it is widened where the data ask for it",
+        )
+    seen = joints or (() if options.free else steps.springs_seen(given, table))
+    campaign = calibrating.springs_campaign(given.robot.name, seen, options.free, (low, high))
+    noise = NoiseChoice(gauge_mm=gauge, robust=options.robust)
+    return campaign.model_copy(update={"noise": noise}), (low, high)
+
+
+def write(c: Calibrated, content: dict[str, Any], folder: OutputFolder) -> None:
+    """calibration.json, model.toml, parameters.csv, pictures and report.html."""
+    from stiffarm.commands.calibrate.report import write_report
+
+    folder.write_json("calibration.json", content)
+    save_description(c.description, folder.path("model.toml"))
+    folder.write_text("parameters.csv", calibration_payload.parameters_csv(c))
+    with folder.timed("report"):
+        write_report(c, folder)

@@ -1,0 +1,230 @@
+"""A general calibration as JSON and CSV: keys with units, null where there is no number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from doe.certainty.lack_of_fit import outliers
+from doe.certainty.uncertainty import ParameterEstimate
+from doe.estimation.noise import Noise, origin
+from doe.estimation.problem import Problem
+from doe.published.readings import rms_mm
+from doe.tables.joined import files_of
+from robots.files.csv_text import rows_text
+from stiffarm.commands.calibrate import laws as calibration_laws
+from stiffarm.commands.calibrate import words
+from stiffarm.commands.calibrate.prediction import Holdout
+from stiffarm.commands.calibrate.step import Calibrated, StageFindings
+from stiffarm.session import payloads
+from stiffarm.session.payloads import number
+
+COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+QUANTILES = (0.025, 0.5, 0.975)
+# A value this close to an end of its range (relative) stands there.
+_AT_END = 1e-3
+
+
+def calibration(c: Calibrated) -> dict[str, Any]:
+    """Everything about a general calibration."""
+    found = c.found
+    out: dict[str, Any] = {
+        "scheme": "global",
+        "title": c.request.campaign.title,
+        "robot": c.description.name,
+        "load_path": found.model.load_path,
+        "links": found.model.link_kind,
+        "readings": len(found.overall),
+        "parameters": c.identified,
+        "rms_mm": number(found.rms_mm),
+        "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "left_out_not_predicted": c.skipped,
+        "remarks": list(c.remarks),
+        "poses": _poses(c),
+        "stages": [stage(s, c.request.campaign.noise.gauge_mm) for s in c.stages],
+    }
+    last = found.stages[-1]
+    springs = [x for s in found.stages for e in s.certainty.estimates if (x := words.spring_of(e)) is not None]
+    out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
+    out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
+    out["springs"] = {s.joint: payloads.estimate(s) for s in springs}
+    out |= {payloads.spring_key(s.joint): payloads.estimate(s)["k_Nm_per_rad"] for s in springs}
+    if c.holdout is not None:
+        out["holdout"] = holdout(c.holdout)
+    return out
+
+
+def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
+    """One stage: its numbers, noise, tests, outliers and predictions."""
+    r, e = s.result, s.result.estimate
+    test, (judged, why) = r.lack_of_fit, words.verdict(r, gauge_mm)
+    known = ~np.isnan(s.left_out)
+    out: dict[str, Any] = {
+        "name": r.stage.name,
+        "readings": len(e.problem),
+        "poses": list(e.problem.poses),
+        "rms_mm": number(rms_mm(e.residual, e.problem.component)),
+        "resumed": r.resumed,
+        "settled": e.settled,
+        "numbers": [estimate(one) for one in r.certainty.estimates],
+        "noise": noise(e.noise, e.problem),
+        "noise_in_words": words.setups_text(r, s.independent),
+        "told": words.told_and_untold(r.certainty.estimates),
+        "trade_offs": [
+            {
+                "names": list(t.parameters),
+                "weights": [number(float(w)) for w in t.weights],
+                "value": number(t.value),
+                "sd": number(t.sd),
+                "unit": t.unit,
+                "words": t.words,
+            }
+            for t in r.trade_offs
+        ],
+        "unseen": list(r.unseen),
+        "singular_values": [number(float(v)) for v in r.certainty.singular],
+        "condition": number(r.certainty.condition),
+        "lack_of_fit": {
+            "pure_error_mm": number(test.pure_error_m * 1e3),
+            "pure_degrees_of_freedom": test.pure_dof,
+            "F": number(test.ratio),
+            "degrees_of_freedom": test.fit_dof,
+            "p_value": number(test.p_value),
+        },
+        "chi_square": {"value": number(test.chi_square), "degrees_of_freedom": test.chi_dof,
+                       "p_value": number(test.chi_p_value)},
+        "verdict": judged,
+        "verdict_in_words": why,
+        "outliers": outlier_rows(s),
+        "left_one_pose_out_rms_mm": number(rms_mm(s.left_out[known], e.problem.component[known])),
+        "left_out_not_predicted": s.skipped,
+    }  # fmt: skip
+    if r.laws:
+        out["laws"] = [calibration_laws.payload(curve) for curve in calibration_laws.curves(r)]
+    if r.study is not None:
+        out["study"] = {"runs": r.study.runs, "rounds": r.study.rounds, "first_rms": number(r.study.first_rms),
+                        "rms": number(r.study.rms), "at_bound": list(r.study.at_bound)}  # fmt: skip
+    if s.drawn is not None:
+        out["bootstrap"] = bootstrap(s)
+    return out
+
+
+def estimate(e: ParameterEstimate) -> dict[str, Any]:
+    """A parameter; its value is null where it stands at a bound or is not identified."""
+    p, bound = e.parameter, words.bound_of(e)
+    out = {
+        "name": p.name,
+        "value": number(e.value) if words.known(e) else None,
+        "unit": p.unit,
+        "interval95": [number(v) for v in e.interval],
+        "status": e.status,
+        "variable": {"compliance": "1/value", "log": "ln value", "linear": "value"}[p.scale],
+        "sd_of_variable": number(e.sd),
+        "degrees_of_freedom": number(e.degrees_of_freedom),
+        "range": [number(p.lower), number(p.upper)],
+        "before": number(p.value),
+        "prior": None if p.prior is None else {"mean": number(p.prior[0]), "sd": number(p.prior[1])},
+    }
+    return out | ({} if bound is None else {"bound": bound})
+
+
+def noise(found: Noise, p: Problem) -> dict[str, Any]:
+    """Standard deviations found; null for what was not read; ``source``: "given", told by "repeats", or "residual"."""
+    read = [(p.component < 3).any(), (p.component >= 3).any()]
+    sizes = {
+        "reading_mm": (found.white[0] * 1e3, read[0]),
+        "reading_mrad": (found.white[1] * 1e3, read[1]),
+        "reading_share": (found.share, True),
+        "set_up_mm": (found.pose[0] * 1e3, read[0]),
+        "set_up_mrad": (found.pose[1] * 1e3, read[1]),
+        "set_up_share": (found.pose_share, True),
+    }
+    return {name: number(float(v)) if there else None for name, (v, there) in sizes.items()} | {"source": origin(p)}
+
+
+def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:
+    """Readings that stand out, farthest first."""
+    e = s.result.estimate
+    p = e.problem
+    return [
+        {
+            **({} if s.files is None else {"file": s.files[k]}),
+            "line": int(s.lines[k]),
+            "pose": p.poses[p.pose[k]],
+            "component": COMPONENT_KEYS[p.component[k]],
+            "load_N": number(float(s.loads_N[k])),
+            "measured": number(float(p.value[k]) * 1e3),
+            "predicted": number(float(e.prediction[k]) * 1e3),
+            "own_standard_deviations": number(float(e.own[k]), 3),
+            "weight": number(float(e.weight[k]), 3),
+        }
+        for k in outliers(e)
+    ]
+
+
+def bootstrap(s: StageFindings) -> dict[str, Any]:
+    """Quantiles over poses drawn with replacement; null where they stand at an end of the range."""
+    assert s.drawn is not None  # noqa: S101 - only called with draws
+    told = ~np.isnan(s.drawn).any(axis=1)
+    out: dict[str, Any] = {"draws": len(s.drawn), "draws_that_tell": int(told.sum()), "quantiles": list(QUANTILES)}
+    for k, e in enumerate(s.result.certainty.estimates):
+        p, values = e.parameter, s.drawn[told, k]
+        if not values.size or e.status == "not identified":
+            out[p.name] = None
+            continue
+        span = p.upper - p.lower if p.scale == "linear" else 0.0
+        low, high = (p.lower + _AT_END * (span or p.lower), p.upper - _AT_END * (span or p.upper))
+        at_end = (values <= low) | (values >= high)
+        # Nearest draw, not between two: half way to a rigid joint is no stiffness.
+        quantiles = np.quantile(values, QUANTILES, method="nearest")
+        out[p.name] = {
+            "values": [number(float(v)) if low < v < high else None for v in quantiles],
+            "share_at_bound": number(float(at_end.mean()), 3),
+        }
+    return out
+
+
+def holdout(h: Holdout) -> dict[str, Any]:
+    """Predictions of readings kept out of the calibration."""
+    p = h.system
+    rows = {}
+    for k, label in enumerate(p.poses):
+        mine = (p.pose == k) & ~np.isnan(h.error)
+        shift = mine & (p.component < 3)
+        rows[label] = {
+            "rms_mm": number(rms_mm(h.error[mine], p.component[mine])),
+            "noise_mm": number(float(np.sqrt(np.mean(h.expected[shift] ** 2))) * 1e3) if shift.any() else None,
+        }
+    return {"data": h.data.source, "data_sha256": h.data.sha256, "readings": len(p), "rms_mm": number(h.rms_mm),
+            "poses": rows, "not_predicted": h.blind}  # fmt: skip
+
+
+def _poses(c: Calibrated) -> list[dict[str, Any]]:
+    p = c.found.overall
+    predicted, files = p.value - c.found.residual, files_of(c.data)
+    return [
+        {
+            **({} if files is None else {"file": files[p.row[i]]}),
+            "line": int(c.data.row_numbers[p.row[i]]),
+            "pose": p.poses[p.pose[i]],
+            "component": COMPONENT_KEYS[p.component[i]],
+            "measured": number(float(p.value[i]) * 1e3),
+            "simulated": number(float(predicted[i]) * 1e3),
+            # Simulated minus measured, as in the staged scheme.
+            "left_out_error": number(-float(c.left_out[i]) * 1e3),
+        }
+        for i in range(len(p))
+    ]
+
+
+def parameters_csv(c: Calibrated) -> str:
+    """Every parameter of every stage, a row each; empty cells where there is no number."""
+    names = ("stage", "name", "value", "unit", "low95", "high95", "status", "bound")
+    rows: list[list[object]] = [[*names]]
+    for s in c.stages:
+        for e in s.result.certainty.estimates:
+            one = estimate(e)
+            cells = [one["value"], one["unit"], *one["interval95"], one["status"], one.get("bound")]
+            rows.append([s.result.stage.name, one["name"], *cells])
+    return rows_text(rows)

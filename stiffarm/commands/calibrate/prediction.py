@@ -1,0 +1,113 @@
+"""How well a calibration predicts: each pose from all the others, and poses kept out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements
+from doe.estimation.calibration import Calibration, run_campaign, undetermined
+from doe.estimation.campaign import Campaign
+from doe.estimation.problem import Problem, problem
+from doe.published.readings import rms_mm
+from doe.tables.load_history import history_of
+from fem import ArmModel
+from fem.effects import History, Maker, PlacedEffect
+from robots import InputError, ModelDescription
+
+Array = NDArray[np.float64]
+Count = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Holdout:
+    """Readings kept out of the calibration: ``error`` (m,) read minus predicted, NaN at poses in ``blind``.
+
+    ``expected`` (m,): standard deviation by the noise found; ``blind``: why the calibrated model cannot predict a
+    pose.
+    """
+
+    data: Measurements
+    system: Problem
+    error: Array
+    expected: Array
+    blind: dict[str, str]
+
+    @property
+    def rms_mm(self) -> float:
+        """RMS error of the translations predicted."""
+        known = ~np.isnan(self.error)
+        return rms_mm(self.error[known], self.system.component[known])
+
+
+def left_out(
+    description: ModelDescription,
+    build: Callable[[ModelDescription], ArmModel],
+    used: Measurements,
+    campaign: Campaign,
+    found: Calibration,
+    count: Count | None,
+    own: Sequence[Maker] = (),
+    history: History | None = None,
+) -> tuple[Array, dict[str, str]]:
+    """Errors (m,) of each pose predicted by all stages run again without it; ``history`` of the readings ``used``."""
+    whole, labels, history = found.overall, np.array(used.pose, dtype=str), history or history_of(used)
+    error, reasons = np.full(len(whole), np.nan), {}
+    for k, label in enumerate(whole.poses):
+        if count is not None:
+            count(k, len(whole.poses))
+        fewer = [s.model_copy(update={"poses": tuple(q for q in s.poses if q != label)}) for s in campaign.stage]
+        lost = [a.name for a, b in zip(campaign.stage, fewer, strict=True) if a.poses and not b.poses]
+        if lost:
+            reasons[label] = f"stage {lost[0]} has no other pose"
+            continue
+        without = campaign.model_copy(update={"stage": tuple(fewer)})
+        try:
+            then = history.take(np.flatnonzero(labels != label))
+            rest = run_campaign(description, build, used.select(labels != label), without, own=own, history=then)
+        except InputError as reason:
+            reasons[label] = str(reason)
+            continue
+        mine = used.select(labels == label)
+        blind = _blind(rest, mine)
+        if blind:
+            reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
+            continue
+        then = history.take(np.flatnonzero(labels == label))
+        error[whole.pose == k] = prediction_error(rest.model, mine, rest.effects, then)[0]
+    return error, reasons
+
+
+def prediction_error(
+    model: ArmModel, data: Measurements, effects: Sequence[PlacedEffect] = (), history: History | None = None
+) -> tuple[Array, Problem]:
+    """Errors (m,) read minus predicted of all readings, and the readings; ``history``: by default the table's."""
+    system = problem(model, data, (), effects=effects, history=history)
+    return system.value - system.evaluate(np.zeros(0))[0], system
+
+
+def _blind(found: Calibration, data: Measurements) -> list[str]:
+    """Numbers that no stage determined and that readings of ``data`` move with."""
+    out: list[str] = []
+    for stage in found.stages:
+        free = stage.estimate.problem.free
+        there = problem(free.model, data, free.parameters, free.laws, free.walls, free.effects)
+        out += undetermined(stage.estimate, there.evaluate(stage.estimate.u)[1])
+    return out
+
+
+def held_out(found: Calibration, data: Measurements) -> Holdout:
+    """Predict readings that the calibration has not seen; poses that hang on what it does not determine are named."""
+    error, system = prediction_error(found.model, data, found.effects)
+    blind = {}
+    for k, label in enumerate(system.poses):
+        names = _blind(found, data.select(np.array(data.pose, dtype=str) == label))
+        if names:
+            blind[label] = f"the calibration does not determine {', '.join(names)}"
+            error[system.pose == k] = np.nan
+    noise = found.stages[-1].estimate.noise
+    f = system.evaluate(np.zeros(0))[0]
+    return Holdout(data, system, error, noise.spread(system, f), blind)

@@ -1,0 +1,161 @@
+"""report.html of a general calibration: what was found, what not, how sure, and how well it predicts."""
+
+from __future__ import annotations
+
+import datetime as dt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.published.readings import rms_mm
+from doe.tables.joined import files_of
+from stiffarm import __version__
+from stiffarm.commands.calibrate import words
+from stiffarm.commands.calibrate.figures.residuals import predictions_figure
+from stiffarm.commands.calibrate.sections import stage_section
+from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.commands.calibrate.tables import holdout_rows
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.session.noise_words import scatter_name
+from stiffarm.session.outputs import OutputFolder
+
+Array = NDArray[np.float64]
+
+
+def write_report(c: Calibrated, folder: OutputFolder) -> None:
+    """Draw all figures and write report.html."""
+    pictures = Pictures(folder)
+    sections = [_readings(c)]
+    for number, s in enumerate(c.stages):
+        sections += stage_section(c, s, pictures, "" if len(c.stages) == 1 else f"_{number + 1}")
+    sections += [_predictions(c, pictures), _origin(c)]
+    title = c.description.title.split(" (")[0]
+    named = f"{c.request.campaign.title}: " if c.request.campaign.stage or len(c.request.campaign.law) else ""
+    numbers = sum(len(s.certainty.estimates) for s in c.found.stages)
+    lede = (
+        f"{named}{numbers} numbers set free, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
+        f"{c.found.model.link_kind} links, {c.found.model.load_path} load path."
+    )
+    footer = (
+        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {c.data.source} "
+        f"(SHA-256 {c.data.sha256[:12]}...). Versions, command and timings: run.json."
+    )
+    folder.write_text("report.html", render(title, lede, _key_figures(c), sections, footer))
+
+
+def _key_figures(c: Calibrated) -> list[KeyFigure]:
+    estimates = [e for s in c.found.stages for e in s.certainty.estimates]
+    sure = sum(e.status == "determined" for e in estimates)
+    out = [
+        KeyFigure(f"{sure} of {len(estimates)}", "numbers determined with both limits"),
+        KeyFigure(_mm(c.found.rms_mm), "RMS of the fit"),
+        KeyFigure(_mm(c.left_out_rms_mm), "RMS at poses the calibration has not seen (left out one at a time)"),
+    ]
+    if c.holdout is not None:
+        out.append(KeyFigure(_mm(c.holdout.rms_mm), "RMS at poses held out"))
+    return out
+
+
+def _mm(value: float) -> str:
+    return f"{value:.3f} mm" if np.isfinite(value) else "not known"
+
+
+def _readings(c: Calibrated) -> Section:
+    data = c.data
+    loads = np.unique([float(f"{v:.3g}") for v in data.loads_N])
+    shown = ", ".join(f"{v:g}" for v in loads) if len(loads) <= 8 else f"{loads[0]:g} to {loads[-1]:g}"
+    names = np.array(["X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z"])
+    read = ", ".join(names[data.used.any(axis=0)])
+    repeats = len(c.found.overall) - len(np.unique(c.found.overall.replicate))
+    text = (
+        f"{data.n} readings at {len(data.pose_groups())} poses under {shown} N; read were {read}. "
+        f"{repeats if repeats else 'None'} of the {len(c.found.overall)} numbers read "
+        f"{'is a repeat' if repeats == 1 else 'are repeats'} of another."
+    )
+    blocks: list[Block] = [Text(text)]
+    files = files_of(data)
+    if files is not None:
+        poses = {name: {p for p, file in zip(data.pose, files, strict=True) if file == name} for name in files}
+        rows = [(name, str(files.count(name)), ", ".join(sorted(poses[name]))) for name in dict.fromkeys(files)]
+        blocks.append(Table("Tables, as one", ("table", "readings", "poses"), tuple(rows), text_columns=(0, 2)))
+    return Section("The readings", (*blocks, Bullets(data.notes)) if data.notes else tuple(blocks))
+
+
+def _predictions(c: Calibrated, pictures: Pictures) -> Section:
+    system = c.found.overall
+    errors = {"fitted": _by_pose(c.found.residual, system.pose, system.component, system.poses)}
+    if np.isfinite(c.left_out_rms_mm):
+        errors["left out"] = _by_pose(c.left_out, system.pose, system.component, system.poses)
+    blocks: list[Block] = [
+        Text(
+            f"Each pose predicted by a calibration that has not seen it: RMS {_mm(c.left_out_rms_mm)}, "
+            f"against {_mm(c.found.rms_mm)} in the fit."
+        )
+    ]
+    h, scatter = c.holdout, scatter_name(c.found.stages[-1].estimate.problem)
+    if h is not None:
+        # Labels of the two tables may be the same for different poses.
+        labels = tuple(f"{label} (held out)" for label in h.system.poses)
+        errors["held out"] = _by_pose(h.error, h.system.pose, h.system.component, labels)
+        expected = float(np.sqrt(np.mean(h.expected[h.system.component < 3] ** 2))) * 1e3
+        blocks.append(
+            Text(
+                f"{len(h.system)} readings of {h.data.source}, none of whose poses was used: RMS {_mm(h.rms_mm)}. "
+                f"The scatter found ({scatter}) would give {_mm(expected)} by itself."
+            )
+        )
+        heads = ("pose", "RMS (mm)", f"expected from {scatter} (mm)")
+        blocks.append(Table("Poses held out", heads, tuple(holdout_rows(h))))
+    if any(np.isfinite(v) for one in errors.values() for v in one.values()):
+        noise = c.found.stages[-1].estimate.noise.white[0] * 1e3
+        blocks.append(
+            pictures.add(
+                predictions_figure(errors, noise if (system.component < 3).any() else None, f"{scatter}, a reading"),
+                "predictions",
+                "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
+                "has bent itself to these readings.",
+            )
+        )
+    reasons = [f"pose {label}, left out: {why}" for label, why in c.skipped.items()]
+    reasons += [f"pose {label}, held out: {why}" for label, why in (h.blind if h is not None else {}).items()]
+    if reasons:
+        blocks += [
+            Note("Some poses are not predicted, for the rest of the readings cannot tell:"),
+            Bullets(tuple(reasons)),
+        ]
+    return Section("Prediction", tuple(blocks))
+
+
+def _by_pose(
+    error: Array, pose: NDArray[np.int64], component: NDArray[np.int64], labels: tuple[str, ...]
+) -> dict[str, float]:
+    out = {}
+    for k, label in enumerate(labels):
+        mine = (pose == k) & ~np.isnan(error)
+        out[label] = rms_mm(error[mine], component[mine])
+    return out
+
+
+def _origin(c: Calibrated) -> Section:
+    rows = tuple(
+        (s.stage.name, e.parameter.name, words.value_text(e), words.interval_text(e), words.shown_unit(e.parameter)[1],
+         "-" if not np.isfinite(e.parameter.value) else f"{e.parameter.value * words.shown_unit(e.parameter)[0]:.3g}",
+         words.prior_text(e.parameter))
+        for s in c.found.stages
+        for e in s.certainty.estimates
+    )  # fmt: skip
+    text = (
+        "Compliances enter deflections linearly, so for given noise the optimum over stiffnesses is global. Intervals "
+        "are those of the profile likelihood where the parabola would not do; the scatter is estimated by restricted "
+        "likelihood, and without repeats it is what the model leaves, noise or not. The calibrated model is "
+        "model.toml; every number there says where it came from."
+    )
+    return Section(
+        "How it was done",
+        (
+            Text(text),
+            Table("Numbers set free", ("stage", "number", "found", "95 % interval", "unit", "model had", "prior"), rows,
+                  text_columns=(0, 1, 2, 6), folded=True),
+        ),
+    )  # fmt: skip

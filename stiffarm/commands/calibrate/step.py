@@ -1,0 +1,238 @@
+"""The step `calibrate`: numbers of a model from readings, what those can tell, and how well the result predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, select_loads
+from doe.certainty.lack_of_fit import downweighted
+from doe.certainty.uncertainty import Certainty, bootstrap, certainty
+from doe.estimation.calibration import (
+    Calibration,
+    StageResult,
+    leave_one_pose_out,
+    readings_of,
+    refuse_cut_cycles,
+    run_campaign,
+    without_outliers,
+)
+from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
+from doe.estimation.estimate import estimate
+from doe.model_file.uncertainty_table import NO_SPARE, calibration_table
+from doe.published.readings import points_of, rms_mm
+from doe.tables.checks import refuse_seen
+from doe.tables.joined import files_of
+from doe.tables.load_history import history_of_part
+from fem import ArmModel
+from fem.effects import LOAD_PATH, build_plain
+from fem.free.parameters import TURN
+from meshes.array_cache import ArrayCache
+from robots import InputError, ModelDescription
+from robots.schema.description import Calibration as Origin
+from stiffarm.commands.calibrate import words
+from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.useless_readings import refuse_useless
+
+Array = NDArray[np.float64]
+Lines = NDArray[np.int64]
+
+SOURCE_KEY = "calibrated"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a calibration.
+
+    ``loads`` N, empty for all; ``expected`` N m/rad: where joint springs are expected, to be said when they are
+    not; ``bootstrap``: how often to draw poses with replacement.
+    """
+
+    campaign: Campaign
+    loads: tuple[float, ...] = ()
+    expected: tuple[float, float] | None = None
+    bootstrap: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class StageFindings:
+    """One stage and all that is said about it.
+
+    ``lines`` (m,): lines of the table that its m components stand in, and ``files`` (m,) their files, None if all are
+    from one; ``loads_N`` (m,) and ``phase`` (m,);
+    ``left_out`` (m,): errors of poses predicted by the others, ``skipped`` why some are not; ``independent``: the
+    same estimate as if nothing were common to a set-up, None if nothing is; ``full_weight``: with outliers at full
+    weight, None without any; ``drawn`` (times, p): bootstrapped values.
+    """
+
+    result: StageResult
+    lines: Lines
+    loads_N: Array  # noqa: N815 - the unit's letter
+    phase: tuple[str | None, ...]
+    left_out: Array
+    skipped: dict[str, str]
+    independent: Certainty | None
+    full_weight: StageResult | None
+    drawn: Array | None
+    files: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A finished calibration with its judgement; ``data``: the readings used; arrays (m,) as in ``found.overall``."""
+
+    request: Request
+    data: Measurements
+    found: Calibration
+    description: ModelDescription
+    stages: tuple[StageFindings, ...]
+    left_out: Array
+    skipped: dict[str, str]
+    holdout: Holdout | None
+    remarks: tuple[str, ...]
+
+    @property
+    def left_out_rms_mm(self) -> float:
+        """RMS of the translations at poses predicted by a calibration that has not seen them."""
+        known = ~np.isnan(self.left_out)
+        return rms_mm(self.left_out[known], self.found.overall.component[known])
+
+    @property
+    def identified(self) -> int:
+        """How many numbers the readings say something about."""
+        return sum(e.status != "not identified" for s in self.found.stages for e in s.certainty.estimates)
+
+
+def springs_campaign(
+    robot: str, joints: tuple[str, ...], names: tuple[str, ...] | None, expected: tuple[float, float]
+) -> Campaign:
+    """All at once: the numbers named, else constant springs of ``joints``; their range is the widest plausible one."""
+    plain = campaign_of(robot, names or tuple(f"{j}.stiffness" for j in joints))
+    widest = min(TURN[0], expected[0]), max(TURN[1], expected[1])
+    freed = [
+        Freed(name=p.name, lower=widest[0], upper=widest[1]) if words.is_joint_spring(p.name) and widest != TURN else p
+        for p in plain.parameter
+    ]
+    return plain.model_copy(update={"parameter": tuple(freed)})
+
+
+def calibrate(
+    given: ModelInput,
+    table: Measurements,
+    request: Request,
+    *,
+    holdout: Measurements | None = None,
+    store: ArrayCache | None = None,
+    say: Callable[[str], None] | None = None,
+    count: Count | None = None,
+) -> Calibrated:
+    """Run the campaign, predict each pose from the others, judge outliers and set-ups, predict ``holdout``.
+
+    Raises
+    ------
+    InputError
+        The campaign does not fit model or readings, the readings tell nothing or are too few, or ``holdout`` has
+        poses that the calibration has seen.
+    """
+    if request.campaign.robot != given.robot.name:
+        raise InputError(
+            "calibration file is for robot",
+            value=request.campaign.robot,
+            allowed=given.robot.name,
+            remedy="choose the file of this robot, or name this robot in its 'robot' key",
+        )
+    if holdout is not None:
+        refuse_seen(table, holdout, "the calibration")
+    refuse_cut_cycles(given.effects, table, request.loads, "--loads")
+    used = select_loads(table, request.loads)
+    refuse_useless(given, table, used)
+    build = _builder(given)
+    history = history_of_part(table, lambda whole: select_loads(whole, request.loads))
+    found = run_campaign(
+        given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history
+    )
+    rng = np.random.default_rng(request.seed)
+    stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
+    if _all_at_once(found):
+        error, skipped = stages[0].left_out, stages[0].skipped
+    else:
+        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own, history)
+    shifts = [e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind == "point"]
+    remarks = words.remarks(found.stages, request.expected) + words.points_remark(shifts, points_of(used))
+    return Calibrated(
+        request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,
+        None if holdout is None else held_out(found, holdout), remarks,
+    )  # fmt: skip
+
+
+def _builder(given: ModelInput) -> Callable[[ModelDescription], ArmModel]:
+    """Models as the given one, without effects: unchanged links are found in the cache."""
+    return lambda description: build_plain(description, given.model.link_kind, given.model.load_path)
+
+
+def _all_at_once(found: Calibration) -> bool:
+    (first, *more) = [s.stage for s in found.stages]
+    return not (more or first.poses or first.loads_N or first.levels)
+
+
+def _findings(
+    stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Count | None
+) -> StageFindings:
+    p, mine = stage.estimate.problem, readings_of(used, stage.stage)
+    left_out, skipped = np.full(len(p), np.nan), {"all": "a parametric study has no noise model to predict with"}
+    if stage.study is None:
+        left_out, skipped = leave_one_pose_out(stage, count)
+    several = request.bootstrap > 0 and stage.study is None
+    return StageFindings(
+        stage,
+        np.array(mine.row_numbers, dtype=np.int64)[p.row],
+        mine.loads_N[p.row],
+        tuple(mine.phase[i] for i in p.row),
+        left_out,
+        skipped,
+        _independent(stage, request.campaign.noise) if stage.estimate.noise.has_common else None,
+        without_outliers(stage) if stage.study is None and downweighted(stage.estimate) else None,
+        bootstrap(stage.estimate, rng, request.bootstrap, count) if several else None,
+        None if (files := files_of(mine)) is None else tuple(files[i] for i in p.row),
+    )
+
+
+def _independent(stage: StageResult, noise: NoiseChoice) -> Certainty:
+    """The same estimate with every reading a set-up of its own, so that no scatter between set-ups can be found."""
+    p = stage.estimate.problem
+    apart = replace(p, pose=np.arange(len(p)), poses=tuple(map(str, range(len(p)))))
+    return certainty(estimate(apart, (noise.gauge_mm * 1e-3, noise.gauge_mrad * 1e-3), robust=noise.robust))
+
+
+def _described(
+    given: ModelInput, found: Calibration, used: Measurements, request: Request, remarks: tuple[str, ...]
+) -> ModelDescription:
+    """The calibrated description with where it came from."""
+    has_path = any(table.code == LOAD_PATH for table in found.description.effect)
+    source = f"global calibration on {used.source}, SHA-256 {used.sha256}"
+    sure = calibration_table(found)
+    changed = found.description.model_copy(
+        update={
+            # With an effect load-path the file keeps the path that it departs from.
+            "load_path": found.description.load_path if has_path else given.model.load_path,
+            "sources": {**found.description.sources, SOURCE_KEY: source},
+            "calibration": Origin(
+                scheme="global",
+                load_path=given.model.load_path,
+                links=given.model.link_kind,
+                data=used.source,
+                data_sha256=used.sha256,
+                rms_mm=found.rms_mm,
+                loads_N=request.loads,
+                notes=remarks if sure is not None else (*remarks, NO_SPARE),
+                uncertainty=sure,
+            ),
+        }
+    )
+    # Through the validator once more: a written file must be one that can be read.
+    return ModelDescription.model_validate(changed.model_dump(by_alias=True))

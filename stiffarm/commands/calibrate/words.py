@@ -1,0 +1,334 @@
+"""A calibration in words: values with their intervals, what is not determined, noise, outliers, the model's case."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from doe import SpringEstimate
+from doe.certainty.lack_of_fit import FLAGGED, LackOfFit, downweighted
+from doe.certainty.uncertainty import Certainty, ParameterEstimate
+from doe.estimation.calibration import StageResult
+from doe.estimation.estimate import Estimate
+from doe.estimation.noise import FEWEST_POSES, Noise, estimable
+from doe.estimation.problem import Problem
+from doe.published.constant import bound_remark
+from doe.published.readings import PointOf
+from doe.tables.telling import NOISY
+from fem.free.parameters import TURN, Parameter
+
+# Below this probability a test's outcome is no chance.
+REFUTED = 0.01
+# Residual scatter beyond this many digits of the gauge is not the gauge's.
+BEYOND_GAUGE = 2.0
+# More outliers than this share of the readings are no outliers (assumed).
+MOST_OUTLIERS = 0.1
+# Set-ups that scatter by more than this share of the deflection are suspect (assumed).
+LARGE_SHARE = 0.05
+
+_SHOWN = {
+    "N m/rad": (1e-6, "1e6 N m/rad"),
+    "N/m": (1e-6, "N/um"),
+    "Pa": (1e-9, "GPa"),
+    "rad": (180.0 / math.pi, "deg"),
+    "m": (1e3, "mm"),
+}
+_SPRING = re.compile(r"[^.]+\.(rz|stiffness)")
+
+
+def is_joint_spring(name: str) -> bool:
+    """Whether a parameter's name is that of a joint's spring about its own axis."""
+    return bool(_SPRING.fullmatch(name)) and name.partition(".")[0] not in ("base", "tool", "bar")
+
+
+def spring_of(e: ParameterEstimate) -> SpringEstimate | None:
+    """A joint's spring about its axis as the other schemes know it; None for any other parameter."""
+    p = e.parameter
+    if p.kind != "stiffness" or p.index != (5,) or not is_joint_spring(p.name):
+        return None
+    return SpringEstimate(p.place, e.value, e.interval, e.status)
+
+
+def shown_unit(p: Parameter) -> tuple[float, str]:
+    """Factor from SI and the unit in which a parameter is shown."""
+    return _SHOWN.get(p.unit, (1.0, p.unit))
+
+
+def spoken_unit(p: Parameter) -> tuple[float, str]:
+    """Factor from SI and the unit in a sentence, where "90 1e6 N m/rad" would not do."""
+    return (1.0, p.unit) if p.unit in ("N m/rad", "N/m") else shown_unit(p)
+
+
+def known(e: ParameterEstimate) -> bool:
+    """Whether the estimate's value may stand as a number."""
+    return e.status in ("determined", "one-sided")
+
+
+def bound_of(e: ParameterEstimate) -> str | None:
+    """Which end of its range an estimate stands at: "rigid" and "soft" for stiffnesses, else "upper" and "lower"."""
+    if e.status != "at bound":
+        return None
+    p = e.parameter
+    upper = abs(e.value - p.upper) <= abs(e.value - p.lower) if p.scale == "linear" else e.value**2 > p.lower * p.upper
+    if p.scale != "compliance":
+        return "upper" if upper else "lower"
+    return "rigid" if upper else "soft"
+
+
+def value_text(e: ParameterEstimate) -> str:
+    """The value with three digits in its shown unit, or why there is none."""
+    if e.status == "not identified":
+        return "not identified"
+    bound = bound_of(e)
+    if bound is not None:
+        return f"at its bound: {bound} fits best"
+    factor, _ = shown_unit(e.parameter)
+    return f"{e.value * factor:.3g}"
+
+
+def interval_text(e: ParameterEstimate, factor: float | None = None) -> str:
+    """The 95 % interval in the shown unit, or times ``factor``; an open end is said as a limit."""
+    low, high = (v * (shown_unit(e.parameter)[0] if factor is None else factor) for v in e.interval)
+    if math.isnan(low):
+        return "-"
+    floor = -math.inf if e.parameter.scale == "linear" else 0.0
+    if math.isinf(high):
+        return "none" if low <= floor else f">= {low:.3g}"
+    return f"<= {high:.3g}" if low <= floor else f"{low:.3g} to {high:.3g}"
+
+
+def remarks(stages: Sequence[StageResult], expected: tuple[float, float] | None) -> tuple[str, ...]:
+    """What a reader must not overlook: bounds, what is not seen, what trades off, what did not settle."""
+    out: list[str] = []
+    for s in stages:
+        place = f"stage {s.stage.name}: " if len(stages) > 1 else ""
+        out += [place + text for text in _stage_remarks(s, expected)]
+    return tuple(out)
+
+
+def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str, ...]:
+    """Which points a shift of the point (``names``) moved, where readings have their own."""
+    if not names or "table" not in points:
+        return ()
+    tool = "the model's tool point moves with them" if "tool" in points else "the model's tool point stays"
+    return (
+        f"{', '.join(names)}: the points of the table (px_mm, py_mm, pz_mm) are off by this, which the model file "
+        f"holds as [load] point; {tool}",
+    )
+
+
+def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list[str]:
+    out: list[str] = []
+    for e in s.certainty.estimates:
+        spring = spring_of(e)
+        if e.parameter.name in s.unseen:
+            out.append(f"{e.parameter.name}: no reading moves with it; it stays as the model has it")
+        elif spring is not None and expected is not None and e.status != "not identified":
+            widest = min(TURN[0], expected[0]), max(TURN[1], expected[1])
+            out += bound_remark(spring, expected, widest)
+        elif e.status == "at bound":
+            out.append(f"{e.parameter.name}: stands at the {bound_of(e)} end of its range, {_range(e.parameter)}")
+    out += [t.words for t in s.trade_offs]
+    told = {name for t in s.trade_offs for name in t.parameters} | set(s.unseen)
+    out += [
+        f"{e.parameter.name}: any value in its range fits, its share is lost in the noise"
+        for e in s.certainty.estimates
+        if e.status == "not identified" and e.parameter.name not in told
+    ]
+    out += _unexplained(s.estimate)
+    if not s.estimate.settled:
+        out.append("noise and numbers did not come to rest against one another: take the intervals with care")
+    if all(e.degrees_of_freedom <= 0.0 for e in s.certainty.estimates):
+        out.append("as many numbers as readings: no residual is left, so no error bars can be given")
+    return out
+
+
+def _unexplained(e: Estimate) -> list[str]:
+    """That most of what was read is left: the readings tell something, but not of the numbers set free."""
+    p, out = e.problem, []
+    for unit, mine in (("mm", p.component < 3), ("mrad", p.component >= 3)):
+        left, read = (float(np.sqrt(np.sum(v[mine] ** 2) / max(int(mine.sum()), 1))) for v in (e.residual, p.value))
+        if left > NOISY * read:
+            out.append(
+                f"{1e3 * left:.3g} of {1e3 * read:.3g} {unit} read (RMS) are left unexplained: what gives way is "
+                "hardly among these numbers; set others free, or ask `stiffarm diagnose` what is missing"
+            )
+    return out
+
+
+def _range(p: Parameter) -> str:
+    factor, unit = spoken_unit(p)
+    return f"{p.lower * factor:.3g} to {p.upper * factor:.3g} {unit}"
+
+
+def told_and_untold(estimates: Sequence[ParameterEstimate]) -> list[str]:
+    """Sentences: which numbers the readings determine, which only to one side, which not at all."""
+    names = {s: [e.parameter.name for e in estimates if e.status == s] for s in
+             ("determined", "one-sided", "at bound", "not identified")}  # fmt: skip
+    out = []
+    if names["determined"]:
+        out.append(f"Determined, with both limits: {', '.join(names['determined'])}.")
+    else:
+        out.append("No number is determined with both limits.")
+    half = [f"{e.parameter.name} ({_limit(e)})" for e in estimates if e.status == "one-sided"]
+    if half:
+        out.append(f"Only a limit to one side: {', '.join(half)}.")
+    ends = [f"{e.parameter.name} ({bound_of(e)} fits best{_beside(e)})" for e in estimates if e.status == "at bound"]
+    if ends:
+        out.append(f"At an end of the range, so no number: {', '.join(ends)}.")
+    if names["not identified"]:
+        out.append(f"Not determined by these readings: {', '.join(names['not identified'])}.")
+    return out
+
+
+def _limit(e: ParameterEstimate) -> str:
+    factor, unit = spoken_unit(e.parameter)
+    return f"{interval_text(e, factor)} {unit}"
+
+
+def _beside(e: ParameterEstimate) -> str:
+    return "" if interval_text(e) in ("-", "none") else f", {_limit(e)}"
+
+
+def noise_parts(noise: Noise, p: Problem) -> list[tuple[str, str]]:
+    """The noise's terms as (name, size), those that are there."""
+    out = []
+    given = ~np.isnan(p.sigma)
+    for kind, (what, unit) in enumerate((("translations", "mm"), ("rotations", "mrad"))):
+        mine = (p.component >= 3) == bool(kind)
+        if not mine.any():
+            continue
+        if given[mine].all():
+            out.append((f"each reading, {what}", "as given in sigma_mm"))
+        else:
+            out.append((f"each reading, {what}", f"{noise.white[kind] * 1e3:.3g} {unit}"))
+        if noise.pose[kind]:
+            out.append((f"each set-up, {what}", f"{noise.pose[kind] * 1e3:.3g} {unit}"))
+    if noise.share:
+        out.append(("each reading, share of the deflection", f"{noise.share * 100:.2g} %"))
+    if noise.pose_share:
+        out.append(("each set-up, share of the deflection", f"{noise.pose_share * 100:.2g} %"))
+    return out
+
+
+def setups_text(s: StageResult, independent: Certainty | None) -> str:
+    """Whether set-ups scatter, and what leaving that out of the noise would do to the intervals."""
+    p, e = s.estimate.problem, s.estimate
+    if independent is None:
+        if estimable(p, e.prediction)[1]:
+            return "No scatter between set-ups was found beside that of the readings."
+        return (
+            f"Scatter between set-ups cannot be told apart from that of the readings: this takes {FEWEST_POSES} poses "
+            "with several readings of one component each. If there is some, the intervals are too narrow."
+        )
+    ratios = [
+        r for pair in zip(s.certainty.estimates, independent.estimates, strict=True) if (r := _width_ratio(*pair))
+    ]
+    sizes = [f"{size} of {name.split(', ')[1]}" for name, size in noise_parts(e.noise, p) if "set-up" in name]
+    text = f"Readings of one set-up have a scatter in common ({' and '.join(sizes)}), so they are not independent. "
+    if e.noise.pose_share > LARGE_SHARE:
+        text += (
+            f"More than {LARGE_SHARE * 100:g} % of the deflection is more than careful set-ups give: something that "
+            "the model lacks, or a spring held stiffer than it is, may stand behind it. "
+        )
+    if not ratios:
+        return text + "Left out of the noise it would have to be called lack of fit."
+    low, middle, high = min(ratios), float(np.median(ratios)), max(ratios)
+    spread = f" ({low:.2g} to {high:.2g})" if len(ratios) > 1 else ""
+    if middle < 1.05:
+        return text + f"Left out of the noise it would change the intervals little: by a factor {middle:.2g}{spread}."
+    return text + (
+        f"With that term left out of the noise, intervals would wrongly come out {middle:.2g} times narrower{spread}."
+    )
+
+
+def _width_ratio(a: ParameterEstimate, b: ParameterEstimate) -> float | None:
+    """Width of a's interval over that of b's, of the logarithm where positive; None where either is open."""
+    if a.status != "determined" or b.status != "determined":
+        return None
+    log = a.parameter.scale != "linear"
+    wide, narrow = (float(np.diff(np.log(e.interval) if log else e.interval)[0]) for e in (a, b))
+    return wide / narrow if narrow > 0.0 else None
+
+
+def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
+    """("refuted" | "not refuted" | "not testable", one or two sentences)."""
+    test: LackOfFit = s.lack_of_fit
+    e = s.estimate
+    if not math.isnan(test.p_value):
+        found = f"F = {test.ratio:.3g} on {test.fit_dof} and {test.pure_dof} degrees of freedom, p = {test.p_value:.2g}"
+        if not math.isnan(test.pure_error_m):
+            found = f"Replicates scatter by {test.pure_error_m * 1e3:.3g} mm; {found}. "
+        else:
+            found += ". "
+        if test.p_value >= REFUTED:
+            return "not refuted", found + "The model fits as well as the replicates allow: nothing refutes it."
+        if e.noise.has_common:
+            return "not refuted", found + (
+                "The model misses by more than the replicates scatter; the scatter between set-ups found above "
+                "would explain that. A systematic miss of the model looks the same: see residuals by pose and load."
+            )
+        return "refuted", found + (
+            "The model is refuted: it misses by more than the replicates scatter, and no scatter between set-ups "
+            "was found that would explain it."
+        )
+    if not np.isnan(e.problem.sigma).any() and not math.isnan(test.chi_p_value):
+        found = f"Against the sigmas given: chi-square {test.chi_square:.3g} on {test.chi_dof} degrees of freedom, " \
+                f"p = {test.chi_p_value:.2g}. "  # fmt: skip
+        # Scatter between set-ups is part of the noise in this test, outliers have lost their weight in it.
+        far = downweighted(e)
+        if far > MOST_OUTLIERS * len(e.problem):
+            return "refuted", found + (
+                f"{far} of {len(e.problem)} readings are far off and lost weight, too many to be outliers: these "
+                "sigmas are too small, or the model is refuted."
+            )
+        if test.chi_p_value < REFUTED:
+            return "refuted", found + "The model is refuted if these sigmas are right."
+        return "not refuted", found + "Nothing refutes the model."
+    digits = e.noise.white[0] * 1e3 / gauge_mm
+    text = "There are no replicates to spare, so the model cannot be tested against their scatter. "
+    if digits > BEYOND_GAUGE and (e.problem.component < 3).any():
+        text += (
+            f"What is left in the readings, {e.noise.white[0] * 1e3:.3g} mm, is {digits:.2g} times the gauge's digit: "
+            "either readings scatter more than the gauge, or the model lacks something. The intervals are from this "
+            "scatter, not from the gauge."
+        )
+    return "not testable", text
+
+
+def outlier_text(pose: str, line: str, component: str, load_N: float, residual: str, own: float) -> str:
+    """One outlier by the line of the table it stands in, with the table's name where there are several."""
+    size = f"{abs(own):.3g} of its standard deviations" if abs(own) < 1e3 else "over 1000 of its standard deviations"
+    return f"line {line}: pose {pose}, {component} at {load_N:g} N is off by {residual}, {size} (beyond {FLAGGED:g})"
+
+
+def prior_text(p: Parameter) -> str:
+    """A prior in words: its middle and one standard deviation."""
+    if p.prior is None:
+        return "-"
+    mean, sd = p.prior
+    factor, unit = spoken_unit(p)
+    if p.scale == "linear":
+        return f"{mean * factor:.3g} +- {sd * factor:.2g} {unit}"
+    return f"{math.exp(mean) * factor:.3g} {unit} within a factor {math.exp(sd):.3g}"
+
+
+def full_weight_text(robust: StageResult, full: StageResult | None) -> str:
+    """What the numbers would be with outliers at full weight: those that would move by more than half an interval."""
+    if full is None:
+        return ""
+    moved = []
+    for a, b in zip(robust.certainty.estimates, full.certainty.estimates, strict=True):
+        if a.status != "determined" or not known(b):
+            continue
+        log = a.parameter.scale != "linear"
+        x, y, (low, high) = (np.log(v) if log else np.asarray(v) for v in (a.value, b.value, a.interval))
+        if abs(float(y - x)) > 0.25 * float(high - low):
+            factor, unit = spoken_unit(a.parameter)
+            moved.append(f"{a.parameter.name} {b.value * factor:.3g} instead of {a.value * factor:.3g} {unit}")
+    if not moved:
+        return "With all readings at full weight no number would move by more than half of its interval's half width."
+    return f"With all readings at full weight the estimate would be {', '.join(moved)}."

@@ -1,0 +1,142 @@
+"""The command `diagnose`: what the model is missing, by measured deflections."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from doe import Measurements, write_measurements
+from doe.diagnosis.next_readings import as_measurements, columns_to_fill
+from doe.diagnosis.scatter import SETUP
+from robots import save_description
+from stiffarm.commands.diagnose import payload as diagnosis_payload
+from stiffarm.commands.diagnose import step as diagnosing
+from stiffarm.commands.diagnose import words as diagnosis_words
+from stiffarm.commands.diagnose.model import described
+from stiffarm.commands.diagnose.step import Diagnosed, Request
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session.options import (
+    ConfirmUnits,
+    Debug,
+    EffectFile,
+    Json,
+    Links,
+    LoadPathOpt,
+    Loads,
+    ModelArg,
+    Out,
+    Seed,
+    TablesArg,
+    folder_if,
+    model_hash,
+    open_tables,
+    say_notes,
+)
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.own_effects import own_effects, own_files
+from stiffarm.session.reading_checks import read_held_out
+
+
+def diagnose(
+    model: ModelArg,
+    data: TablesArg = None,
+    holdout: Annotated[
+        Path | None, typer.Option("--holdout", help="table of other poses, to judge the result by")
+    ] = None,
+    effect: EffectFile = None,
+    free: Annotated[
+        str | None,
+        typer.Option("--free", help="joints whose springs are fitted, as in j2,j3; default: all with a spring"),
+    ] = None,
+    next_poses: Annotated[
+        int, typer.Option("--next", help="set-ups to propose where something is not settled", min=0, max=30)
+    ] = 3,
+    setup_percent: Annotated[
+        float,
+        typer.Option(
+            "--setup-percent",
+            help="scatter between set-ups to expect, in percent of the deflection: more than twice as much counts as "
+            "something unknown",
+            min=0.05,
+            max=20.0,
+        ),
+    ] = 100.0 * SETUP,
+    seed: Seed = 0,
+    loads: Loads = None,
+    confirm_units: ConfirmUnits = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Find what the model is missing: where it disagrees with readings, which physical effect explains it, how sure.
+
+    Writes diagnosis.json, the model with what was found, and a report into --out.
+    """
+    with user_errors(debug):
+        chosen_loads = inputs.parse_loads(loads) or ()
+        own, files = own_effects(effect), own_files(effect)
+        given = inputs.read_model(model, links, load_path, own=own)
+        files["model"] = model_hash(given)
+        names = inputs.parse_names(free, given.robot.joint_names, "--free")
+        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
+        other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
+        if other is not None:
+            files["holdout"] = other.sha256
+        with folder_if(out, files, seed) as folder:
+            found = _run(
+                given, table, Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0), other, folder
+            )
+            content = diagnosis_payload.diagnosis(found)
+            if folder is not None:
+                _write(found, content, folder)
+        if out is not None:
+            names = ("report.html", *(("model.toml",) if found.tells else ()), "diagnosis.json")
+            say(f"written: {', '.join(str(out / name) for name in names)}")
+        if as_json:
+            emit_json(content)
+        else:
+            _show(found)
+
+
+def _run(
+    given: inputs.ModelInput, table: Measurements, request: Request, other: Measurements | None,
+    folder: OutputFolder | None,
+) -> Diagnosed:  # fmt: skip
+    if folder is None:
+        found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
+    else:
+        with folder.timed("diagnosis"):
+            found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
+    say_notes(found.remarks)
+    return found
+
+
+def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> None:
+    """diagnosis.json, pictures, report.html, and model.toml where the readings tell anything about the arm."""
+    from stiffarm.commands.diagnose.report import write_report
+
+    folder.write_json("diagnosis.json", content)
+    if found.tells:
+        save_description(described(found), folder.path("model.toml"))
+    if found.proposal is not None:
+        sheet, robot = as_measurements(found.proposal), found.given.robot
+        write_measurements(sheet, folder.path("next_readings.csv"), robot, to_fill=columns_to_fill(found.proposal))
+    with folder.timed("report"):
+        write_report(found, folder)
+
+
+def _show(found: Diagnosed) -> None:
+    for line in diagnosis_words.summary(found):
+        say(line)
+    if not found.tells:
+        return
+    rows = [
+        [h.code, f"{100.0 * h.probability:.1f} %", f"{h.log_evidence:.1f}", f"{h.lopo_rms_mm:.4f}"]
+        for h in found.found.ranking.hypotheses[:8]
+    ]
+    show_table("Candidates", ["code", "probability", "log evidence", "RMS of poses left out (mm)"], rows)

@@ -1,0 +1,193 @@
+"""Figures of a diagnosis, before and after: read against simulated, residuals, the gap. Data in, Figure out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from robots import InputError
+from stiffarm.pages.figure_parts import above, note, title
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+
+Array = NDArray[np.float64]
+
+BEFORE: Final = OKABE_ITO["vermillion"]
+AFTER: Final = OKABE_ITO["blue"]
+# More names than this do not fit below half a page's axis.
+_MOST_NAMES: Final = 27
+_MANY_POINTS: Final = 250
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Readings of one kind of unit and what a model says of them.
+
+    ``name``: of the model; ``read``, ``simulated`` (m,) in ``unit``; ``noise``: standard deviation of a reading;
+    ``pose``, ``load``, ``phase``: labels (m,).
+    """
+
+    name: str
+    read: Array
+    simulated: Array
+    noise: float
+    pose: Sequence[str]
+    load: Sequence[str]
+    phase: Sequence[str]
+    unit: str = "mm"
+
+    @property
+    def residual(self) -> Array:
+        """Read minus simulated (m,)."""
+        return self.read - self.simulated
+
+    @property
+    def rms(self) -> float:
+        """RMS of the residuals."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+
+def match_figure(fits: Sequence[Fit]) -> Figure:
+    """Draw what was read against what each model says, with the gap to the line where both are equal.
+
+    Raises
+    ------
+    InputError
+        No model, or no readings.
+    """
+    if not fits or not len(fits[0].read):
+        raise InputError("match figure", allowed="at least one model and one reading")
+    values = np.concatenate([v for f in fits for v in (f.read, f.simulated)])
+    low, high = float(values.min()), float(values.max())
+    room = 0.05 * max(high - low, 1e-9)
+    ends = np.array([low - room, high + room])
+    with house_style():
+        figure, axes = new_figure((10.0, 5.9), 1, len(fits), sharey=True)
+        for ax, f, colour in zip(axes, fits, _colours(len(fits)), strict=True):
+            ax.fill_between(ends, ends - 2.0 * f.noise, ends + 2.0 * f.noise, color=FAINT, alpha=0.35, linewidth=0)
+            ax.plot(ends, ends, color=INK, linewidth=0.9)
+            ax.vlines(f.simulated, f.simulated, f.read, color=colour, alpha=0.45, linewidth=0.9)
+            _points(ax, f.simulated, f.read, f.phase, colour)
+            ax.set(xlim=ends, ylim=ends, xlabel=f"simulated ({f.unit})")
+            ax.set_box_aspect(1.0)
+            ax.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
+        axes[0].set_ylabel(f"read ({fits[0].unit})")
+        title(figure, "Read against simulated; vertical strokes are the gap, the band is two standard deviations")
+    return figure
+
+
+def _colours(count: int) -> tuple[str, ...]:
+    return (BEFORE, AFTER)[:count]
+
+
+def _points(ax: Axes, x: Array, y: Array, phase: Sequence[str], colour: str) -> None:
+    look: dict[str, Any] = {"color": colour, "linewidths": 0, "alpha": 0.75, "zorder": 2}
+    size = 10 if len(x) > _MANY_POINTS else 22
+    down = np.array([p == "unloading" for p in phase])
+    ax.scatter(x[~down], y[~down], s=size, marker="o", label="loading", **look)
+    if down.any():
+        ax.scatter(x[down], y[down], s=1.3 * size, marker="v", label="unloading", **look)
+        handles, labels = ax.get_legend_handles_labels()
+        ax.legend(handles, labels, loc="upper left")
+
+
+def residuals_figure(fits: Sequence[Fit]) -> Figure:
+    """Draw residuals over poses and over loads, a row for each model, all on one scale.
+
+    Raises
+    ------
+    InputError
+        No model, or no readings.
+    """
+    if not fits or not len(fits[0].read):
+        raise InputError("residuals figure", allowed="at least one model and one reading")
+    with house_style():
+        size = (10.0, 1.0 + 2.9 * len(fits))
+        figure, axes = new_figure(size, len(fits), 2, sharey=True, width_ratios=[2.3, 1.0])
+        for k, (f, colour) in enumerate(zip(fits, _colours(len(fits)), strict=True)):
+            left, right = axes[2 * k], axes[2 * k + 1]
+            _strip(left, f, f.pose, colour)
+            _strip(right, f, f.load, colour)
+            left.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
+            left.set_ylabel(f"read − simulated ({f.unit})")
+            if k == len(fits) - 1:
+                left.set_xlabel("pose")
+                right.set_xlabel("load; left loading, right unloading" if "unloading" in f.phase else "load")
+        title(figure, "Residuals over poses and loads; black: mean of a group, band: two standard deviations")
+    return figure
+
+
+def _strip(ax: Axes, f: Fit, labels: Sequence[str], colour: str) -> None:
+    names = list(dict.fromkeys(labels))
+    place = np.array([names.index(label) for label in labels], dtype=np.float64)
+    down = np.array([p == "unloading" for p in f.phase])
+    shift = np.where(down, 0.2, -0.2) if down.any() and not down.all() else np.zeros(len(place))
+    jitter = np.zeros(len(place))
+    for k in range(len(names)):
+        for side in (down, ~down):
+            mine = np.flatnonzero((place == k) & side)
+            jitter[mine] = np.linspace(-0.13, 0.13, len(mine)) if len(mine) > 1 else 0.0
+    ax.axhspan(-2.0 * f.noise, 2.0 * f.noise, color=FAINT, alpha=0.35, linewidth=0, zorder=0.2)
+    ax.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
+    size = 7 if len(place) > _MANY_POINTS else 18
+    for side, marker in ((~down, "o"), (down, "v")):
+        x = (place + shift + jitter)[side]
+        ax.scatter(x, f.residual[side], s=size, marker=marker, color=colour, alpha=0.6, linewidths=0, zorder=2)
+        groups = [np.mean(f.residual[side & (place == k)]) if (side & (place == k)).sum() > 1 else np.nan
+                  for k in range(len(names))]  # fmt: skip
+        middle = np.arange(len(names)) + (np.unique(shift[side])[0] if side.any() else 0.0)
+        half = 0.17 if np.any(shift) else 0.3
+        ax.hlines(groups, middle - half, middle + half, color=INK, linewidth=1.5, zorder=3)
+    shown = range(0, len(names), -(-len(names) // _MOST_NAMES))
+    turned = max(map(len, names)) * len(shown) > 70 or (len(shown) > 14 and max(map(len, names)) > 2)
+    ax.set_xticks(list(shown), [names[k] for k in shown], rotation=60 if turned else 0)
+    ax.set_xlim(-0.6, len(names) - 0.4)
+    ax.grid(visible=False, axis="x")
+
+
+def gap_figure(
+    rows: Mapping[str, tuple[float, float]], noise: float, least: float, name: str = "noise alone"
+) -> Figure:
+    """Draw the RMS error (mm) before and after, a pair of bars for each way to judge it (name -> before, after).
+
+    ``noise``: what noise alone would give, called ``name``; ``least``: the least that springs alone could reach in
+    the fit. After is NaN where the model did not change.
+
+    Raises
+    ------
+    InputError
+        No rows.
+    """
+    if not rows:
+        raise InputError("gap figure: no errors to draw")
+    y = np.arange(len(rows), dtype=np.float64)
+    with house_style():
+        figure, (ax,) = new_figure((10.0, 1.6 + 0.85 * len(rows)))
+        series = [("before", BEFORE), ("after", AFTER)]
+        if all(np.isnan(pair[1]) for pair in rows.values()):
+            series = series[:1]
+        for k, (name, colour) in enumerate(series):
+            lengths = np.array([pair[k] for pair in rows.values()])
+            at = y + (k - 0.5 * (len(series) - 1)) * 0.36
+            ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=name)
+            for place, value in zip(at, lengths, strict=True):
+                note(ax, f"{value:.3f}", (value, place), (4, 0), ha="left")
+        ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"{name}: {noise:.3f}")
+        if np.isfinite(least):
+            ax.axvline(
+                least, color="#777777", linestyle=":", linewidth=1.4, label=f"springs alone, at best: {least:.3f}"
+            )
+        ax.set_yticks(y, list(rows))
+        ax.set_ylim(len(rows) - 0.45, -0.55)
+        ax.margins(x=0.12)
+        ax.tick_params(axis="y", length=0)
+        ax.grid(visible=False, axis="y")
+        ax.set_xlabel("RMS error (mm)")
+        above(ax, ax.get_legend_handles_labels()[0], 4)
+        title(figure, "The gap between simulation and measurement")
+    return figure

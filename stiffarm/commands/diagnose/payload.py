@@ -1,0 +1,192 @@
+"""A diagnosis as JSON: keys with units, null where there is no number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from doe.diagnosis.diagnose import Found, State
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
+from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
+from doe.estimation.noise import origin
+from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
+from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
+from stiffarm.commands.diagnose.model import FittedSpring, fitted_springs
+from stiffarm.commands.diagnose.step import Diagnosed
+from stiffarm.session.payloads import number
+
+SCHEMA = "stiffarm-diagnosis/1"
+LEFT_OUT = "leave-one-pose-out"
+# Of each look so many candidates are listed.
+LISTED = 8
+
+
+def diagnosis(d: Diagnosed) -> dict[str, Any]:
+    """Everything about a diagnosis; of readings that tell nothing no candidates, looks and springs."""
+    found = d.found
+    return {
+        "schema": SCHEMA,
+        "robot": d.given.robot.name,
+        "load_path": d.given.model.load_path,
+        "links": d.given.model.link_kind,
+        "data": d.used.source,
+        "data_sha256": d.used.sha256,
+        "loads_N": list(d.request.loads),
+        "readings": len(found.before.setting.data),
+        "poses": len(found.before.setting.data.poses),
+        "free_joints": list(found.before.setting.free),
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "effects": [effect(d, f) for f in found.effects],
+        "provisional": [effect(d, f) for f in found.provisional],
+        "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
+        "set95": list(d.credible),
+        "twins": {code: list(others) for code, others in d.twins.items()},
+        "not_testable": dict(sorted(d.not_testable.items())),
+        "where": {kind: [group(g, kind) for g in groups] for kind, groups in d.where.items()},
+        "gap": gap(d),
+        "next_readings": next_readings(d),
+        "next_expected": expected(d),
+        "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
+        "springs": {s.joint: spring(s) for s in fitted_springs(found.after) if d.tells},
+        "noise": noise(found.after),
+        "remarks": list(d.remarks),
+    }
+
+
+def effect(d: Diagnosed, f: Found) -> dict[str, Any]:
+    """An effect of the new model with its numbers."""
+    mine = [n for n in numbers_of(d.found.after) if n.code == f.code]
+    return {
+        "code": f.code,
+        "words": f.placed.effect.words,
+        "probability": number(f.probability),
+        "log_evidence_gain": number(f.log_gain),
+        "parameters": {n.name: parameter(n) for n in mine},
+    }
+
+
+def parameter(n: Number) -> dict[str, Any]:
+    """A number of an effect; ``sd`` is null where it was chosen among values tried."""
+    return {
+        "value": number(n.value),
+        "sd": None if n.sd is None else number(n.sd),
+        "unit": n.unit,
+        "interval95": None if n.low is None or n.high is None else [number(n.low), number(n.high)],
+        "plausible": [number(v) for v in n.plausible],
+    }
+
+
+def candidate(h: Hypothesis) -> dict[str, Any]:
+    """One line of the ranking; ``kind`` tells effects from "none" (nothing missing) and "unknown"."""
+    return {
+        "code": h.code,
+        "kind": h.code if h.code in (NONE, UNKNOWN) else "effect",
+        "probability": number(h.probability),
+        "log_evidence": number(h.log_evidence),
+        "bic": number(h.bic),
+        "lopo_rms_mm": number(h.lopo_rms_mm),
+    }
+
+
+def group(g: Group, kind: str) -> dict[str, Any]:
+    """Readings of one pose, load, direction or phase; ``share`` is null where nothing is beyond the noise."""
+    return {
+        kind: g.label,
+        "readings": g.readings,
+        "share": number(g.share, 4),
+        "mean_square": number(g.mean_square, 4),
+        "mean_residual_mm": number(g.mean * 1e3, 4),
+    }
+
+
+def gap(d: Diagnosed) -> dict[str, Any]:
+    """How far off the model is before and after, on its own readings and on others; mm.
+
+    The noise floor is that of the best explanation: the model before takes what is missing for noise.
+    """
+    h, floor = d.held_out, number(noise_floor_mm(d.found))
+    out: dict[str, Any] = {"held_out_by": LEFT_OUT if h is None else h.data.source}
+    for name, state in (("before", d.found.before), ("after", d.found.after)):
+        left_out = state.left_out_rms_mm
+        far = left_out if h is None else h.rms_before_mm if name == "before" else h.rms_after_mm
+        out[name] = {
+            "fit_rms_mm": number(state.fit_rms_mm),
+            "holdout_rms_mm": number(far),
+            "noise_floor_mm": floor,
+            "left_one_pose_out_rms_mm": number(left_out),
+        }
+    out["before"]["least_rms_of_any_springs_mm"] = number(least_rms_mm(d.found.before.setting))
+    if h is not None:
+        out |= {"holdout_sha256": h.data.sha256, "holdout_readings": len(h.before), "holdout_remarks": list(h.remarks)}
+    return out
+
+
+def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
+    """What to measure next, a set-up each; empty where nothing is left to be settled."""
+    n = d.proposal
+    if n is None:
+        return []
+    return [
+        {
+            "pose": label,
+            **{c: number(float(v), 9) for c, v in zip(d.given.robot.coordinates, np.degrees(q), strict=True)},
+            "load_direction": [number(float(v)) for v in way],
+            "loads_N": [number(float(v)) for v in n.forces],
+            "unloading": n.unloading,
+            "repeats": n.repeats,
+            "read": [COMPONENT_KEYS[k] for k in n.components],
+        }
+        for label, q, way in zip(n.labels, n.q, n.direction, strict=True)
+    ]
+
+
+def expected(d: Diagnosed) -> dict[str, Any] | None:
+    """What the next readings are expected to tell."""
+    n = d.proposal
+    if n is None:
+        return None
+    return {
+        "right_family_now": number(n.right_before, 3),
+        "right_family_after": number(n.right_after, 3),
+        "rivals": [
+            {"code": r.code, "probability": number(r.probability), "hidden_so_far": r.hidden,
+             "log_evidence_against_none": number(r.against_none, 3)}
+            for r in n.rivals
+        ],
+        "words": list(n.words),
+    }  # fmt: skip
+
+
+def look(d: Diagnosed, k: int) -> dict[str, Any]:
+    """One look at the readings: what was taken as given, what the ranking said, what was decided."""
+    found: Ranking = d.found.rankings[k]
+    decision = d.found.decisions[k]
+    return {
+        "decision": decision.kind,
+        "reason": decision.reason,
+        "hypothesis": None if decision.hypothesis is None else decision.hypothesis.code,
+        "candidates": [candidate(h) for h in found.hypotheses[:LISTED]],
+    }
+
+
+def spring(s: FittedSpring) -> dict[str, Any]:
+    """A spring of the new model; no number where it stands at rigid."""
+    return {
+        "k_Nm_per_rad": number(s.stiffness),
+        "interval95_Nm_per_rad": [number(s.low), number(s.high)],
+        "status": s.status,
+    }
+
+
+def noise(state: State) -> dict[str, Any]:
+    """Scatter that the best explanation leaves: of readings, and between set-ups; without repeats its residual."""
+    n = state.refit.noise
+    return {
+        "reading_mm": number(n.white[0] * 1e3),
+        "reading_share": number(n.share),
+        "set_up_mm": number(n.pose[0] * 1e3),
+        "set_up_share": number(n.pose_share),
+        "source": origin(state.setting.data),
+    }

@@ -1,0 +1,212 @@
+"""The step `diagnose`: what a model is missing by some readings, and the model with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, select_loads
+from doe.diagnosis.diagnose import Diagnosis, Found
+from doe.diagnosis.diagnose import diagnose as find_missing
+from doe.diagnosis.holdout import HeldOutReadings, hold_out
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
+from doe.diagnosis.next_readings import NextReadings, propose
+from doe.diagnosis.outset import setting_of
+from doe.diagnosis.scatter import SETUP, NoisePrior
+from doe.diagnosis.setting import Setting
+from doe.diagnosis.where import Group, where, without_history
+from doe.estimation.calibration import refuse_cut_cycles
+from doe.tables.checks import refuse_seen
+from doe.tables.frozen import refuse_frozen
+from doe.tables.load_history import history_of, history_of_part
+from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
+from robots import InputError
+from robots.schema.quantities import RotationalStiffness
+from stiffarm.session.inputs import ModelInput
+
+Array = NDArray[np.float64]
+
+CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
+# Twins are looked for among the codes that a reader asks about, most probable first.
+ASKED = 6
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked.
+
+    ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those that the readings see;
+    ``next_poses``: how many set-ups to propose where something is not settled; ``setup``: scatter between set-ups to
+    expect, as a share of the deflection.
+    """
+
+    loads: tuple[float, ...] = ()
+    free: tuple[str, ...] | None = None
+    next_poses: int = 3
+    seed: int = 0
+    setup: float = SETUP
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """A finished diagnosis with all that is said about it.
+
+    ``used``: the readings it rests on; ``where``: groups by pose, load, direction and phase; ``twins``: by code, those
+    that these readings could not tell from it; ``remarks``: what the reader must know of input and choice.
+    """
+
+    request: Request
+    given: ModelInput
+    used: Measurements
+    found: Diagnosis
+    where: dict[str, tuple[Group, ...]]
+    not_testable: dict[str, str]
+    twins: dict[str, tuple[str, ...]]
+    held_out: HeldOutReadings | None
+    remarks: tuple[str, ...]
+    proposal: NextReadings | None = None
+
+    @property
+    def tells(self) -> bool:
+        """Whether the readings tell anything about the arm."""
+        return self.found.verdict != "uninformative"
+
+    @property
+    def in_model(self) -> tuple[Found, ...]:
+        """Effects of the new model: those accepted, and those that are provisional."""
+        return (*self.found.effects, *self.found.provisional)
+
+    @property
+    def in_model_in_order(self) -> tuple[Found, ...]:
+        """The same in the order in which the model has them."""
+        codes = [e.effect.code for e in self.found.after.setting.accepted]
+        return tuple(sorted(self.in_model, key=lambda f: codes.index(f.code)))
+
+    @property
+    def credible(self) -> tuple[str, ...]:
+        """Codes that together hold 95 % of the probability, of every look that found something."""
+        if not self.tells:
+            return ()
+        looks = self.found.rankings[: max(len(self.in_model), 1)]
+        accepted = [f.code for f in self.found.effects]
+        return tuple(dict.fromkeys([*accepted, *(code for r in looks for code in r.credible())]))
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Effects between which the verdict could not choose, most probable first."""
+        codes = self.found.rankings[max(len(self.in_model) - 1, 0)].credible()
+        return tuple(code for code in codes if code not in (NONE, UNKNOWN))
+
+
+def diagnose(
+    given: ModelInput,
+    table: Measurements,
+    request: Request,
+    *,
+    holdout: Measurements | None = None,
+    say: Callable[[str], None] | None = None,
+) -> Diagnosed:
+    """Ask what a model is missing by the readings of a table; ``holdout``: readings to judge the result by.
+
+    Raises
+    ------
+    InputError
+        Readings of one pose only, a gauge that stood still, poses held out that are in the table, or fewer readings
+        than springs.
+    """
+    if holdout is not None:
+        refuse_seen(table, holdout)
+    refuse_cut_cycles(given.effects, table, request.loads, "--loads")
+    used = select_loads(table, request.loads)
+    refuse_few_poses(used)
+    refuse_frozen(given.model, table)
+    remarks = _remarks(given, request)
+    s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
+    cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
+    if cut:
+        s = without_history(s)
+    found = find_missing(s, Options(noise=NoisePrior(request.setup)), progress=say)
+    hidden = dict(found.not_testable())
+    if cut:
+        hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
+    return Diagnosed(
+        request,
+        given,
+        used,
+        found,
+        where(found),
+        hidden,
+        found.twins(_asked(found)),
+        None if holdout is None else hold_out(found, used, holdout),
+        remarks,
+        _proposal(found, request, say),
+    )
+
+
+def _asked(found: Diagnosis) -> list[str]:
+    """Codes whose twins matter: what was found; where it is not settled, the rivals; else the most probable ones."""
+    if found.verdict == "uninformative":
+        return []
+    taken = [f.code for f in (*found.effects, *found.provisional)]
+    if found.verdict != "named":
+        codes = [h.code for h in found.rankings[max(len(taken) - 1, 0)].hypotheses if h.code not in (NONE, UNKNOWN)]
+        taken += codes[:ASKED]
+    return list(dict.fromkeys(taken))
+
+
+def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | None) -> NextReadings | None:
+    """Set-ups that would settle what is open; None where nothing is."""
+    if found.verdict in ("named", "uninformative") or request.next_poses == 0:
+        return None
+    try:
+        if say is not None:
+            say(f"looking for {request.next_poses} set-ups that would tell the rest")
+        return propose(found.start, found, poses=request.next_poses, rng=np.random.default_rng(request.seed))
+    except InputError as reason:
+        if say is not None:
+            say(f"note: no readings are proposed: {reason}")
+        return None
+
+
+def _setting(given: ModelInput, used: Measurements, request: Request, history: History) -> Setting:
+    """Readings and arm; effects that the model has already are taken as there, their numbers free to follow."""
+    description = given.description
+    if not description.effect:
+        return setting_of(description, given.model, used, own=given.own, free=request.free, history=history)
+    plain = build_plain(description, given.model.link_kind, given.model.load_path)
+    has: list[PlacedEffect] = [
+        e for e in described_effects(description, plain, given.own) if e.effect.code != LOAD_PATH
+    ]
+    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free, history=history)
+
+
+def refuse_few_poses(data: Measurements) -> None:
+    """Refuse readings of a single pose: whatever is missing there, a spring explains it."""
+    poses = len({tuple(row) for row in np.round(data.q, 9).tolist()})
+    if poses < 2:
+        raise InputError(
+            f"{data.source}: poses",
+            value=poses,
+            allowed="2 or more, better 9 or more",
+            remedy="measure in other poses too: in one pose the springs explain whatever is missing",
+        )
+
+
+def _remarks(given: ModelInput, request: Request) -> tuple[str, ...]:
+    out = []
+    has = [table.code for table in given.description.effect]
+    if has:
+        out.append(f"The model has these effects already; their numbers are fitted with the springs: {', '.join(has)}.")
+    laws = [
+        joint.name
+        for joint in given.description.joint
+        if joint.stiffness is not None
+        and not isinstance(joint.stiffness, RotationalStiffness)
+        and (request.free is None or joint.name in request.free)
+    ]
+    if laws:
+        out.append(f"Springs that hang on angles are replaced by constant ones: {', '.join(laws)}.")
+    return tuple(out)

@@ -1,0 +1,309 @@
+"""What a diagnosis says, in words for the shop floor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.diagnosis.diagnose import Found
+from doe.diagnosis.hypotheses import NONE, UNKNOWN
+from doe.diagnosis.next_readings import NextReadings
+from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
+from doe.published.readings import rms_mm
+from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
+from stiffarm.commands.diagnose.step import Diagnosed
+from stiffarm.pages.report import Block, Bullets, Table, Text
+from stiffarm.session.noise_words import RESIDUAL, is_residual
+
+Array = NDArray[np.float64]
+
+# A group with at least this share is named as a place of the disagreement.
+LARGE = 0.15
+# Below this, "nothing missing" is not what is most probable.
+HALF = 0.5
+NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
+NAMED = 3
+
+
+def headline(d: Diagnosed) -> str:
+    """The verdict in one sentence."""
+    found = d.found
+    if found.verdict == "none":
+        if hints(d):
+            return "These readings do not prove that anything is missing, but they hint at it."
+        if is_residual(found.after.setting.data):
+            return (
+                "Nothing is missing that these readings could show. Without repeats, how much of what is left is noise "
+                "cannot be told."
+            )
+        return "Nothing is missing that these readings could show: what is left is noise."
+    if not d.tells:
+        return "These readings tell nothing about the arm: not that something is missing, nor that nothing is."
+    if found.verdict == "named":
+        names = _and([what(f) for f in found.effects])
+        return f"What is missing has a name: {names}."
+    if found.verdict == "ambiguous":
+        return f"Something is missing, but these readings cannot tell which of several effects it is: {_rivals(d)}."
+    if found.provisional:
+        codes = _and([f.code for f in found.provisional])
+        return f"Something is missing that the catalogue does not know; {codes} would explain part of it at best."
+    return "Something is missing that no effect of the catalogue explains."
+
+
+def hints(d: Diagnosed) -> bool:
+    """Whether nothing is proven to be missing, but that is not the most probable either."""
+    return d.found.verdict == "none" and d.found.rankings[0].of(NONE).probability < HALF
+
+
+def what(f: Found) -> str:
+    """``joint j2 gets stiffer with the torque (hardening:j2)``."""
+    return f"{f.placed.effect.words} ({f.code})"
+
+
+def how_sure(d: Diagnosed) -> str:
+    """How sure the verdict is."""
+    first = d.found.rankings[0]
+    if not d.tells:
+        return (
+            f"{d.found.reason[0].upper()}{d.found.reason[1:]}. No number is given from them, and no model is written."
+        )
+    if d.found.verdict == "named":
+        parts = [f"{f.code} {percent(f.probability)}" for f in d.found.effects]
+        return f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}."
+    if d.found.verdict == "none":
+        none = first.of(NONE).probability
+        other = next(h for h in first.hypotheses if h.code != NONE)
+        hint = (
+            f" Most probable otherwise: {NAMES.get(other.code, other.code)}, {percent(other.probability)}."
+            if none < HALF
+            else ""
+        )
+        return f"Probability that nothing is missing: {percent(none)}; {d.found.reason}.{hint}"
+    if d.found.verdict == "unknown":
+        return (
+            f"Probability of something unknown: {percent(_unknown(d))}, against "
+            f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}."
+        )
+    last = d.found.rankings[max(len(d.in_model) - 1, 0)]
+    parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
+    return f"Probabilities: {', '.join(parts)}; {d.found.reason}."
+
+
+def _unknown(d: Diagnosed) -> float:
+    """The highest probability that any look gave to something unknown."""
+    return max(r.of(UNKNOWN).probability for r in d.found.rankings)
+
+
+def gap_sentence(d: Diagnosed) -> str:
+    """How the gap shrank, on readings that the fit has not seen."""
+    before, after, h = d.found.before, d.found.after, d.held_out
+    if not d.in_model:
+        text = f"The model with fitted springs is {before.fit_rms_mm:.3f} mm (RMS) off its readings"
+        far = before.left_out_rms_mm if h is None else h.rms_before_mm
+        where = "at poses left out one at a time" if h is None else f"on {h.data.source}, which it has not seen"
+        read = rms_mm(before.setting.data.value, before.setting.data.component)
+        if not d.tells:
+            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {far:.3f} mm {where}."
+        return f"{text} and {far:.3f} mm {where}; {_floor(d)}."
+    a, b = (before.left_out_rms_mm, after.left_out_rms_mm) if h is None else (h.rms_before_mm, h.rms_after_mm)
+    where = "At poses left out one at a time" if h is None else f"On {h.data.source}, which nothing was fitted to,"
+    return (
+        f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
+        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). "
+        f"{_sentence(_floor(d))}."
+    )
+
+
+def _floor(d: Diagnosed) -> str:
+    """What noise alone would give, or what the model leaves where only that is known."""
+    floor, p = noise_floor_mm(d.found), d.found.after.setting.data
+    if is_residual(p):
+        return f"{RESIDUAL}, from which no repeats tell the noise, is put at {floor:.3f} mm"
+    return f"noise alone would give {floor:.3f} mm"
+
+
+def where_sentences(d: Diagnosed) -> tuple[str, ...]:
+    """Where the disagreement lies: the groups with large shares."""
+    if d.found.verdict == "none":
+        return ("Residuals are as large everywhere as their scatter makes them.",)
+    if not d.tells:
+        return ("Residuals are as large as the readings.",)
+    out = []
+    for kind, groups in d.where.items():
+        text = _of_kind(kind, groups)
+        if text:
+            out.append(text)
+    return tuple(out)
+
+
+def _of_kind(kind: str, groups: Sequence[Group]) -> str:
+    if len(groups) < 2 or any(math.isnan(g.share) for g in groups):
+        return ""
+    order = sorted(groups, key=lambda g: -g.share)
+    large = [g for g in order if g.share >= max(LARGE, 1.2 / len(groups))][:NAMED]
+    if not large:
+        top = order[:NAMED]
+        listed = ", ".join(f"{_place(kind, g)} {percent(g.share)}" for g in top)
+        return f"By {kind} it is spread out; the largest shares are {listed}."
+    listed = ", ".join(f"{_place(kind, g)} {percent(g.share)}{_sign(g)}" for g in large)
+    return f"By {kind}: {listed} of all that is beyond the noise."
+
+
+def _place(kind: str, g: Group) -> str:
+    if kind == "pose":
+        return f"pose {g.label}"
+    return "readings without a phase" if g.label == "not told" else g.label
+
+
+def _sign(g: Group) -> str:
+    return f" (read minus simulated {1e3 * g.mean:+.3f} mm on average)".replace("+-", "±").replace("-", "−")
+
+
+def number_text(n: Number) -> str:
+    """``gap 0.84 ± 0.05 mrad``, or with its interval where that says more."""
+    unit = "" if n.unit == "1" else f" {n.unit}"
+    if not math.isfinite(n.value):
+        return f"{n.name}: nothing of it acts"
+    if n.sd is None or not math.isfinite(n.sd):
+        return f"{n.name} {_short(n.value)}{unit}"
+    if n.low is not None and n.high is not None and (math.isinf(n.high) or n.sd > 0.3 * abs(n.value)):
+        high = "no upper limit" if math.isinf(n.high) else _short(n.high)
+        return f"{n.name} {_short(n.value)}{unit} (95 %: {_short(n.low)} to {high})"
+    return f"{n.name} {_short(n.value)} ± {_short(n.sd, 2)}{unit}"
+
+
+def value_text(n: Number) -> str:
+    """``0.845`` with its unit."""
+    return "nothing of it acts" if not math.isfinite(n.value) else _with_unit(_short(n.value), n)
+
+
+def interval_text(n: Number) -> str:
+    """``0.8 to 0.9``, or that the number was chosen from those tried."""
+    if n.low is None or n.high is None:
+        return "best of those tried"
+    return f"{_short(n.low)}\u00a0to\u00a0{'no upper limit' if math.isinf(n.high) else _short(n.high)}"
+
+
+def plausible_text(n: Number) -> str:
+    """The range expected beforehand."""
+    return f"{'±' if n.signed else ''}{_short(n.plausible[0])} to {_short(n.plausible[1])}"
+
+
+def _with_unit(text: str, n: Number) -> str:
+    return text if n.unit == "1" else f"{text}\u00a0{n.unit}".replace("N m", "N\u00a0m")
+
+
+def numbers_sentence(d: Diagnosed, f: Found) -> str:
+    """All numbers of an effect of the new model."""
+    mine = [n for n in numbers_of(d.found.after) if n.code == f.code]
+    return "; ".join(number_text(n) for n in mine) or "no number: it is there or it is not"
+
+
+def _short(value: float, digits: int = 3) -> str:
+    return f"{value:.{digits}g}".replace("e+0", "e").replace("e+", "e").replace("-", "−")
+
+
+def percent(value: float) -> str:
+    """``82 %``; never 0 % or 100 % for what is neither."""
+    if 0.0 < value < 0.005:
+        return "below 1 %"
+    if value >= 0.995:
+        return "above 99 %"
+    return f"{100.0 * value:.0f} %"
+
+
+def _rivals(d: Diagnosed) -> str:
+    return " or ".join(d.rivals[:4]) + (" or others" if len(d.rivals) > 4 else "") if d.rivals else "none stands out"
+
+
+def _and(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
+    """Which candidates these readings could not tell apart."""
+    out = []
+    for code, others in d.twins.items():
+        if others:
+            listed = ", ".join(others[:6]) + (f" and {len(others) - 6} more" if len(others) > 6 else "")
+            out.append(f"{code} could not be told from {listed}.")
+        else:
+            out.append(f"{code} has none: every other effect would look different.")
+    return tuple(out)
+
+
+def next_sentence(d: Diagnosed) -> str:
+    """What to do next."""
+    if d.found.verdict == "named":
+        return "Nothing is left to be settled between candidates; readings in new poses would confirm the name."
+    if d.found.verdict == "none":
+        return (
+            "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions."
+        )
+    if not d.tells:
+        return (
+            "Check signs, the order of the rows, which column is which, loads and joint angles; else measure again "
+            "with larger loads."
+        )
+    if d.found.verdict == "ambiguous":
+        return f"Readings that differ between {_rivals(d)} would settle it."
+    return (
+        "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own can be "
+        "tried with --effect FILE.py."
+    )
+
+
+def set_up_rows(d: Diagnosed, n: NextReadings) -> list[tuple[str, ...]]:
+    """A row for each set-up to measure: label, angles, direction of the load."""
+    rows = []
+    for label, q, way in zip(n.labels, np.degrees(n.q), n.direction, strict=True):
+        rows.append((label, *(f"{v:.0f}" for v in q), direction_text(way)))
+    return rows
+
+
+def direction_text(way: Array) -> str:
+    """``down``, or the axis, or the vector."""
+    names = {(0, 0, -1): "down", (0, 0, 1): "up", (1, 0, 0): "+X", (-1, 0, 0): "−X", (0, 1, 0): "+Y", (0, -1, 0): "−Y"}
+    key = tuple(round(float(v)) for v in way)
+    if key in names and np.allclose(way, key, atol=1e-6):
+        return names[key]
+    return " ".join(f"{v:.2f}" for v in way)
+
+
+def proposal_text(n: NextReadings) -> str:
+    """Loads, phases and repeats of a proposal."""
+    loads = ", ".join(f"{v:g}" for v in n.forces)
+    way = "put on one after the other and taken off again" if n.unloading else "put on one after the other"
+    read = ", ".join(
+        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in n.components
+    )
+    return (
+        f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
+        f"of {loads} N {way}, {n.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        "`stiffarm diagnose MODEL DATA next_readings.csv`."
+    )
+
+
+def _sentence(text: str) -> str:
+    """With a capital, unless it begins with a code."""
+    return text if ":" in text.split()[0] or "-" in text.split()[0] else f"{text[0].upper()}{text[1:]}"
+
+
+def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
+    """The proposal as text, what it is expected to tell, and a table of set-ups."""
+    heads = ("set-up", *(f"{c.removesuffix('_deg')} (deg)" for c in d.given.robot.coordinates), "load")
+    return [
+        Text(proposal_text(n)),
+        Bullets(tuple(f"{_sentence(w)}." for w in n.words)),
+        Table("Set-ups to measure next", heads, tuple(set_up_rows(d, n)), (0, len(heads) - 1)),
+    ]
+
+
+def summary(d: Diagnosed) -> list[str]:
+    """The lines that a terminal shows."""
+    out = [headline(d), how_sure(d), gap_sentence(d)]
+    out += [f"{f.code}: {numbers_sentence(d, f)}" for f in d.in_model]
+    return out

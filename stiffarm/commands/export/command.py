@@ -1,0 +1,118 @@
+"""The arm for other programs: `export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from robots import InputError
+from stiffarm import __version__
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg, model_hash, output_folder
+from stiffarm.session.payloads import number
+
+DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+DEFAULT_LOAD = "fz_N=-650"
+
+
+def export(
+    model: ModelArg,
+    out: Annotated[Path, typer.Option("--out", help="folder for arm.inp and export.json")],
+    pose: Annotated[
+        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; the rest is 0")
+    ] = None,
+    load: Annotated[str, typer.Option("--load", help="wrench at the tool point, as in fz_N=-650,mx_Nm=10")] = (
+        DEFAULT_LOAD
+    ),
+    links: Annotated[str, typer.Option("--links", help="shell, shell:rigid or shell:distributing")] = "shell",
+    load_path: LoadPathOpt = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """The whole shell arm in one pose as a CalculiX input that runs as it is, with our own solution beside it."""
+    with user_errors(debug):
+        if links.partition(":")[0] != "shell":
+            raise InputError(
+                "--links",
+                value=links,
+                allowed="shell, shell:rigid, shell:distributing",
+                remedy="leave it out: beams and rigid links have no shell to write",
+            )
+        if pose is None or len(pose) != 1:
+            raise InputError(
+                "--pose: an export is one pose",
+                value=f"{len(pose or ())} of them",
+                allowed="exactly one",
+                remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",
+            )
+        wrench = inputs.parse_load(load)
+        given = inputs.read_model(model, links, load_path, without="the export")
+        q = inputs.parse_pose(given.robot, pose[0])
+        with output_folder(out, {"model": model_hash(given)}) as folder:
+            from fem.reference.calculix.arm import arm_deck
+            from fem.reference.shell_arm import all_links
+
+            say(f"writing {len(given.model.links)} links as CalculiX shells")
+            with folder.timed("deck"):
+                deck = arm_deck(given.model, q, wrench, title=_title(given, q))
+            folder.write_text("arm.inp", deck.text)
+            content: dict[str, Any] = {
+                "schema": "stiffarm-export/1",
+                "file": "arm.inp",
+                "run": "ccx arm",
+                "format": "CalculiX 2.20",
+                "units": "mm, N, MPa, rad; base axes",
+                "robot": given.robot.name,
+                "model_sha256": model_hash(given),
+                "links": given.model.link_kind,
+                "flanges": {link.name: dict(link.flanges) for link in all_links(given.model)},
+                "load_path": given.model.load_path,
+                "joints_without_spring": _stiff_joints(given, q),
+                "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
+                "load": {n: number(v) for n, v in zip(inputs.WRENCH_NAMES, wrench, strict=True)},
+                "tool_node": deck.tool[0],
+                "tool_rotation_node": deck.tool[1],
+                "stiffarm": {n: number(1e3 * v) for n, v in zip(DISPLACEMENT_NAMES, deck.displacement, strict=True)},
+                "nodes": deck.nodes,
+                "elements": deck.elements,
+                "equations": deck.equations,
+                "sets": deck.sets,
+            }
+            folder.write_json("export.json", content)
+        for note in _notes(given, q):
+            say(f"note: {note}")
+        d = content["stiffarm"]
+        say(f"written: {out / 'arm.inp'} ({deck.nodes} nodes, {deck.elements} elements), {out / 'export.json'}")
+        say(f"stiffarm's own solution: {', '.join(f'{name} = {value:.4g}' for name, value in d.items())}")
+        say("run `ccx arm` in that folder; arm.dat then has the tool point's displacement (node sets TOOL, TOOL_ROT)")
+        if as_json:
+            emit_json(content)
+
+
+def _title(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
+    """What the header says about model and pose."""
+    pose = ", ".join(f"{n} = {v:g}" for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True))
+    return [
+        f"stiffarm {__version__}: {given.robot.name}, {given.description.title}",
+        f"model sha256 {model_hash(given)}",
+        f"load path {given.model.load_path}, links {given.model.link_kind}",
+        f"pose: {pose}",
+        *(f"note: {note}" for note in _notes(given, q)),
+    ]
+
+
+def _notes(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
+    stiff = _stiff_joints(given, q)
+    out = [f"no spring is given for {', '.join(stiff)}: held rigid (calibrate first?)"] if stiff else []
+    calibration = given.description.calibration
+    if calibration is not None and calibration.links != "shell":
+        out.append(f"the springs were calibrated with {calibration.links} links; here the links are shells")
+    return out
+
+
+def _stiff_joints(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
+    return [joint.name for joint in given.model.joints if not joint.axial.compliance(q[None]).any()]

@@ -1,0 +1,206 @@
+"""Figures of how honest a surrogate's error bars are, and of where its errors are large. Data in, Figure out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from robots import InputError
+from stiffarm.commands.fit.figures.effects import percent_label
+from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, title
+from stiffarm.pages.style import FAINT, INK, house_style, new_figure
+
+Array = NDArray[np.float64]
+
+LEVEL: Final = 0.95
+PARTS: Final = 10
+# Errors over half-widths beyond this are not drawn.
+MOST_SHOWN: Final = 6.0
+# Half-width of a normal distribution's 95 % interval, in standard deviations.
+_NORMAL_95 = 1.96
+# Widths of an input's range that errors are gathered in, and the fewest runs that a 95th percentile is taken of.
+_BINS = 18
+_FEWEST = 20
+_SMALLEST = 1e-17
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedBars:
+    """A surrogate on uniform runs kept out: size of its relative error and half-width of its 95 % bar, both (n,).
+
+    ``colour``: number of its colour in ``SERIES``, the same in every figure.
+    """
+
+    name: str
+    error: Array
+    half_width: Array
+    colour: int = 0
+
+    @property
+    def inside(self) -> float:
+        """Share of the runs inside the bars."""
+        return float(np.mean(self.error <= self.half_width))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Runs of like half-width: how many, their median half-width and error, and the share inside the bars."""
+
+    runs: int
+    half_width: float
+    error: float
+    inside: float
+
+
+def parts(row: JudgedBars, count: int = PARTS) -> list[Part]:
+    """The runs in equal parts, from the narrowest bars to the widest; fewer parts than ``count`` if runs are few."""
+    order = np.argsort(row.half_width, kind="stable")
+    out = []
+    for i in np.array_split(order, min(count, len(order))):
+        within = float(np.mean(row.error[i] <= row.half_width[i]))
+        out.append(Part(len(i), float(np.median(row.half_width[i])), float(np.median(row.error[i])), within))
+    return out
+
+
+def chance(runs: int) -> float:
+    """What chance makes of a true share of 95 % among so many runs: half-width of its own 95 % interval."""
+    return float(_NORMAL_95 * np.sqrt(LEVEL * (1.0 - LEVEL) / max(runs, 1)))
+
+
+def error_bars_figure(rows: Sequence[JudgedBars]) -> Figure:
+    """Draw the error over its bar as a distribution, and the share inside from narrow bars to wide ones.
+
+    Raises
+    ------
+    InputError
+        No rows, or arrays that do not fit.
+    """
+    _check(rows)
+    with house_style():
+        figure, (left, right) = new_figure((10.0, 4.6), 1, 2)
+        _ratios(left, rows)
+        _shares(right, rows)
+        title(figure, "Do the error bars hold? Runs that neither the fit nor the bars have seen")
+    return figure
+
+
+def _ratios(ax: Axes, rows: Sequence[JudgedBars]) -> None:
+    lines = []
+    for row in rows:
+        ratio = np.sort(row.error / np.maximum(row.half_width, 1e-300))
+        share = 1.0 - np.arange(len(ratio)) / len(ratio)
+        label = f"{row.name}: {100.0 * row.inside:.1f} % inside"
+        lines += ax.plot(ratio, share, color=SERIES[row.colour % len(SERIES)], label=label)
+    ax.set_yscale("log")
+    most = max(float(np.max(row.error / np.maximum(row.half_width, 1e-300))) for row in rows)
+    ax.set_xlim(0.0, min(max(1.6, 1.05 * most), MOST_SHOWN))
+    ax.set_ylim(0.5 / max(len(row.error) for row in rows), 1.3)
+    ax.axvline(1.0, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
+    ax.axhline(1.0 - LEVEL, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
+    ax.plot(1.0, 1.0 - LEVEL, "o", color=INK, markersize=5, zorder=4)
+    ax.annotate("honest bars\npass here", (1.0, 1.0 - LEVEL), (10, 16), textcoords="offset points", size=9.0, ha="left")
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100.0 * v:g} %"))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.set_xlabel("error / half-width of its 95 % bar (–)")
+    ax.set_ylabel("runs with a larger ratio (%)")
+    above(ax, lines, 1)
+
+
+def _shares(ax: Axes, rows: Sequence[JudgedBars]) -> None:
+    count = min(PARTS, *(len(row.error) for row in rows))
+    least = 1.0
+    handles = []
+    for i, row in enumerate(rows):
+        found = [part.inside for part in parts(row, count)]
+        least = min(least, *found)
+        # Side by side: the points of several surrogates often lie on one another.
+        x = np.arange(1, count + 1) + 0.12 * (i - 0.5 * (len(rows) - 1))
+        look: dict[str, Any] = {"color": SERIES[row.colour % len(SERIES)], "marker": MARKERS[row.colour % len(MARKERS)]}
+        handles += ax.plot(x, found, markersize=6, linewidth=1.2, label=row.name, **look)
+    spread = chance(min(len(row.error) for row in rows) // count)
+    band = ax.axhspan(LEVEL - spread, min(LEVEL + spread, 1.0), color=FAINT, alpha=0.35, linewidth=0)
+    band.set_label("95 %, and what chance makes of it")
+    ax.axhline(LEVEL, color=INK, linewidth=0.9)
+    ax.set_ylim(min(0.895, least - 0.015), 1.003)
+    ax.set_xlim(0.5, count + 0.5)
+    ticks = np.arange(1, count + 1)
+    ax.set_xticks(ticks, [f"{t}" for t in ticks])
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100.0 * v:g} %"))
+    ax.set_xlabel("tenth of the runs, from the narrowest bars to the widest (–)")
+    ax.set_ylabel("inside the bars (%)")
+    above(ax, [*handles, band], 2)
+
+
+def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], Q_deg: Array) -> Figure:
+    """Draw median and 95th percentile of the relative error against each input; Q_deg (n, k).
+
+    Raises
+    ------
+    InputError
+        No rows, or arrays that do not fit.
+    """
+    _check(rows)
+    if Q_deg.shape != (len(rows[0].error), len(inputs)) or not inputs:
+        raise InputError("errors over the inputs", value=f"shape {Q_deg.shape}", allowed="(n, k), a row for each error")
+    columns = min(len(inputs), 3 if len(inputs) in (3, 5, 6) else 2)
+    lines = -(-len(inputs) // columns)
+    with house_style():
+        figure, axes = new_figure((10.0, 2.7 * lines + 1.0), lines, columns, sharey=True)
+        for j, (ax, name) in enumerate(zip(axes, inputs, strict=False)):
+            for row in rows:
+                middle, median, high = gathered(Q_deg[:, j], row.error)
+                colour = SERIES[row.colour % len(SERIES)]
+                ax.fill_between(middle, median, high, color=colour, alpha=0.12, linewidth=0)
+                ax.plot(middle, high, color=colour, label=f"{row.name}: 95 % of the runs are below")
+                ax.plot(middle, median, color=colour, linewidth=1.2, linestyle=(0, (4, 2)), label="its median")
+            ax.set_yscale("log")
+            ax.set_xlabel(angle_label(name))
+            ax.locator_params(axis="x", nbins=7)
+            if j % columns == 0:
+                ax.set_ylabel("relative error (%)")
+        for ax in axes[len(inputs) :]:
+            ax.set_axis_off()
+        # Shared by all panels.
+        bottom, top = axes[0].get_ylim()
+        subs = (1.0,) if top > 100.0 * bottom else (1.0, 2.0, 5.0)
+        axes[0].yaxis.set_major_locator(LogLocator(subs=subs))
+        axes[0].yaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
+        axes[0].yaxis.set_minor_locator(NullLocator())
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=2.4)
+        title(figure, "Where the error is large")
+    return figure
+
+
+def gathered(x: Array, error: Array) -> tuple[Array, Array, Array]:
+    """Middle, median error and 95th percentile in equal widths of an input's range; widths with few runs are left out.
+
+    ``x``, ``error``: (n,).
+    """
+    edges = np.linspace(float(x.min()), float(x.max()), _BINS + 1)
+    where = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, _BINS - 1)
+    out = []
+    for i in range(_BINS):
+        own = error[where == i]
+        if len(own) >= _FEWEST:
+            median, high = np.quantile(own, [0.5, 0.95])
+            out.append((0.5 * (edges[i] + edges[i + 1]), max(median, _SMALLEST), max(high, _SMALLEST)))
+    table = np.array(out).reshape(-1, 3)
+    return table[:, 0], table[:, 1], table[:, 2]
+
+
+def _check(rows: Sequence[JudgedBars]) -> None:
+    if not rows:
+        raise InputError("figure of error bars: no surrogates to draw")
+    lengths = {np.shape(values) for row in rows for values in (row.error, row.half_width)}
+    if len(lengths) != 1 or len(next(iter(lengths))) != 1 or next(iter(lengths)) == (0,):
+        raise InputError("figure of error bars", allowed="errors and half-widths (n,) of one length, at least one run")
+    if not all(np.isfinite(row.error).all() and np.isfinite(row.half_width).all() for row in rows):
+        raise InputError("figure of error bars", allowed="finite errors and half-widths")

@@ -1,0 +1,225 @@
+"""report.html of a fit: which basis was taken and why, how wrong it is and where, whether its error bars hold."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stiffarm import __version__
+from stiffarm.commands.fit.figures.bars import (
+    LEVEL,
+    MOST_SHOWN,
+    JudgedBars,
+    chance,
+    error_bars_figure,
+    error_over_inputs_figure,
+    parts,
+)
+from stiffarm.commands.fit.figures.effects import HeldOut, surrogate_quality_figure
+from stiffarm.commands.fit.sections import answer_section, comparison_section, known_by, usage_section
+from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words, size_words
+from stiffarm.commands.query.answers import value_name
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.session.outputs import OutputFolder
+from surrogate import Surrogate, Trained
+from surrogate.model import COMPLIANCE
+from surrogate.training import NOTHING
+
+Array = NDArray[np.float64]
+
+
+def write_report(
+    trained: Trained, content: dict[str, Any], folder: OutputFolder, *, title: str, model: str, stem: str = "surrogate"
+) -> list[str]:
+    """Draw the figures and write report.html; the names of the files that a reader opens.
+
+    Parameters
+    ----------
+    content : what ``surrogate_errors.json`` says (`payloads.trained`, with ``files`` and maybe ``comparison``)
+    title, model : of the robot, and as the command was given it
+    stem : of the surrogates' files ``<stem>_<basis>.json``, which are in the folder already
+    """
+    pictures = Pictures(folder)
+    bars = _judged(trained)
+    known = known_by(trained)
+    sections = [
+        _choice(trained, content, folder, stem),
+        _quality(trained, pictures),
+        _honesty(trained, bars, pictures),
+        _where(trained, bars, pictures),
+        answer_section(trained, known),
+        *([comparison_section(content["comparison"])] if content.get("comparison") else []),
+        usage_section(trained, content["files"], model),
+    ]
+    best = trained.best
+    lede = (
+        f"{best.quantity.label[0].upper()}{best.quantity.label[1:]} over {len(best.inputs)} joint coordinates, learned "
+        f"from {best.errors.n_train} runs of the model and judged on {len(trained.held_out.Q)} runs that neither the "
+        "fit nor the error bars have seen."
+    )
+    key = [
+        KeyFigure(best.basis, "basis taken"),
+        KeyFigure(relative(best.errors.rms_relative), "RMS relative error on runs kept out"),
+        KeyFigure(relative(best.errors.max_relative), "largest relative error there"),
+        KeyFigure(share_words(best.errors.coverage95), "of these runs inside the 95 % error bars"),
+    ]
+    if known is not None:
+        key.append(KeyFigure(f"± {relative(known.median)}", "95 % interval by the calibration, median pose"))
+    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
+    question = "which surrogate, and how far to trust it?"
+    folder.write_text("report.html", render(title, lede, key, sections, footer, question))
+    return ["report.html"]
+
+
+def _judged(trained: Trained) -> list[JudgedBars]:
+    """Errors and bars of every surrogate on the uniform runs kept out."""
+    held, n = trained.held_out, trained.uniform
+    out = []
+    for i, one in enumerate(trained.surrogates):
+        assert one.bars is not None  # noqa: S101 - training has judged it
+        error = np.abs(trained.predicted[one.basis][:n] / held.value[:n] - 1.0)
+        out.append(JudgedBars(one.basis, error, one.bars.half_width(held.Q[:n]), i))
+    return out
+
+
+def _choice(trained: Trained, content: dict[str, Any], folder: OutputFolder, stem: str) -> Section:
+    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst inside", "worst, limits too", "6 x 6 worst",
+               "inside bars", "condition", "file")  # fmt: skip
+    rows = tuple(_row(s, folder.path(f"{stem}_{s['basis']}.json").stat().st_size) for s in content["surrogates"])
+    rows += tuple((name, "not\u00a0fitted", *("–",) * (len(columns) - 2)) for name in content["not_fitted"])
+    n, edge = trained.uniform, len(trained.held_out.Q) - trained.uniform
+    blocks: list[Block] = [
+        Text(choice_words(trained)),
+        *(Note(f"{text}.") for text in doubts(trained)),
+        Table(
+            f"Relative errors of the {content['quantity']} on runs kept out", columns, rows, text_columns=(0,), best=0
+        ),
+        Text(
+            f"RMS and “95 % below” are over {n} uniform poses and {edge} poses on the limits of the joints together; "
+            f"“worst inside” is over the uniform ones alone. “6 x 6 worst”: largest error of the whole compliance "
+            "matrix, by its Frobenius norm. “Condition”: condition number of the least squares matrix."
+        ),
+        Bullets(tuple(f"{s.basis}: {basis_words(s)}" for s in trained.surrogates)),
+    ]
+    if content["not_fitted"]:
+        blocks.append(Bullets(tuple(f"{name} was not fitted: {why}" for name, why in content["not_fitted"].items())))
+    if content["refinement"]:
+        blocks += [
+            Text("Runs were added, half of them where the error bars are widest, half all over:"),
+            Bullets(tuple(content["refinement"])),
+        ]
+    return Section("Which basis, and why", tuple(blocks))
+
+
+def _row(s: dict[str, Any], size: int) -> tuple[str, ...]:
+    matrix = s["matrix_max_relative_error"]
+    return (
+        s["basis"],
+        str(s["terms"]),
+        str(s["runs_fitted"]),
+        relative(s["rms_relative_error"]),
+        relative(s["p95_relative_error"]),
+        relative(s["interior_max_relative_error"]),
+        relative(s["max_relative_error"]),
+        "–" if matrix is None else relative(matrix),
+        share_words(s["coverage_of_95_percent_bars"]),
+        f"{s['condition_number']:.0e}",
+        size_words(size),
+    )
+
+
+def _quality(trained: Trained, pictures: Pictures) -> Section:
+    best, true = trained.best, trained.held_out.value
+    name, factor = value_name(best)
+    of_compliance = best.quantity.name == COMPLIANCE
+    unit = "N/mm" if name.endswith("_N_per_mm") else "–"
+    rows, remarks = [], []
+    for basis, y in trained.predicted.items():
+        valid = y > 0.0
+        if not valid.all():
+            remarks.append(f" {basis} gives no positive value at {np.count_nonzero(~valid)} runs, which are left out.")
+        if valid.any():
+            shown = (1.0 / true[valid], 1.0 / y[valid]) if of_compliance else (true[valid], y[valid])
+            rows.append(HeldOut(basis, factor * shown[0], factor * shown[1], of_compliance))
+    what = f"{name.removesuffix('_N_per_mm')} ({unit})"
+    caption = (
+        "Each cell counts runs; on the line the surrogate is right. The last panel tells how many runs have a larger "
+        "error than a given one: further left is better." + "".join(remarks)
+    )
+    figure = surrogate_quality_figure(rows, what, best.quantity.name)
+    return Section("Predicted against true", (pictures.add(figure, "predicted_and_true", caption),))
+
+
+def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:
+    chosen = bars[0]
+    tenths = parts(chosen)
+    low, high = (pick(range(len(tenths)), key=lambda i: tenths[i].inside) for pick in (min, max))
+    spread = chance(min(p.runs for p in tenths))
+    honest = tenths[low].inside >= LEVEL - 2.0 * spread
+    words = (
+        f"Of {len(chosen.error)} uniform runs {share_words(chosen.inside)} lie inside the 95\u00a0% bars of the "
+        f"{chosen.name} basis. By tenths of the runs, from its narrowest bars (1) to its widest (10), between "
+        f"{share_words(tenths[low].inside)} (tenth {low + 1}) and {share_words(tenths[high].inside)} (tenth "
+        f"{high + 1}) do. "
+        + (
+            "They hold where they are narrow and where they are wide."
+            if honest
+            else f"In tenth {low + 1} they are too narrow, by more than chance."
+        )
+        + (" At errors below a millionth this is of no account." if _tiny(chosen) else "")
+    )
+    rows = tuple(
+        (str(i + 1), str(p.runs), relative(p.half_width), relative(p.error), share_words(p.inside))
+        for i, p in enumerate(tenths)
+    )
+    columns = ("tenth", "runs", "half-width, median", "error, median", "inside")
+    caption = (
+        "Left: error over the half-width of its bar; at 1 a run leaves its bar, which 5 % should do. Right: the share "
+        "inside where bars are narrow and where they are wide. The bars were learned from other runs than these."
+    )
+    beyond = [row.name for row in bars if bool((row.error > MOST_SHOWN * row.half_width).any())]
+    if beyond:
+        caption += f" Ratios above {MOST_SHOWN:g} ({', '.join(beyond)}) are right of the axis."
+    blocks: tuple[Block, ...] = (
+        Text(words),
+        pictures.add(error_bars_figure(bars), "error_bars", caption),
+        Table(f"Error bars of the {chosen.name} basis by their width", columns, rows, folded=True),
+        Text(
+            "The promise is for poses drawn evenly over the domain. For poses that all lie at a limit, say, the share "
+            "may be another."
+        ),
+    )
+    return Section("Do the error bars hold", blocks)
+
+
+def _tiny(row: JudgedBars) -> bool:
+    return float(np.max(row.error)) <= NOTHING
+
+
+def _where(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:
+    """Errors over the inputs, of the surrogates whose errors are worth a look."""
+    best, n = trained.best, trained.uniform
+    shown = [row for row in bars if not _tiny(row)]
+    small = [row.name for row in bars if row not in shown]
+    small_words = f"Errors of {' and '.join(small)} are below a millionth and not drawn." if small else ""
+    if not shown:
+        return Section("Where the error is large", (Text(f"Nowhere. {small_words}"),))
+    degrees = np.degrees(trained.held_out.Q[:n])
+    caption = (
+        "Runs in equal widths of one coordinate, whatever the others are. Solid: 95 % of the runs are below; dashed: "
+        f"their median. {small_words}"
+    )
+    figure = error_over_inputs_figure(shown, best.inputs, degrees)
+    blocks: list[Block] = [Bullets(tuple(_worst_words(best, row, degrees) for row in shown))]
+    return Section("Where the error is large", (*blocks, pictures.add(figure, "error_over_inputs", caption)))
+
+
+def _worst_words(best: Surrogate, row: JudgedBars, degrees: Array) -> str:
+    i = int(np.argmax(row.error))
+    pose = ", ".join(f"{n.removesuffix('_deg')} {v:.1f}" for n, v in zip(best.inputs, degrees[i], strict=True))
+    error, bar = relative(float(row.error[i])), relative(float(row.half_width[i]))
+    return f"{row.name}: the largest error of the uniform runs, {error}, is at {pose} deg; its bar there is {bar}."

@@ -1,0 +1,267 @@
+"""Sections of a fit's report: what else an answer holds, other methods, how to ask."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
+from stiffarm.commands.fit.words import relative, share_words, size_words
+from stiffarm.commands.query.answers import value_name
+from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
+from surrogate import Surrogate, Trained, predict, query
+from surrogate.error_bars import MATTERS, NORMAL_95
+from surrogate.model import COMPLIANCE
+from surrogate.query import full_poses
+from surrogate.training import NOTHING
+
+Array = NDArray[np.float64]
+
+_NAMED = 12
+_FILES = {
+    "surrogate.json": "the surrogate taken, for query and map",
+    "surrogate.onnx": "as ONNX, for onnxruntime",
+    "surrogate.h": "as a C header without dependencies",
+    "surrogate_snippet.py": "as Python without packages",
+    "surrogate_comparison.csv": "the comparison with other methods",
+}
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the calibration's uncertainty makes of the quantity over uniform poses: relative 95 % half-widths.
+
+    ``open_share``: what the readings left open -> share of the poses at which it matters.
+    """
+
+    median: float
+    p95: float
+    own_median: float
+    open_share: dict[str, float]
+
+
+def known_by(trained: Trained) -> Known | None:
+    """Summary over the uniform runs kept out; None where nothing is known of the parameters."""
+    best, p = trained.best, trained.best.parameters
+    if p is None or best.bars is None:
+        return None
+    Q = trained.held_out.Q[: trained.uniform]
+    width = NORMAL_95 * p.relative_sd(Q, predict(best, Q))
+    share = p.matters(Q).mean(axis=0)
+    found = {name: float(v) for name, v in zip(p.undetermined, share, strict=True)}
+    median, p95 = (float(v) for v in np.quantile(width, [0.5, 0.95]))
+    return Known(median, p95, float(np.median(best.bars.half_width(Q))), found)
+
+
+def answer_section(trained: Trained, known: Known | None) -> Section:
+    """Calibration's part of the error bar, inputs, fixed coordinates, couplings, flags."""
+    best = trained.best
+    blocks: list[Block] = [*_calibration(best, known), _inputs(best)]
+    if any(best.periodic):
+        names = [n for n, whole in zip(best.inputs, best.periodic, strict=True) if whole]
+        blocks.append(Text(f"Whole turns of {', '.join(names)} do not matter: they are taken off before the fit."))
+    if len(best.couplings.names):
+        blocks.append(
+            Bullets(tuple(f"Coupled limit {line}; other poses cannot be reached." for line in _couplings(best)))
+        )
+    blocks += _fixed(best)
+    blocks.append(Text(_flags(trained)))
+    if best.notes:
+        blocks.append(Text(f"The runs came from a model with {', '.join(best.notes)}."))
+    return Section("What else is in an answer", tuple(blocks))
+
+
+def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
+    p = best.parameters
+    if p is None or known is None:
+        return [
+            Text(
+                "The error bars hold the surrogate's own error only: how well the model's parameters are known is not "
+                "part of them. A model file written by calibrate or diagnose brings that along for the stiffness."
+            )
+        ]
+    named = ", ".join(p.names[:_NAMED]) + (f" and {len(p.names) - _NAMED} more" if len(p.names) > _NAMED else "")
+    blocks: list[Block] = [
+        Text(
+            f"The calibration's uncertainty ({named}) makes ± {relative(known.median)} of the {best.quantity.name} at "
+            f"the median pose and ± {relative(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
+            f"surrogate's own bar is ± {relative(known.own_median)} at the median pose. An answer has both parts, and "
+            "as its bar the root of the sum of their squares. Over the inputs the calibration's part was learned to "
+            f"{relative(p.misfit)} of its largest value."
+        )
+    ]
+    open_words = [f"{name} at {relative(share)} of the poses" for name, share in known.open_share.items() if share > 0]
+    if open_words:
+        blocks.append(
+            Note(
+                f"The calibration left open what may change the {best.quantity.name} by more than "
+                f"{relative(MATTERS)}: {'; '.join(open_words)}. There an error bar is a lower bound, and the answer "
+                "says so."
+            )
+        )
+    elif known.open_share:
+        blocks.append(Text(f"The calibration left {', '.join(known.open_share)} open, which matters nowhere here."))
+    return blocks
+
+
+def _inputs(best: Surrogate) -> Table:
+    rows = tuple(
+        (name.removesuffix("_deg"), f"{low:g}", f"{high:g}", "yes" if whole else "no")
+        for name, low, high, whole in zip(
+            best.inputs, np.degrees(best.lower).round(6), np.degrees(best.upper).round(6), best.periodic, strict=True
+        )
+    )
+    return Table("Inputs", ("coordinate", "from, deg", "to, deg", "whole turns taken off"), rows)
+
+
+def _couplings(best: Surrogate) -> list[str]:
+    c = best.couplings
+    out = []
+    for name, factors, low, high in zip(c.names, c.matrix, np.degrees(c.lower), np.degrees(c.upper), strict=True):
+        terms = " ".join(
+            f"{'−' if f < 0 else '+'} {'' if abs(f) == 1.0 else f'{abs(f):g} '}{n.removesuffix('_deg')}"
+            for f, n in zip(factors, best.inputs, strict=True)
+            if f != 0.0
+        ).removeprefix("+ ")
+        out.append(f"{name.removesuffix('_deg')}: {terms} from {low:.6g} to {high:.6g} deg")
+    return out
+
+
+def _fixed(best: Surrogate) -> list[Block]:
+    if not best.fixed_deg:
+        return []
+    rows = tuple(
+        (
+            name.removesuffix("_deg"),
+            f"{value:g}",
+            relative(best.fixed_influence[name]) if name in best.fixed_influence else "not known",
+        )
+        for name, value in best.fixed_deg.items()
+    )
+    table = Table(
+        "Fixed coordinates",
+        ("coordinate", "stands at, deg", f"would change the {best.quantity.name} by up to"),
+        rows,
+    )
+    if max(best.fixed_influence.values(), default=0.0) > NOTHING:
+        return [table, Text("Those that matter and move belong into --inputs.")]
+    return [table]
+
+
+def _flags(trained: Trained) -> str:
+    text = "An answer is flagged where the pose is outside of these ranges or cannot be reached (then it has no value)"
+    best = trained.best
+    if best.kinematics is None:
+        return text + "."
+    Q = trained.held_out.Q[: trained.uniform]
+    sigma = singularity_distance(best.kinematics, full_poses(best.kinematics, best, Q)).sigma_min
+    near = float(np.mean(sigma < NEAR_SINGULAR))
+    return f"{text}, and where it is near singular: {relative(near)} of the uniform poses."
+
+
+def comparison_section(rows: Sequence[dict[str, Any]]) -> Section:
+    """Other methods on the same runs."""
+    columns = ("method", "RMS", "worst", "worst, limits", "in 95 % bars", "fit, s", "1e5 queries, s", "size")
+    table = tuple(_method(row) for row in rows)
+    ours = [r for r in rows if r["ours"] and not r["refused"]]
+    others = [r for r in rows if not r["ours"] and not r["refused"] and r["interior_rms"] is not None]
+    blocks: list[Block] = []
+    if ours and others:
+        near = min(others, key=lambda r: float(r["interior_rms"]))
+        blocks.append(
+            Text(
+                f"Fitted on the same runs, {near['method']} comes nearest of the other methods: RMS error "
+                f"{_share(near['interior_rms'])} on uniform runs, against {_share(ours[0]['interior_rms'])} of "
+                f"{ours[0]['method']}."
+            )
+        )
+    blocks.append(Table("The same runs by other methods", columns, table, best=0))
+    blocks.append(
+        Text(
+            "RMS and worst: relative error of the compliance on uniform runs; “worst, limits”: on runs on the limits "
+            "of the joints. In bars: share of the uniform runs inside the method's own 95 % intervals, where it has "
+            "any. Size: of its numbers."
+        )
+    )
+    refused = tuple(f"{r['method']}: {r['refused']}" for r in rows if r["refused"])
+    said = tuple(f"{r['method']}: {'; '.join(r['messages'])}" for r in rows if r["messages"] and not r["refused"])
+    if refused or said:
+        blocks.append(Bullets(refused + said))
+    return Section("Beside other methods", tuple(blocks))
+
+
+def _method(r: dict[str, Any]) -> tuple[str, ...]:
+    if r["refused"]:
+        return (r["method"], "not\u00a0fitted", *("–",) * 6)
+    return (
+        r["method"],
+        _share(r["interior_rms"]),
+        _share(r["interior_worst"]),
+        _share(r["boundary_worst"]),
+        "–" if r["interior_coverage"] is None else share_words(r["interior_coverage"]),
+        "–" if r["fit_s"] is None else f"{r['fit_s']:.2g}",
+        "–" if r["seconds_for_1e5_queries"] is None else f"{r['seconds_for_1e5_queries']:.2g}",
+        "–" if r["bytes"] is None else size_words(r["bytes"]),
+    )
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else relative(value)
+
+
+def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section:
+    """Commands, an example with its answer, the files."""
+    best = trained.best
+    named = shlex.quote(model)
+    pose, answer = _example(trained)
+    commands = [
+        ("one pose", f"stiffarm query surrogate.json --pose {pose}"),
+        ("a table of poses, CSV or XLSX", "stiffarm query surrogate.json poses.csv --out answers"),
+    ]
+    if best.has_matrix:
+        commands.append(
+            ("another load direction (no error bar)", "stiffarm query surrogate.json poses.csv --direction 1,0,0")
+        )
+        commands.append(("the 6 x 6 compliance", "stiffarm query surrogate.json poses.csv --matrix"))
+    if best.quantity.name == COMPLIANCE and np.allclose(best.load_direction, (0.0, 0.0, -1.0), atol=1e-9):
+        commands.append(("a map over the joints", f"stiffarm map {named} --surrogate surrogate.json --out map"))
+    commands.append(
+        (
+            "for other programs, with this fit's other options",
+            f"stiffarm fit {named} --format onnx,c,python --out other",
+        )
+    )
+    blocks: list[Block] = [
+        Table("Commands", ("for", "command"), tuple(commands), text_columns=(0, 1), code_columns=(1,))
+    ]
+    if answer:
+        blocks.append(Text(answer))
+    listed = tuple((name, _FILES.get(name, "")) for name in files)
+    others = tuple((f"surrogate_{s.basis}.json", f"the {s.basis} basis, judged alike") for s in trained.surrogates)
+    tables = (*listed, *others, ("surrogate_errors.json", "the figures of this page"))
+    blocks.append(Table("Files", ("file", "what it is"), tables, text_columns=(0, 1)))
+    return Section("How to ask it", tuple(blocks))
+
+
+def _example(trained: Trained) -> tuple[str, str]:
+    """A pose kept out that is nearest to the middle, rounded, and what the surrogate answers there."""
+    best = trained.best
+    Q = trained.held_out.Q[: trained.uniform]
+    off = np.linalg.norm((Q - (best.lower + best.upper) / 2.0) / (best.upper - best.lower), axis=1)
+    degrees = np.round(np.degrees(Q[np.argmin(off)]), 1) + 0.0
+    pose = ",".join(f"{n}={v:g}" for n, v in zip(best.inputs, degrees, strict=True))
+    found = query(best, np.radians(degrees)[None], extrapolate=True)
+    if not found.answered[0] or not np.isfinite(found.relative_error[0]):
+        return pose, ""
+    name, factor = value_name(best)
+    unit = " N/mm" if name.endswith("_N_per_mm") else ""
+    what = name.removesuffix("_N_per_mm").replace("_", " ")
+    return pose, (
+        f"The answer to the first: {what} {factor * found.value[0]:.5g}{unit} ± "
+        f"{relative(float(found.relative_error[0]))} of it (95 %)."
+    )

@@ -1,0 +1,89 @@
+"""Words about surrogates: what a basis is, why one was taken, what is doubtful."""
+
+from __future__ import annotations
+
+from stiffarm.pages.blocks import percent
+from stiffarm.pages.figure_parts import power_of_ten
+from surrogate import Surrogate, Trained
+from surrogate.model import COMPLIANCE
+from surrogate.training import NOTHING
+
+# A share inside the 95 % bars outside of this range is a matter for a warning.
+HONEST = (0.93, 0.97)
+# A worst error above this is worth a warning: springs are known to some percent at best.
+LARGE = 0.05
+
+
+def basis_words(one: Surrogate) -> str:
+    """What a basis is, in one sentence."""
+    of = {"logarithm": "of the logarithm of the quantity", "direct": "of the quantity itself"}.get(one.target, "")
+    if one.basis == "polynomial":
+        return f"all products of powers of the scaled joint angles up to degree {one.degree} in total, {of}."
+    if one.basis == "trigonometric":
+        return (
+            f"all products of sines and cosines up to order {one.degree} in each angle, {of}. For constant springs "
+            "the compliance of a serial arm is such a sum."
+        )
+    if one.basis == "factored":
+        return (
+            "rows whose weighted squares add up to the 6 x 6 compliance. It is positive semidefinite by construction, "
+            "and knows every load direction."
+        )
+    return f"products of sines, cosines and powers of the angles, chosen one by one by what they explain, {of}."
+
+
+def choice_words(trained: Trained) -> str:
+    """Which basis was taken and why."""
+    best, others = trained.best, trained.surrogates[1:]
+    rms = relative(best.errors.rms_relative)
+    if not others:
+        why = (
+            "no other basis could be fitted" if trained.refused else "it was asked for by name, and no other was tried"
+        )
+        return f"The {best.basis} basis is taken: {why}. Its RMS error on runs kept out is {rms}."
+    rest = ", ".join(f"{relative(s.errors.rms_relative)} ({s.basis})" for s in others)
+    if any(s.errors.rms_relative <= NOTHING for s in others):
+        alike = "errors below a millionth are all alike, for no arm is known so well"
+        better = "it knows all load directions" if best.has_matrix else "of those it was fitted first"
+        return (
+            f"The {best.basis} basis is taken: its RMS error on runs kept out is {rms}, that of the others {rest}; "
+            f"{alike}, and {better}."
+        )
+    more = " It also knows all load directions." if best.has_matrix else ""
+    return (
+        f"The {best.basis} basis is taken: it has the smallest RMS error on runs kept out, {rms}, against {rest}.{more}"
+    )
+
+
+def doubts(trained: Trained) -> list[str]:
+    """What a user of the surrogate must not overlook."""
+    best = trained.best
+    e = best.errors
+    out = []
+    if e.max_relative > LARGE:
+        out.append(
+            f"The largest error on runs kept out is {relative(e.max_relative)}: ask for the error bar at each pose"
+        )
+    if not HONEST[0] <= e.coverage95 <= HONEST[1]:
+        out.append(f"The 95 % error bars hold {share_words(e.coverage95)} of the runs kept out")
+    own = [line.removeprefix(f"{best.basis}: ") for line in trained.rounds if line.startswith(f"{best.basis}: ")]
+    out += [f"The accuracy asked for is missed: {line}" for line in own if "out of reach" in line or "not met" in line]
+    if best.quantity.name == COMPLIANCE and not best.has_matrix:
+        d = ", ".join(f"{v:g}" for v in best.load_direction)
+        out.append(f"It knows one load direction only, {d} in base axes")
+    return out
+
+
+def size_words(size: int) -> str:
+    """Bytes as kB or MB (hard space)."""
+    return f"{size / 1e6:.3g}\u00a0MB" if size >= 1e6 else f"{size / 1e3:.3g}\u00a0kB"
+
+
+def share_words(share: float) -> str:
+    """A share of runs in percent, to a tenth (hard space)."""
+    return f"{100.0 * share:.1f}\u00a0%"
+
+
+def relative(value: float) -> str:
+    """A relative error in percent, or as a power of ten where percent would be all zeros."""
+    return power_of_ten(float(f"{value:.0e}")) if 0.0 < value < 1e-6 else percent(value)

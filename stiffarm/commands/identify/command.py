@@ -1,0 +1,200 @@
+"""The command `identify`: six stiffnesses at every joint from displacements and twists between neighbouring arms."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from doe import Measurements
+from doe.joint_twists import LAWS, LawKind, TwistReadings, write_twists
+from doe.joint_twists.cycles import Branches
+from doe.joint_twists.synthetic import Campaign, draw_truth, make_readings, truth_table
+from doe.joint_twists.workspace import ORIGIN_M, SIZE_M, Orientation
+from robots import InputError, save_description
+from stiffarm.commands.identify import payload as joint_twist_payload
+from stiffarm.commands.identify import step as joint_twist_run
+from stiffarm.commands.identify.step import JointTwists, Request
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session.options import (
+    ConfirmUnits,
+    Debug,
+    Json,
+    LoadPathOpt,
+    ModelArg,
+    Out,
+    Seed,
+    folder_if,
+    model_hash,
+    say_notes,
+)
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.reading_checks import read_held_out
+
+SYNTHETIC = "synthetic_joint_twists.csv"
+DEFAULT_WINDOW = ",".join(f"{1e3 * v:g}" for v in (*ORIGIN_M, *SIZE_M))
+
+
+def identify(
+    model: ModelArg,
+    tables: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="TABLE",
+            help="tables of relative displacements and twists of neighbouring arms, or of reflector coordinates, "
+            "CSV or XLSX",
+        ),
+    ] = None,
+    law: Annotated[
+        str | None,
+        typer.Option(
+            "--law",
+            help="of every stiffness over its joint's angle: constant, fourier-1, fourier-2 or table; default: by "
+            "leaving out one angle at a time",
+        ),
+    ] = None,
+    branches: Annotated[
+        str, typer.Option("--branches", help="mean (of loading and unloading) or loading (the way up alone)")
+    ] = "mean",
+    holdout: Annotated[
+        Path | None, typer.Option("--holdout", help="measurement table of flange deflections, to judge the prediction")
+    ] = None,
+    flange: Annotated[
+        str,
+        typer.Option("--flange", help="orientation over the map: forward (Z along base X), base (as base) or down"),
+    ] = "forward",
+    window: Annotated[
+        str, typer.Option("--window", help="of the map, in the plane Y = 0: X,Z of its corner, width, height in mm")
+    ] = DEFAULT_WINDOW,
+    synthetic: Annotated[
+        bool, typer.Option("--synthetic", help="make up a campaign for this model and identify from that; needs --out")
+    ] = False,
+    confirm_units: ConfirmUnits = False,
+    seed: Seed = 0,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Identify six stiffnesses at every joint, each over the joint's angle, from displacements between its two arms.
+
+    Writes the model with six springs a joint, identification.json, stiffnesses.csv, a map and a report into --out.
+    """
+    with user_errors(debug):
+        request = _request(law, branches, flange, window, seed)
+        _check_tables(tables, out, synthetic=synthetic)
+        # The two arms of a joint are taken as rigid: what they give way by is in the joint's stiffnesses.
+        given = inputs.read_model(model, "rigid", load_path)
+        inputs.refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
+        files: dict[str, Path | str] = {"model": model_hash(given)}
+        other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
+        if other is not None:
+            files["holdout"] = other.sha256
+        data = None if synthetic else joint_twist_run.read_tables(given, tables or ())
+        if data is not None:
+            for number, table in enumerate(tables or (), start=1):
+                files["synthetic_data" if data.synthetic else "data" if number == 1 else f"data_{number}"] = table
+        with folder_if(out, files, seed) as folder:
+            if data is None:
+                data = _make_up(given, seed, folder)
+                files["synthetic_data"] = data.sha256
+            say_notes(data.notes)
+            found = _run(given, data, request, other, folder)
+            content = joint_twist_payload.identification(found)
+            if folder is not None:
+                _write(found, content, folder)
+        if out is not None:
+            say(f"written: {out / 'report.html'}, {out / 'model.toml'}, {out / 'identification.json'}")
+        if as_json:
+            emit_json(content)
+        else:
+            _show(found)
+
+
+def _request(law: str | None, branches: str, flange: str, window: str, seed: int) -> Request:
+    laws: dict[str, LawKind] = {kind: kind for kind in LAWS}
+    ways: dict[str, Branches] = {"mean": "mean", "loading": "loading"}
+    turns: dict[str, Orientation] = {"base": "base", "forward": "forward", "down": "down"}
+    for option, value, allowed in (("--law", law, laws), ("--branches", branches, ways), ("--flange", flange, turns)):
+        if value is not None and value not in allowed:
+            raise InputError(option, value=value, allowed=", ".join(allowed), remedy="choose one of them")
+    try:
+        x, z, width, height = (float(part) for part in window.split(","))
+    except ValueError:
+        x = z = width = height = math.nan
+    if not (math.isfinite(x) and math.isfinite(z) and 0.0 < width < 1e5 and 0.0 < height < 1e5):
+        raise InputError(
+            "--window", value=window, allowed="four numbers in mm: X, Z, width and height above 0",
+            remedy=f"write them as in {DEFAULT_WINDOW}",
+        )  # fmt: skip
+    return Request(
+        None if law is None else laws[law], ways[branches], turns[flange], (1e-3 * x, 1e-3 * z),
+        (1e-3 * width, 1e-3 * height), seed,
+    )  # fmt: skip
+
+
+def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: bool) -> None:
+    if synthetic and tables:
+        raise InputError("--synthetic and TABLE: one of them at a time", remedy="leave one out")
+    if synthetic and out is None:
+        raise InputError("--synthetic without --out", remedy="name a folder for the made-up table with --out")
+    if not synthetic and not tables:
+        raise InputError(
+            "TABLE", value="none", allowed="one or more tables of joint twists, CSV or XLSX",
+            remedy="give your readings, or try --synthetic, which makes some up",
+        )  # fmt: skip
+
+
+def _make_up(given: inputs.ModelInput, seed: int, folder: OutputFolder | None) -> TwistReadings:
+    """Write a synthetic table and its truth, and read the table back: identification sees nothing else."""
+    if folder is None:  # refused before
+        raise InputError("--synthetic without --out")
+    rng = np.random.default_rng(seed)
+    truth = draw_truth(given.model, rng)
+    path = folder.path(SYNTHETIC)
+    write_twists(make_readings(given.model, truth, Campaign(), rng), path, given.robot)
+    folder.write_json(
+        "synthetic_truth.json",
+        {"synthetic": True, "seed": seed, "ln_k": "c0 + c1 cos q + c2 sin q, N/m or N m/rad",
+         "springs": truth_table(truth), "friction_Nm": truth.friction.tolist()},
+    )  # fmt: skip
+    return joint_twist_run.read_tables(given, [path])
+
+
+def _run(
+    given: inputs.ModelInput, data: TwistReadings, request: Request, holdout: Measurements | None,
+    folder: OutputFolder | None,
+) -> JointTwists:  # fmt: skip
+    if folder is None:
+        return joint_twist_run.run(given, data, request, holdout=holdout, say=say)
+    with folder.timed("identification"):
+        return joint_twist_run.run(given, data, request, holdout=holdout, say=say)
+
+
+def _write(found: JointTwists, content: dict[str, Any], folder: OutputFolder) -> None:
+    """identification.json, model.toml, CSV tables, pictures and report.html."""
+    from stiffarm.commands.identify.report import write_report
+
+    folder.write_json("identification.json", content)
+    save_description(found.description, folder.path("model.toml"))
+    folder.write_text("stiffnesses.csv", joint_twist_payload.stiffness_table(found))
+    if found.window is not None:
+        folder.write_text("stiffness_map.csv", joint_twist_payload.map_table(found.window))
+    with folder.timed("report"):
+        write_report(found, folder)
+
+
+def _show(found: JointTwists) -> None:
+    from stiffarm.commands.identify.report import stiffness_rows, summary
+
+    show_table(
+        "Six stiffnesses of each joint, mid-angle: N/um and 1e6 N m/rad, 95 % intervals",
+        ["joint", "tx", "ty", "tz", "rx", "ry", "rz"],
+        [list(row) for row in stiffness_rows(found)],
+    )
+    for line in summary(found):
+        say(line)

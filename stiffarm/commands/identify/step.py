@@ -1,0 +1,235 @@
+"""The step `identify`: six stiffnesses a joint from tables of joint twists, and everything that is said about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements
+from doe.joint_twists import Identified, LawKind, TwistReadings, identify, joined, read_twists
+from doe.joint_twists.checks import BendingRatio, DiagonalTest, Loop, bending_ratio, diagonal_tests, loops
+from doe.joint_twists.cycles import Branches
+from doe.joint_twists.model_file import constant_compliances, with_six_springs
+from doe.joint_twists.substitute import (
+    Errors,
+    compliances_of,
+    errors_of,
+    loads_in,
+    predict,
+    reachable_poses,
+    stiffness_with,
+    usual_models,
+)
+from doe.joint_twists.workspace import Orientation, Window, stiffness_window
+from robots import InputError, ModelDescription, why_no_closed_form
+from robots.kinematics import forward_kinematics
+from stiffarm.session.inputs import ModelInput
+
+Array = NDArray[np.float64]
+
+# Random poses that models are compared at.
+POSES = 2000
+# A force or a lever (N/N, m) below this is rounding.
+UNLOADED = 1e-6
+# The paper's joint: twist about X against that about the gear axis.
+RATIO_JOINT = 1
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked: law of the stiffnesses (None: chosen), branches used, and the window of the map."""
+
+    law: LawKind | None = None
+    branches: Branches = "mean"
+    orientation: Orientation = "forward"
+    origin_m: tuple[float, float] = (1.344, 0.550)
+    size_m: tuple[float, float] = (0.6, 0.6)
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Directional stiffness (n,) N/m at flange deflections that nothing was identified from.
+
+    ``measured``; ``predicted`` with ``low`` and ``high``; ``labels``, ``force_N`` (n,) and ``way`` (n, 3) flange axes.
+    """
+
+    source: str
+    labels: tuple[str, ...]
+    force_N: Array  # noqa: N815 - the unit's letter
+    way: Array
+    measured: Array
+    predicted: Array
+    low: Array
+    high: Array
+
+    @property
+    def error(self) -> Array:
+        """Relative error of the prediction (n,)."""
+        return np.asarray(self.predicted / self.measured - 1.0)
+
+
+@dataclass(frozen=True)
+class AtFlange:
+    """What the stiffnesses make of the flange, over random poses.
+
+    ``same`` and ``refitted``: errors of models of the gears alone, by flange axis, with ``effective`` compliances
+    (dof,) of the second; ``file``: errors of the model file where it holds constants; ``spread`` (3,): median half
+    width of the intervals of directional stiffness.
+    """
+
+    same: Errors
+    refitted: Errors
+    effective: Array
+    file: Errors
+    spread: Array
+
+
+@dataclass(frozen=True)
+class JointTwists:
+    """A finished identification with its checks and comparisons.
+
+    ``flange`` is None where forces at the flange load stiffnesses that are not identified: ``no_flange`` says which.
+    ``window``: the map, or None with the reason in ``no_window``.
+    """
+
+    request: Request
+    given: ModelInput
+    found: Identified
+    description: ModelDescription
+    loops: tuple[Loop, ...]
+    diagonal: tuple[DiagonalTest, ...]
+    bending: BendingRatio | None
+    flange: AtFlange | None
+    no_flange: str
+    window: Window | None
+    no_window: str
+    held_out: HeldOut | None
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the readings were made up."""
+        return self.found.data.synthetic
+
+
+def read_tables(given: ModelInput, tables: Sequence[Path]) -> TwistReadings:
+    """Read one or more tables of joint twists or reflectors as one."""
+    for table in tables:
+        if not table.is_file():
+            raise InputError("TABLE", value=str(table), allowed="an existing .csv or .xlsx", remedy="check the path")
+    return joined([read_twists(table, given.robot) for table in tables])
+
+
+def run(
+    given: ModelInput, data: TwistReadings, request: Request, *, holdout: Measurements | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> JointTwists:  # fmt: skip
+    """Identify, check, compare.
+
+    Raises
+    ------
+    InputError
+        What :func:`doe.joint_twists.identify` refuses; no direction of any joint with a number; a window that the
+        arm does not reach.
+    """
+    model = given.model
+    say(f"identifying six stiffnesses at {model.robot.dof} joints from {data.n} readings")
+    found = identify(model, data, law=request.law, branches=request.branches)
+    if not any(d.law is not None for d in found.directions.values()):
+        raise InputError(
+            f"{data.source}: no stiffness is determined", remedy="give readings of joints under loads that reach them"
+        )
+    names = model.robot.joint_names
+    rng = np.random.default_rng(request.seed)
+    q = reachable_poses(model, POSES, rng)
+    no_flange = _why_no_flange(given, found, q) or _rigid_way(given, found, q)
+    if no_flange and holdout is not None:
+        raise InputError(
+            f"--holdout {holdout.source}: {no_flange}", remedy="leave out --holdout, or measure those joints too"
+        )
+    say("comparing with models of the gears alone" if not no_flange else f"note: {no_flange}")
+    window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
+    return JointTwists(
+        request, given, found, with_six_springs(given.description, model, found), loops(found, names),
+        diagonal_tests(found, names), _bending(found, names),
+        None if no_flange else _at_flange(given, found, q, rng), no_flange, window, no_window,
+        None if holdout is None else _held_out(given, found, holdout),
+    )  # fmt: skip
+
+
+def _why_no_flange(given: ModelInput, found: Identified, q: Array) -> str:
+    """Which stiffnesses forces at the flange load although nobody identified them; empty if none."""
+    s = np.abs(loads_in(given.model, q, np.eye(3))).max(axis=(0, 1)).ravel()
+    loaded = [
+        f"{joint}.{row}"
+        for (joint, row), d, most in zip(found.directions, found.directions.values(), s, strict=True)
+        if d.status == "not identified" and most > UNLOADED
+    ]
+    if not loaded:
+        return ""
+    return f"nothing is said of the flange, for it hangs on stiffnesses that are not identified: {', '.join(loaded)}"
+
+
+def _rigid_way(given: ModelInput, found: Identified, q: Array) -> str:
+    """What is rigid at the flange, where readings left every stiffness that a force loads without a number."""
+    moved = np.einsum("nkjr,njr->nk", loads_in(given.model, q, np.eye(3)) ** 2, compliances_of(found)(q))
+    ways = [f"flange {axis}" for axis, least in zip("XYZ", moved.min(axis=0), strict=True) if not least > 0.0]
+    return f"nothing is said of the flange, for nothing identified gives way along {', '.join(ways)}" if ways else ""
+
+
+def _at_flange(given: ModelInput, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:
+    model, six = given.model, compliances_of(found)
+    same, refitted, effective = usual_models(model, six, poses=POSES, rng=rng)
+    reference = stiffness_with(model, six, q)
+    of_file = errors_of(stiffness_with(model, lambda p: constant_compliances(found, p), q), reference)
+    p = predict(model, found, q)
+    spread = np.median((p.high - p.low) / (2.0 * p.value), axis=0)
+    return AtFlange(same, refitted, effective, of_file, np.asarray(spread))
+
+
+def _bending(found: Identified, names: tuple[str, ...]) -> BendingRatio | None:
+    return bending_ratio(found.directions, names[RATIO_JOINT]) if len(names) > RATIO_JOINT else None
+
+
+def _window(given: ModelInput, found: Identified, request: Request) -> tuple[Window | None, str]:
+    reason = why_no_closed_form(given.robot)
+    if reason is not None:
+        return None, f"no map: {reason}"
+    window = stiffness_window(
+        given.model, compliances_of(found), orientation=request.orientation, origin_m=request.origin_m,
+        size_m=request.size_m,
+    )  # fmt: skip
+    return window, ""
+
+
+def _held_out(given: ModelInput, found: Identified, data: Measurements) -> HeldOut:
+    """Flange deflections against the model, reading by reading: |F| / |d . F/|F||."""
+    F = data.wrench[:, :3]
+    size = np.linalg.norm(F, axis=1)
+    along = np.einsum("ni,ni->n", data.displacement[:, :3], F) / np.maximum(size, 1e-300)
+    use = (size > 0.0) & np.isfinite(along) & (along != 0.0) & ~data.wrench[:, 3:].any(axis=1)
+    if not use.any():
+        raise InputError(
+            f"--holdout {data.source}: no reading with a force and the displacement along it",
+            allowed="fx_N fy_N fz_N and dx_mm dy_mm dz_mm where the force has a part",
+            remedy="give deflections of the flange under forces",
+        )
+    rows = np.flatnonzero(use)
+    R = forward_kinematics(given.robot, data.q[rows]).R_flange
+    way = np.einsum("nji,nj->ni", R, F[rows]) / size[rows, None]
+    parts = [predict(given.model, found, data.q[i : i + 1], way[k : k + 1]) for k, i in enumerate(rows)]
+    value, low, high = (np.array([getattr(p, name)[0, 0] for p in parts]) for name in ("value", "low", "high"))
+    return HeldOut(
+        data.source,
+        tuple(data.pose[i] for i in rows),
+        size[rows],
+        way,
+        size[rows] / np.abs(along[rows]),
+        value,
+        low,
+        high,
+    )

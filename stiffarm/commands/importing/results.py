@@ -1,0 +1,264 @@
+"""What an import leaves: the model with its shells, figures as JSON, and a table for people."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from meshes import link_beam_mesh, link_shell_mesh, save_shell
+from meshes.surfaces.link import GOOD, ImportedLink, quality_words
+from robots import ModelDescription, save_description
+from robots.library.surface_files import surface_file_name
+from robots.robot import robot_from
+from robots.schema.description import Link, Surface
+from robots.schema.quantities import PositiveLength
+from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
+from stiffarm.commands.importing.figures import ShownLink, contact_sheet
+from stiffarm.commands.importing.step import ImportedPart, ImportOptions, OneLink, RobotImport
+from stiffarm.pages.style import save_png
+from stiffarm.session.console import say, show_table
+from stiffarm.session.outputs import OutputFolder
+
+Array = NDArray[np.float64]
+
+SOURCE = "meshes"
+
+
+def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolder) -> dict[str, Any]:
+    """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
+    # The model takes copies of the shells with it, under names that tell versions apart.
+    with tempfile.TemporaryDirectory() as shells:
+        description = as_description(result, options, Path(shells))
+        found = tip_compliances(description, tuple(part.name for part in result.parts))
+        warnings = {part.name: warnings_of(part.link, found[part.name]) for part in result.parts}
+        said = [f"link {name}: {line}" for name, lines in warnings.items() for line in lines]
+        description = description.model_copy(update={"notes": (*description.notes, *said)})
+        content = payload(result, options, description, found)
+        shown = [_shown(part.name, part.link, part.wall, part.points, warnings[part.name]) for part in result.parts]
+        _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
+    return content
+
+
+def write_link(done: OneLink, given: ModelDescription, source: str, folder: OutputFolder) -> dict[str, Any]:
+    """Write a model with the new shell of one link; returns what import.json holds."""
+    name = done.link.name
+    key = f"surface of {name}"
+    content = {
+        "schema": "stiffarm-import/1",
+        "robot": given.name,
+        "link": name,
+        "file": source,
+    }
+    with tempfile.TemporaryDirectory() as shells:
+        surface = written_surface(done.shell, name, done.wall, Path(shells), key)
+        data = given.model_dump(by_alias=True, exclude_none=True)
+        data["sources"][key] = f"{source}, prepared by stiffarm import"
+        data["link"] = [
+            link.model_copy(update={"surface": surface}) if link.name == name else link for link in given.link
+        ]
+        description = ModelDescription.model_validate(data)
+        check_shells(description)
+        found = tip_compliances(description, (name,))[name]
+        content |= link_payload(done.shell, done.wall, found)
+        shown = _shown(name, done.shell, done.wall, done.points, content["warnings"])
+        _write(description, content, contact_sheet([shown], f"{source} as link {name}"), folder)
+    return content
+
+
+def _write(description: ModelDescription, content: dict[str, Any], sheet: Figure, folder: OutputFolder) -> None:
+    save_description(description, folder.path("model.toml"))
+    folder.write_json("import.json", content)
+    save_png(sheet, folder.path("import.png"))
+
+
+def _shown(name: str, link: ImportedLink, wall: float, points: Array, warnings: Sequence[str]) -> ShownLink:
+    figures = link.figures
+    rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
+    how = "wrapped" if figures.wrapped else "as it is"
+    mesh = f"{figures.triangles} triangles, wall {1e3 * wall:g} mm, surface {how}"
+    facts: tuple[str, ...] = (mesh, f"rings: {rings}")
+    if warnings:
+        facts = (*facts, f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json")
+    return ShownLink(name, link.mesh, points, facts)
+
+
+def as_description(result: RobotImport, options: ImportOptions, folder: Path) -> ModelDescription:
+    """Write the shells into ``folder`` and describe the robot with them; surface files as absolute paths.
+
+    A URDF's masses that are less than the casings weigh are fillings for simulators, and left out.
+    """
+    given = result.urdf.description
+    notes = [*result.notes, *(f"link {name} stays rigid: {why}" for name, why in result.rigid.items())]
+    light = [part.name for part in result.parts if part.declared is not None and part.declared.si < part.casing_kg]
+    if light:
+        notes.append(f"masses of the URDF left out: lighter than the casings alone ({', '.join(light)})")
+    links = [_described(part, options.material, bool(light), folder) for part in result.parts]
+    data = given.model_dump(by_alias=True, exclude_none=True)
+    kinds = f"{options.meshes} meshes of the URDF: {', '.join(s for part in result.parts for s in part.sources)}"
+    data |= {
+        "sources": {**given.sources, SOURCE: kinds},
+        "materials": {options.material: options.figures},
+        "link": links,
+        "notes": notes,
+    }
+    if light:
+        data.pop("mass", None)
+    description = ModelDescription.model_validate(data)
+    check_shells(description)
+    return description
+
+
+def _described(part: ImportedPart, material: str, without_mass: bool, folder: Path) -> Link:
+    up = [float(v) + 0.0 for v in np.round(part.section.up, 9)]
+    return Link(
+        name=part.name,
+        body=part.body,
+        material=material,
+        section=part.section.section,
+        beam_up=(up[0], up[1], up[2]),
+        mass=None if without_mass else part.declared,
+        surface=written_surface(part.link, part.name, part.wall, folder, SOURCE),
+    )
+
+
+def written_surface(link: ImportedLink, name: str, wall: float, folder: Path, source: str) -> Surface:
+    """Save a shell into ``folder`` and say what it is."""
+    unnamed = folder / "surface.npz"
+    sha256 = save_shell(link.mesh, unnamed)
+    path = unnamed.replace(folder / surface_file_name(name, sha256))
+    return Surface(
+        file=str(path.resolve()),
+        sha256=sha256,
+        wall=PositiveLength(value=round(1e3 * wall, 6), unit="mm", source="assumed"),
+        size=PositiveLength(value=round(1e3 * link.figures.size_m, 3), unit="mm", source="derived"),
+        source=source,
+        changes=link.report,
+    )
+
+
+def check_shells(description: ModelDescription) -> None:
+    """Read the shells back as a model does; raises InputError where one does not fit its link."""
+    robot = robot_from(description)
+    for link in description.link:
+        if link.surface is not None:
+            link_shell_mesh(link, link_beam_mesh(description, robot, link))
+
+
+def payload(
+    result: RobotImport, options: ImportOptions, description: ModelDescription, found: Mapping[str, TipCompliance]
+) -> dict[str, Any]:
+    """What import.json holds of a robot."""
+    return {
+        "schema": "stiffarm-import/1",
+        "robot": result.urdf.description.name,
+        "material": options.material,
+        "links": [_payload_of(part, found[part.name]) for part in result.parts],
+        "rigid": result.rigid,
+        "notes": list(description.notes),
+    }
+
+
+def _payload_of(part: ImportedPart, found: TipCompliance) -> dict[str, Any]:
+    section = part.section.section
+    return {
+        "link": part.name,
+        "body": part.body,
+        "files": list(part.sources),
+        "span_mm": _mm(part.span),
+        "casing_mass_kg": round(part.casing_kg, 3),
+        "urdf_mass_kg": None if part.declared is None else part.declared.si,
+        "beam_section_mm": {key: _mm(quantity.si) for key, quantity in section if isinstance(quantity, PositiveLength)}
+        | {"kind": section.kind},
+        "cover": round(part.section.cover, 3),
+        **link_payload(part.link, part.wall, found),
+    }
+
+
+def link_payload(link: ImportedLink, wall: float, found: TipCompliance) -> dict[str, Any]:
+    """Figures of one imported shell for JSON."""
+    figures = link.figures
+    return {
+        "wall_mm": _mm(wall),
+        "size_mm": _mm(figures.size_m),
+        "bodies": figures.bodies,
+        "open_edges": figures.open_edges,
+        "wrapped": figures.wrapped,
+        "triangles": figures.triangles,
+        "minimum_angle_deg": round(figures.minimum_angle_deg, 2),
+        "quality": quality_words(figures.minimum_angle_deg),
+        "mid_surface_area_m2": round(figures.area_m2, 6),
+        "departure_mm": [None if math.isnan(v) else _mm(v) for v in figures.departure_m],
+        "rings": {
+            name: {"nodes": int(ring.nodes.size), "radius_mm": _mm(ring.radius), "chosen": ring.words}
+            for name, ring in figures.rings.items()
+        },
+        "tip_compliance_um_per_kN": {"shell": _um_per_kn(found.shell), "beam": _um_per_kn(found.beam)},
+        "tip_compliance_shell_over_beam": round(found.ratio, 3) if math.isfinite(found.ratio) else None,
+        "warnings": warnings_of(link, found),
+        "changes": list(link.report),
+    }
+
+
+def _um_per_kn(value: float) -> float:
+    return float(f"{1e9 * value:.6g}")
+
+
+def _mm(value: float) -> float:
+    return round(1e3 * value, 3)
+
+
+def show(result: RobotImport, content: Mapping[str, Any]) -> None:
+    """Tables of the links for people, then what stays rigid and the remarks."""
+    show_table(
+        f"Imported: {result.urdf.description.title}",
+        ["link", "bodies", "open edges", "surface", "triangles", "size (mm)", "least angle (deg)"],
+        [_mesh_row(part) for part in result.parts],
+    )
+    show_table(
+        "The links",
+        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "cover (%)", "shell / beam"],
+        [_link_row(part, link) for part, link in zip(result.parts, content["links"], strict=True)],
+    )
+    say("off by: 95 % of what is seen of the original is nearer than this to the shell's outer side")
+    say("cover: share of the way from root to tip where the casing is")
+    say("shell / beam: compliance of the tip as a shell over that as a beam")
+    for part in result.parts:
+        words = quality_words(part.link.figures.minimum_angle_deg)
+        if words != GOOD:
+            say(f"quality of {part.name}: {words}")
+    for note in content["notes"]:
+        say(note if ": WARNING: " in note else f"note: {note}")
+
+
+def _mesh_row(part: ImportedPart) -> list[str]:
+    figures = part.link.figures
+    return [
+        part.name,
+        f"{figures.bodies}",
+        f"{figures.open_edges}",
+        "wrapped" if figures.wrapped else "as it is",
+        f"{figures.triangles}",
+        f"{1e3 * figures.size_m:.3g}",
+        f"{figures.minimum_angle_deg:.0f}{'' if quality_words(figures.minimum_angle_deg) == GOOD else ' POOR'}",
+    ]
+
+
+def _link_row(part: ImportedPart, link: Mapping[str, Any]) -> list[str]:
+    off = part.link.figures.departure_m[0]
+    return [
+        part.name,
+        f"{1e3 * part.wall:g}",
+        ", ".join(f"{1e3 * ring.radius:.0f}" for ring in part.link.figures.rings.values()),
+        "-" if math.isnan(off) else f"{1e3 * off:.3g}",
+        f"{part.casing_kg:.3g}",
+        "-" if part.declared is None else f"{part.declared.si:.4g}",
+        f"{100 * part.section.cover:.0f}",
+        "-" if link["tip_compliance_shell_over_beam"] is None else f"{link['tip_compliance_shell_over_beam']:.3g}",
+    ]

@@ -1,0 +1,143 @@
+"""The command `index`: stiffness indices of a machining pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from machining import INDICES
+from robots import InputError
+from robots.files.csv_text import records_text
+from stiffarm.commands.index import results as index_results
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash, say_notes
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.pose_tables import read_pose_table
+from stiffarm.session.task_options import NormalOpt, ToolOpt, frame_words, parse_vector, tool_of
+
+Array = NDArray[np.float64]
+# Rows of the table on the screen; files have all.
+SHOWN = 30
+
+
+def index(
+    model: ModelArg,
+    table: Annotated[
+        Path | None, typer.Argument(metavar="[POSES]", help="table with joint columns, CSV or XLSX")
+    ] = None,
+    pose: Annotated[
+        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3_deg=77; the rest is 0; may be repeated")
+    ] = None,
+    normal: NormalOpt = "0,0,1",
+    force: Annotated[
+        str | None, typer.Option("--force", metavar="X,Y,Z", help="N on the tool, base axes: for nspi and rayleigh")
+    ] = None,
+    tool: ToolOpt = None,
+    load: Annotated[
+        str | None,
+        typer.Option("--load", help="what the arm carries meanwhile, as in fz_N=-650: takes K_C in; default: nothing"),
+    ] = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Stiffness indices at poses: k_fs, NSPI, Rayleigh quotient, directional, worst and best direction, isotropy."""
+    with user_errors(debug):
+        given = inputs.read_model(model, links, load_path, without="the indices")
+        q, labels = _poses(given, pose, table)
+        question = index_results.IndexQuestion(
+            q,
+            labels,
+            tool_of(given.robot, tool)[:3, 3],
+            parse_vector(normal, "--normal", "a direction in base axes"),
+            None if force is None else parse_vector(force, "--force", "N in base axes"),
+            None if load is None else inputs.parse_load(load),
+        )
+        found = index_results.answer(given.model, question)
+        content = index_results.payload(given.robot, found)
+        files: dict[str, Path | str] = {"model": model_hash(given)} | ({} if table is None else {"poses": table})
+        with folder_if(out, files) as folder:
+            if folder is not None:
+                _write(folder, content, found, given)
+        if as_json:
+            emit_json(content)
+            return
+        _show(given, content, tool_of(given.robot, tool))
+        if out is not None:
+            say(f"written: {out / 'index.csv'}, index.json, ellipsoid.png")
+
+
+def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tuple[Array, tuple[str, ...]]:
+    if (table is None) == (not pose):
+        raise InputError(
+            "index needs poses",
+            allowed="either --pose (one or more) or a table of poses",
+            remedy=f"give one of the two, as in --pose {given.robot.coordinates[0]}=5",
+        )
+    if table is None:
+        q = np.stack([inputs.parse_pose(given.robot, text) for text in pose or ()])
+        return q, tuple(str(i + 1) for i in range(len(q)))
+    degrees, labels, remarks = read_pose_table(given.robot.coordinates, {}, table)
+    say_notes(tuple(remarks))
+    q = np.radians(degrees)
+    outside = np.flatnonzero(~given.robot.reachable(q))
+    if len(outside):
+        first = int(outside[0])
+        raise InputError(
+            f"pose table {table}: {len(outside)} of {len(q)} poses cannot be taken; the first is pose {labels[first]}",
+            value="; ".join(given.robot.violations(q[first])),
+            remedy="correct or remove them",
+        )
+    return q, tuple(labels)
+
+
+def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.IndexAnswer, given: ModelInput) -> None:
+    from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
+    from stiffarm.pages.style import save_png
+
+    folder.write_json("index.json", content)
+    folder.write_text("index.csv", records_text(index_results.rows(given.robot, found)))
+    asked = found.question
+    figure = ellipsoid_figure(found.compliance[:MOST_POSES], asked.labels[:MOST_POSES], asked.normal)
+    save_png(figure, folder.path("ellipsoid.png"))
+
+
+def _show(given: ModelInput, content: dict[str, Any], T_flange_tool: Array) -> None:
+    poses = content["poses"]
+    names = list(poses[0]["indices"])
+    shown = poses[:SHOWN]
+    title = f"{given.robot.name}, N/mm"
+    say(f"tool on the flange: {frame_words(T_flange_tool)}")
+    columns = ["index", *(f"pose {one['pose']}" for one in shown[:6])]
+    if len(shown) <= 6:
+        cells = [[_short(name), *(_cell(one["indices"][name]) for one in shown)] for name in names]
+        show_table(title, columns, cells)
+    else:
+        show_table(
+            title,
+            ["pose", *map(_short, names)],
+            [[one["pose"], *(_cell(one["indices"][name]) for name in names)] for one in shown],
+        )
+    if len(poses) > SHOWN:
+        say(f"({len(poses) - SHOWN} more poses are in the files of --out and with --json)")
+    for one in poses:
+        if one["distances"]["singularity"] is not None and one["distances"]["singularity"] < 0.05:
+            say(f"note: pose {one['pose']} is close to a singularity ({one['distances']['singularity']:.2g})")
+    for name, why in content["not_computed"].items():
+        say(f"note: {name} ({INDICES[name].formula}) {why}")
+
+
+def _short(key: str) -> str:
+    return key.removesuffix("_N_per_mm")
+
+
+def _cell(value: float | None) -> str:
+    return "infinite" if value is None else f"{value:.4g}"

@@ -1,0 +1,131 @@
+"""The step `index`: all stiffness indices at poses, with the ellipsoid behind them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining import (
+    INDICES,
+    StiffnessEllipsoid,
+    evaluate,
+    limit_distance,
+    singular_distance,
+    softest_share,
+    stiffness_ellipsoid,
+    translational,
+)
+from robots import Robot
+from stiffarm.commands.index.units import shown
+from stiffarm.session.payloads import number
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class IndexQuestion:
+    """Poses q (n, dof) rad, tool tip (3,) m on the flange, normal and force (N) in base axes.
+
+    ``load`` (6,) N, N m: what the arm carries meanwhile (K_C is taken in), None for the unloaded arm.
+    """
+
+    q: Array
+    labels: tuple[str, ...]
+    tip: Array
+    normal: Array
+    force: Array | None = None
+    load: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class IndexAnswer:
+    """Indices by name (n,), N/m or a pure number; ``left_out``: those that need a force, where none is given.
+
+    ``compliance`` (n, 3, 3) m/N at the tip; ``share`` (n,): part of the joint stiffness that the load takes away.
+    """
+
+    question: IndexQuestion
+    values: dict[str, Array]
+    left_out: tuple[str, ...]
+    compliance: Array
+    ellipsoid: StiffnessEllipsoid
+    limit_rad: Array
+    singular: Array
+    share: Array | None
+
+
+def answer(model: fem.ArmModel, question: IndexQuestion) -> IndexAnswer:
+    """All indices of :data:`machining.INDICES` that the question has the inputs for.
+
+    Raises
+    ------
+    InputError
+        As the indices; a load that the springs cannot hold.
+    """
+    q, load = question.q, question.load
+    C = translational(model, q, question.tip, load)
+    left_out = tuple(name for name, index in INDICES.items() if "force" in index.uses and question.force is None)
+    values = {name: evaluate(name, C, question.normal, question.force) for name in INDICES if name not in left_out}
+    return IndexAnswer(
+        question,
+        values,
+        left_out,
+        C,
+        stiffness_ellipsoid(C),
+        limit_distance(model.robot, q),
+        singular_distance(model.robot, q),
+        None if load is None else softest_share(model, q, load, question.tip),
+    )
+
+
+def payload(robot: Robot, found: IndexAnswer) -> dict[str, Any]:
+    """The answer as JSON; null where an index is infinite."""
+    asked = found.question
+    return {
+        "robot": robot.name,
+        "tool_tip_mm": [number(v * 1e3) for v in asked.tip],
+        "normal": [number(v) for v in asked.normal],
+        "force_N": None if asked.force is None else [number(v) for v in asked.force],
+        "load": None if asked.load is None else [number(v) for v in asked.load],
+        "not_computed": dict.fromkeys(found.left_out, "needs --force"),
+        "poses": [_pose(robot, found, i) for i in range(len(asked.q))],
+    }
+
+
+def rows(robot: Robot, found: IndexAnswer) -> list[dict[str, Any]]:
+    """The answer as table rows, one a pose."""
+    out = []
+    for i, label in enumerate(found.question.labels):
+        one = _pose(robot, found, i)
+        out.append({"pose": label} | one["joints_deg"] | one["indices"] | one["distances"])
+    return out
+
+
+def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
+    axes = found.ellipsoid
+    out: dict[str, Any] = {
+        "pose": found.question.labels[i],
+        "joints_deg": {
+            name: number(v, 9) for name, v in zip(robot.coordinates, np.degrees(found.question.q[i]), strict=True)
+        },
+        "indices": {shown(name).column: number(float(v[i]) * shown(name).factor) for name, v in found.values.items()},
+        "ellipsoid": [
+            {
+                "stiffness_N_per_mm": number(float(axes.semi_axes[i, a]) * 1e-3),
+                "direction": [number(v) for v in axes.axes[i, :, a]],
+            }
+            for a in range(3)
+        ],
+        "compliance_mm_per_N": [[number(v * 1e3) for v in row] for row in found.compliance[i]],
+        "distances": {
+            "joint_limit_deg": number(float(np.degrees(found.limit_rad[i]))),
+            "singularity": number(float(found.singular[i])),
+        },
+    }
+    if found.share is not None:
+        out["stiffness_share_taken_by_load"] = number(float(found.share[i]))
+    return out

@@ -1,0 +1,122 @@
+"""All publication figures of a finished map: slices, surfaces in space, main effects; PNG and SVG files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from robots import InputError, ModelDescription, Robot
+from robots.files.written import written_whole
+from stiffarm.commands.maps.figures.effects import swept_effects_figure
+from stiffarm.commands.maps.figures.slices import slice_figure, unlike
+from stiffarm.commands.maps.figures.space import cloud_figure, iso_figure
+from stiffarm.commands.maps.looks import Look, look_of
+from stiffarm.commands.maps.planes import planes_of
+from stiffarm.pages import style
+from stiffarm.pages.rendering import chosen
+from stiffarm.session.outputs import OutputFolder
+from surrogate.maps.data import MapData
+
+FORMATS: Final = ("png", "svg")
+_SVG_DPI: Final = 200
+# Entries of a map's metadata that a reader of a figure needs, in this order.
+_FACTS: Final = ("pose", "load")
+
+
+def draw_map_figures(
+    data: MapData,
+    description: ModelDescription,
+    robot: Robot,
+    folder: OutputFolder,
+    *,
+    quantities: Sequence[str] | None = None,
+    formats: Sequence[str] = ("png",),
+    notes: list[str] | None = None,
+    facts: str | None = None,
+) -> list[str]:
+    """Write the figures of a map; returns the names of the files.
+
+    Slices, boxes and cylinders: ``map_<quantity>``. Boxes and cylinders also ``map_<quantity>_surfaces``, in space.
+    Joint sweeps: ``map_<quantity>_oblique``, ``_side`` and ``_effects``.
+
+    Parameters
+    ----------
+    quantities : names of fields; default all that have a value
+    formats : of 'png' (150 dots an inch) and 'svg' (lines and text as vectors, coloured areas as images)
+    notes : gets one message where pictures in space were drawn without OpenGL
+    facts : a line under the titles; default: what the metadata says about load and orientation
+
+    Raises
+    ------
+    InputError
+        Unknown quantity or format, or no point of the map is reached.
+    """
+    wrong = [name for name in formats if name not in FORMATS]
+    if wrong or not formats:
+        raise InputError("format of figures", value=", ".join(wrong) or "none", allowed=", ".join(FORMATS))
+    unknown = [name for name in quantities or () if name not in data.fields]
+    if unknown:
+        raise InputError("quantity of the map", value=unknown[0], allowed=", ".join(data.fields))
+    if not data.reached.any():
+        raise InputError("map", value="no point reached", remedy="move the grid to where the robot reaches")
+    said = _facts(data) if facts is None else facts
+    files: list[str] = []
+    in_space = data.layout.kind != "slice"
+    works, message = chosen(None) if in_space else (True, "")
+    for name in data.fields if quantities is None else quantities:
+        look = look_of(name, data.fields[name])
+        heading = f"{description.title.split(' (')[0]}: {look.label}"
+        for suffix, figure in _figures(data, look, description, robot, heading, said, works):
+            files += save_figure(figure, folder, f"map_{name}{suffix}", formats)
+    if not works and notes is not None and message not in notes:
+        notes.append(message)
+    return files
+
+
+def _figures(
+    data: MapData, look: Look, description: ModelDescription, robot: Robot, heading: str, facts: str, works: bool
+) -> Iterator[tuple[str, Figure]]:
+    """Endings of the files' names and the figures of one quantity."""
+    of_robot = (description, robot, heading, facts)
+    if data.layout.kind == "joints":
+        for view in ("oblique", "side"):
+            yield f"_{view}", cloud_figure(data, look, *of_robot, works, view)
+        if look.kind != "category":
+            yield "_effects", swept_effects_figure(data, look, heading, facts)
+        return
+    yield "", slice_figure(data, look, unlike(data, look, planes_of(data)), *of_robot)
+    thick = min(data.layout.shape) > 1
+    if data.layout.kind != "slice" and thick and look.kind not in ("category", "error"):
+        yield "_surfaces", iso_figure(data, look, *of_robot, works)
+
+
+def _facts(data: MapData) -> str:
+    known = [data.metadata[key] for key in _FACTS if data.metadata.get(key)]
+    return "; ".join(known)
+
+
+def save_figure(figure: Figure, folder: OutputFolder, stem: str, formats: Sequence[str]) -> list[str]:
+    """Write a figure in each of the formats; returns the names of the files."""
+    write: dict[str, Callable[[Figure, Path], None]] = {"png": style.save_png, "svg": save_svg}
+    names = [f"{stem}.{ending}" for ending in formats]
+    for name, ending in zip(names, formats, strict=True):
+        write[ending](figure, folder.path(name))
+    return names
+
+
+def save_svg(figure: Figure, path: Path) -> None:
+    """Write a figure as SVG with text as text, whole or not at all. Twice the same is the same file.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist.
+    """
+    style.require_folder(path)
+    text_as_text = mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stiffarm"})
+    with written_whole(path) as draft, style.house_style(), text_as_text:
+        figure.savefig(draft, format="svg", dpi=_SVG_DPI, metadata={"Date": None})

@@ -1,0 +1,127 @@
+"""The files of a finished map: arrays for other programs, a table, pictures, the page to turn and pick in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.files.csv_text import write_rows
+from stiffarm.commands.maps import sweep as maps
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.outputs import OutputFolder
+from surrogate.maps import netcdf, vtk_stream
+from surrogate.maps.data import MapData
+from surrogate.maps.vtk_files import STIFFNESS_ARRAY
+
+# A table of more points is nothing to open in a spreadsheet.
+CSV_UP_TO = 200_000
+# Points up to which pictures are drawn: they hold all points and cells in memory.
+DRAWN_UP_TO = 1_000_000
+# Fields that are for programs, or say the same as another: no picture of each.
+NOT_DRAWN = (
+    "worst_direction_x",
+    "worst_direction_y",
+    "worst_direction_z",
+    "jacobian_smallest_singular_value",
+    "near_singular",
+    "softest_part_share",
+)
+ROWS = 1 << 15
+WRITERS: Mapping[str, Callable[[MapData, Path], None]] = {
+    "vtu": vtk_stream.write_vtu,
+    "vti": vtk_stream.write_vti,
+    "vtp": vtk_stream.write_vtp,
+    "nc": netcdf.write_netcdf,
+}
+
+
+@dataclass(frozen=True)
+class Files:
+    """What is written besides map.json, and where the map is worked.
+
+    ``formats``: of :data:`WRITERS`; ``figures``: those for papers of a joint sweep too, which has two pictures of its
+    own; ``dask``: address of a scheduler; ``work``: folder of the blocks, which then stays.
+    """
+
+    formats: tuple[str, ...]
+    figures: bool = False
+    pictures: bool = True
+    svg: bool = False
+    html: bool = False
+    dask: str | None = None
+    work: Path | None = None
+
+
+def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
+    """Write all files but map.json.
+
+    Returns
+    -------
+    Their names, and messages for the user.
+    """
+    names: list[str] = []
+    messages: list[str] = []
+    joints = data.layout.kind == "joints"
+    for form in files.formats:
+        names.append(f"{'stiffness_map' if joints else 'map'}.{form}")
+        WRITERS[form](data, folder.path(names[-1]))
+    if data.layout.n <= CSV_UP_TO:
+        names.append("map.csv")
+        write_table(data, folder.path(names[-1]))
+    if joints and files.pictures and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
+        names += maps.draw(maps.swept(data), given.description, given.robot, folder, messages)
+    formats = (("png",) if files.pictures else ()) + (("svg",) if files.svg else ())
+    if formats and data.layout.n > DRAWN_UP_TO:
+        messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")
+    elif formats and (not joints or files.figures):
+        names += _figures(given, data, folder, formats, messages)
+    if files.html:
+        from stiffarm.commands.maps.viewer import viewer_page
+
+        title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
+        folder.write_text("map.html", viewer_page(data, given.description, given.model, title=title))
+        names.append("map.html")
+    return names, messages
+
+
+def write_table(data: MapData, path: Path) -> None:
+    """All points as CSV: where they are (mm), the pose (deg), the quantities; empty cells where there is no pose."""
+    columns = ["x_mm", "y_mm", "z_mm", *data.coordinates, *data.fields]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        write_rows(file, [columns], "\r\n")
+        for start in range(0, data.layout.n, ROWS):
+            rows = slice(start, start + ROWS)
+            numbers = [1e3 * np.asarray(data.points[rows]), np.degrees(np.asarray(data.q[rows]))]
+            cells = [_cells(column) for block in numbers for column in block.T]
+            cells += [_cells(np.asarray(f.values[rows]), f.categories) for f in data.fields.values()]
+            write_rows(file, zip(*cells, strict=True), "\r\n")
+
+
+def _cells(values: NDArray[np.float64], categories: Sequence[str] = ()) -> list[str]:
+    if categories:
+        return [categories[int(v)] if v >= 0.0 else "" for v in values]
+    # Poses on a limit are rounded to it; -0 is 0.
+    return ["" if np.isnan(v) else f"{v + 0.0:.9g}" for v in values]
+
+
+def _figures(
+    given: ModelInput, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
+) -> list[str]:
+    from stiffarm.commands.maps.figures.whole import draw_map_figures
+
+    reached = np.asarray(data.reached)
+    drawn = [
+        name
+        for name, field in data.fields.items()
+        if name not in NOT_DRAWN
+        and not name.startswith("compliance_")
+        and np.isfinite(np.asarray(field.values)[reached]).any()
+    ]
+    facts = "; ".join(words for key in ("pose", "load") if (words := data.metadata.get(key)))
+    return draw_map_figures(
+        data, given.description, given.robot, folder, quantities=drawn, formats=formats, notes=messages, facts=facts
+    )

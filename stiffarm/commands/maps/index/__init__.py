@@ -1,0 +1,1 @@
+"""Maps of a machining index over a plane or a box."""

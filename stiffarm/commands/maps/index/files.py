@@ -1,0 +1,255 @@
+"""Writing an index over a plane or a box: tables, the .vtu for ParaView, pictures, figures for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.stiffness.distribution import Distribution, GammaChoice, Statistics
+from machining.stiffness.grid import Grid
+from robots.files.csv_text import columns_text
+from stiffarm.commands.index.units import Shown, shown
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.payloads import number
+from surrogate.maps.vtk_files import M_TO_MM, grid_cells, write_grid
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.
+DRAWN: Final = 5
+# Values at all gamma that differ by less than this share are one: the inverse of some arms is searched.
+SAME: Final = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class IndexMap:
+    """What a map command found.
+
+    ``inside`` (n,): points of the workpiece, None: all. ``choice``: the best gamma for it, None where none reaches all
+    of it (``why_no_choice``). ``drawn``: columns of the distribution's gamma for pictures and .vtu. ``metadata``: what
+    the map is of, words by name. ``T_base_part`` (4, 4): where the grid stands, m.
+    """
+
+    grid: Grid
+    found: Distribution
+    inside: Bools | None
+    choice: GammaChoice | None
+    why_no_choice: str | None
+    drawn: tuple[int, ...]
+    metadata: Mapping[str, str]
+    T_base_part: Array
+
+    @property
+    def shown(self) -> Shown:
+        """Quantity and unit."""
+        return shown(self.found.objective.quantity)
+
+    @property
+    def points(self) -> Array:
+        """Points (n, 3) m of the grid in the base frame."""
+        return np.asarray(self.grid.points @ self.T_base_part[:3, :3].T + self.T_base_part[:3, 3])
+
+
+def drawn_columns(gamma: Array, choice: GammaChoice | None) -> tuple[int, ...]:
+    """Which angles to draw unasked: some spread over the range, and the best."""
+    spread = np.unique(np.round(np.linspace(0, len(gamma), DRAWN, endpoint=False)).astype(int))
+    spread = spread[spread < len(gamma)]
+    return tuple(sorted({*map(int, spread), *(() if choice is None else (choice.column,))}))
+
+
+def angle_name(gamma: float) -> str:
+    """An angle (rad) in the name of a column or array: ``gamma_-30_deg``."""
+    return f"gamma_{round(float(np.degrees(gamma)), 6) + 0.0:g}_deg"
+
+
+def write(made: IndexMap, folder: OutputFolder, pictures: bool = True) -> dict[str, Any]:
+    """Write ``index_map.vtu``, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json`` and the PNGs.
+
+    Returns what the JSON file holds, with the names of all files.
+    """
+    files = ["index_map.vtu", "index_map.csv", "gamma_statistics.csv", "index_map.json"]
+    write_index_vtu(made, folder.path(files[0]))
+    folder.write_text(files[1], _point_table(made))
+    folder.write_text(files[2], _statistics_table(made))
+    if pictures:
+        files += _pictures(made, folder)
+    content = payload(made) | {"files": files}
+    folder.write_json("index_map.json", content)
+    return content
+
+
+def payload(made: IndexMap) -> dict[str, Any]:
+    """Figures for ``--json``."""
+    what, found = made.shown, made.found
+    best = found.best_at_points()
+    return {
+        "schema": "stiffarm-index-map/1",
+        **made.metadata,
+        "quantity": what.quantity,
+        "unit": what.unit or "1",
+        "points": made.grid.n,
+        "counts": list(made.grid.counts),
+        "points_reached": int(found.reached.any(axis=1).sum()),
+        "points_every_gamma_reaches": int(found.common.sum()),
+        "all_solutions_found": found.sure,
+        "best_of_each_point": _range(what.factor * best.value[np.isfinite(best.value)]),
+        "workpiece_points": made.grid.n if made.inside is None else int(made.inside.sum()),
+        "best_gamma": None
+        if made.choice is None
+        else {
+            "gamma_deg": _degrees(made.choice.gamma),
+            "aim": made.choice.aim,
+            "value": number(what.factor * made.choice.value),
+        },
+        "why_no_best_gamma": made.why_no_choice,
+        "drawn_gamma_deg": [_degrees(made.found.gamma[c]) for c in made.drawn],
+        "by_gamma": _by_gamma(made),
+        "messages": _messages(found),
+    }
+
+
+def _messages(found: Distribution) -> list[str]:
+    low, high = (f(np.where(found.reached, found.value, -s * np.inf), axis=1) for f, s in ((np.min, -1), (np.max, 1)))
+    several = found.reached.sum(axis=1) > 1
+    if several.any() and (high[several] - low[several] <= SAME * np.abs(high[several])).all():
+        return ["gamma changes nothing here, as with a tool point on the flange axis: the best gamma means nothing"]
+    return []
+
+
+def _range(values: Array) -> dict[str, Any]:
+    figures = {"min": values.min(), "median": np.median(values), "mean": values.mean(), "max": values.max()}
+    return {name: number(float(value)) for name, value in figures.items()}
+
+
+def _degrees(gamma: float) -> float:
+    return round(float(np.degrees(gamma)), 9) + 0.0
+
+
+def _by_gamma(made: IndexMap) -> list[dict[str, Any]]:
+    sets = [made.found.statistics("reached"), made.found.statistics("common")]
+    return [
+        {"gamma_deg": _degrees(gamma), "share_reached": number(float(sets[0].share[i]))}
+        | {s.over: _figures(s, i, made.shown) for s in sets}
+        for i, gamma in enumerate(made.found.gamma)
+    ]
+
+
+_FIGURES: Final = ("mean", "standard_deviation", "peak_to_valley", "smallest", "largest")
+
+
+def _figures(s: Statistics, i: int, what: Shown) -> dict[str, Any]:
+    found = {name: what.factor * float(getattr(s, name)[i]) for name in _FIGURES}
+    return {"points": int(s.points[i])} | {k: number(v) if np.isfinite(v) else None for k, v in found.items()}
+
+
+def _statistics_table(made: IndexMap) -> str:
+    """Gamma, share reached, and the figures over both sets of points; empty where there is none."""
+    what = made.shown
+    table: dict[str, Any] = {"gamma_deg": [_degrees(g) for g in made.found.gamma]}
+    for over in ("reached", "common"):
+        s = made.found.statistics(over)
+        if over == "reached":
+            table["share_reached"] = s.share
+        table[f"{over}_points"] = s.points
+        table |= {f"{over}_{name}_{what.column}": what.factor * getattr(s, name) for name in _FIGURES}
+    return columns_text(table, digits=9)
+
+
+def _point_table(made: IndexMap) -> str:
+    """Points in base axes, the best gamma and its value, and the value at every gamma; empty where not reached."""
+    what, best = made.shown, made.found.best_at_points()
+    table: dict[str, Any] = dict(zip(("x_mm", "y_mm", "z_mm"), (M_TO_MM * made.points).T, strict=True))
+    if made.inside is not None:
+        table["workpiece"] = made.inside.astype(np.int64)
+    table |= {"best_gamma_deg": np.degrees(best.gamma), f"best_{what.column}": what.factor * best.value}
+    table |= {
+        f"{what.column}_{angle_name(g)}": what.factor * v
+        for g, v in zip(made.found.gamma, made.found.value.T, strict=True)
+    }
+    return columns_text(table, digits=9)
+
+
+def write_index_vtu(made: IndexMap, path: Path) -> None:
+    """Write the grid as a .vtu: points in mm, base axes; values NaN where no posture is.
+
+    Point arrays: ``best_<quantity>`` and ``best_gamma_deg``, the quantity at each gamma drawn, ``share_of_gamma``
+    reached, ``workpiece`` 0 or 1. Texts of the metadata as field data.
+
+    Raises
+    ------
+    InputError
+        The name does not end in .vtu, or the folder does not exist or cannot be written.
+    """
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+    from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON, VTK_QUAD, vtkCellArray, vtkUnstructuredGrid
+
+    grid = vtkUnstructuredGrid()
+    points = vtkPoints()
+    points.SetData(numpy_to_vtk(np.ascontiguousarray(made.points * M_TO_MM), deep=True))
+    grid.SetPoints(points)
+    cells = grid_cells(made.grid.counts, np.ones(made.grid.n, dtype=np.bool_))
+    count, corners = cells.shape
+    array = vtkCellArray()
+    array.SetData(
+        numpy_to_vtkIdTypeArray(np.arange(count + 1, dtype=np.int64) * corners, deep=True),
+        numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells.ravel()), deep=True),
+    )
+    grid.SetCells(VTK_QUAD if corners == 4 else VTK_HEXAHEDRON, array)
+    for name, values in _arrays(made).items():
+        column = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        column.SetName(name)
+        grid.GetPointData().AddArray(column)
+    grid.GetPointData().SetActiveScalars(f"best_{made.shown.column}")
+    for name, text in made.metadata.items():
+        strings = vtkStringArray()
+        strings.SetName(name)
+        strings.InsertNextValue(text)
+        grid.GetFieldData().AddArray(strings)
+    write_grid(grid, path)
+
+
+def _arrays(made: IndexMap) -> dict[str, Array]:
+    what, found = made.shown, made.found
+    best = found.best_at_points()
+    return {
+        f"best_{what.column}": what.factor * best.value,
+        "best_gamma_deg": np.degrees(best.gamma),
+        **{f"{what.column}_{angle_name(found.gamma[c])}": what.factor * found.value[:, c] for c in made.drawn},
+        "share_of_gamma": found.reached.mean(axis=1),
+        "workpiece": np.ones(made.grid.n) if made.inside is None else made.inside.astype(np.float64),
+    }
+
+
+def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
+    from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps
+    from stiffarm.pages.style import save_png
+
+    name = f"{made.shown.quantity} of the {made.metadata['robot']}"
+    maps = draw_index_maps(
+        made.grid, made.found, made.drawn, title=name, layer=_busiest_layer(made), inside=made.inside
+    )
+    save_png(maps, folder.path("index_map.png"))
+    if len(made.found.gamma) == 1:
+        return ["index_map.png"]
+    save_png(
+        draw_gamma_statistics(made.found, title=f"{name} against gamma", choice=made.choice),
+        folder.path("gamma_statistics.png"),
+    )
+    return ["index_map.png", "gamma_statistics.png"]
+
+
+def _busiest_layer(made: IndexMap) -> int | None:
+    """Of a box the layer with most points reached, of several the one nearest to the middle."""
+    if len(made.grid.counts) == 2:
+        return None
+    reached = made.found.reached.any(axis=1).reshape(made.grid.counts).sum(axis=(0, 1))
+    middle = made.grid.counts[2] // 2
+    layers = np.flatnonzero(reached == reached.max())
+    return int(layers[np.abs(layers - middle).argmin()])

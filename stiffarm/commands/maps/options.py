@@ -1,0 +1,289 @@
+"""What `map` is asked for on the command line: grids, pose rules, quantities, file formats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import ArmModel
+from machining import GammaRange
+from robots import InputError, Robot
+from stiffarm.commands.maps.index.request import parse_values
+from stiffarm.commands.maps.request import MapRequest, grid_table, model_text, uncertainty_of
+from stiffarm.session.inputs import ModelInput, parse_direction, parse_layers, parse_names
+from stiffarm.session.steps import MAP_LAYERS_DEG
+from stiffarm.session.task_options import parse_gammas, parse_vector, tool_of
+from surrogate import default_sweep
+from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
+from surrogate.maps.layouts import (
+    ALONG_BOX,
+    ALONG_SLICE,
+    PLANES,
+    MapGrid,
+    Reach,
+    TURN_deg,
+    box_layout,
+    cylinder_layout,
+    joint_layout,
+    range_for,
+    reach_of,
+    slice_layout,
+    step_for,
+)
+from surrogate.maps.poses import check_robot
+from surrogate.maps.quantities import MERITS, SHORTS, available
+
+Array = NDArray[np.float64]
+
+GRIDS = ("joints", "slice", "box", "cylinder")
+POSES = ("fixed", "best-gamma", "stiffest", "softest")
+FORMATS = ("vtu", "vti", "vtp", "nc")
+POINTS = 21
+VERTICAL = (0.0, 0.0, -1.0)
+# Angles of best-gamma by default; the best is then sought between them.
+GAMMA = "-180:180:15"
+# Up to so many points the share of each part is kept by default: they take more room than all else together.
+SHARES_UP_TO = 1_000_000
+# Options that belong to some grids only.
+_ALLOWED = {
+    "--plane": ("slice",), "--at": ("slice",), "--x": ("slice", "box"), "--y": ("slice", "box"),
+    "--z": ("slice", "box", "cylinder"), "--r": ("cylinder",), "--phi": ("cylinder",), "--points": ("joints",),
+    "--layers": ("joints",), "--pose": GRIDS[1:], "--tool-axis": GRIDS[1:], "--gamma": GRIDS[1:],
+    "--best-by": GRIDS[1:],
+}  # fmt: skip
+_DEFAULT_FORMAT = {"joints": "vtu", "cylinder": "vtu", "slice": "vti", "box": "vti"}
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A map as asked for: the request, its grid, the formats of its files, and what the grid's tool reaches."""
+
+    request: MapRequest
+    grid: MapGrid
+    formats: tuple[str, ...]
+    reach: Reach
+    pose_words: str
+    note: str | None
+
+
+def check_options(options: Mapping[str, str | None]) -> None:
+    """Refuse what does not go together, before a model is built.
+
+    Raises
+    ------
+    InputError
+        An unknown word, or an option of another grid or pose rule.
+    """
+    grid = _word(options, "--grid", GRIDS, "joints")
+    for name, kinds in _ALLOWED.items():
+        if options.get(name) is not None and grid not in kinds:
+            if grid == "joints" and name in ("--x", "--y", "--z", "--gamma", "--tool-axis"):
+                raise InputError(
+                    f"{name} without --quantity or --grid",
+                    allowed="nothing",
+                    remedy=f"give --grid {' or '.join(kinds)} for a map of the arm, or --quantity for one of an index",
+                )
+            raise InputError(f"{name} with --grid {grid}", allowed="nothing", remedy=f"for --grid {', '.join(kinds)}")
+    _word(options, "--plane", tuple(PLANES), "xz")
+    pose = _word(options, "--pose", POSES, "stiffest")
+    for name in ("--tool-axis", "--gamma"):
+        if options.get(name) is not None and grid != "joints" and pose not in ("fixed", "best-gamma"):
+            raise InputError(
+                f"{name} with --pose {pose}", allowed="nothing: any orientation may be taken",
+                remedy="choose --pose fixed or --pose best-gamma",
+            )  # fmt: skip
+    _word(options, "--best-by", MERITS, "stiffness")
+    parse_names(options.get("--values"), SHORTS, "--values")
+    formats_of(options)
+
+
+def formats_of(options: Mapping[str, str | None]) -> tuple[str, ...]:
+    """File formats of ``--format``, or the natural one of the grid.
+
+    Raises
+    ------
+    InputError
+        An unknown format, or .vti for a grid that is no image.
+    """
+    grid = _word(options, "--grid", GRIDS, "joints")
+    formats = parse_names(options.get("--format"), FORMATS, "--format")
+    if formats is not None and "vti" in formats and grid not in ("slice", "box"):
+        raise InputError(f"--format vti with --grid {grid}", allowed="slice, box", remedy="take vtu")
+    return formats or (_DEFAULT_FORMAT[grid],)
+
+
+def read_map_options(given: ModelInput, options: Mapping[str, str | None], seed: int = 0) -> Asked:
+    """The map asked for.
+
+    Raises
+    ------
+    InputError
+        As :func:`check_options`; ranges and directions that cannot be read; a robot or a model that such a map cannot
+        be made of.
+    """
+    check_options(options)
+    robot, kind = given.robot, _word(options, "--grid", GRIDS, "joints")
+    tool = tool_of(robot, options.get("--tool"))
+    reach = reach_of(robot, tool[:3, 3])
+    direction = parse_direction(options.get("--direction") or "0,0,-1")
+    normal = parse_vector(options.get("--normal") or "0,0,1", "--normal", "a direction in base axes")
+    pose, words = (None, "given by the grid") if kind == "joints" else _pose(options)
+    free = pose is not None and pose["rule"] in ("stiffest", "softest")
+    note = None if kind == "joints" else check_robot(robot, any_orientation=free)
+    grid = _grid(robot, options, kind, reach)
+    text, model_hash = model_text(given)
+    wanted = _wanted(given.model, options, _has_uncertainty(given, direction, tool))
+    request = MapRequest(
+        model=text,
+        model_hash=model_hash,
+        links=given.model.link_kind,
+        load_path=options.get("--load-path"),
+        grid=grid_table(grid),
+        pose=pose,
+        tool=tool.tolist(),
+        direction=list(direction),
+        normal=normal.tolist(),
+        wanted=list(wanted),
+        shares="softest" in wanted and grid.layout.n <= SHARES_UP_TO,
+        merit=options.get("--best-by") or "stiffness",
+        block=POINTS_SEARCHED if free else POINTS_GIVEN,
+        seed=seed,
+    )
+    return Asked(request, grid, formats_of(options), reach, words, note)
+
+
+def _has_uncertainty(given: ModelInput, direction: tuple[float, float, float], tool: Array) -> bool:
+    return uncertainty_of(given.description, given.model, np.array(direction), tool[:3, 3]) is not None
+
+
+def _wanted(model: ArmModel, options: Mapping[str, str | None], uncertainty: bool) -> tuple[str, ...]:
+    named = parse_names(options.get("--values"), SHORTS, "--values")
+    if named is None:
+        return available(model, k_fs=True, uncertainty=uncertainty)
+    if "uncertainty" in named and not uncertainty:
+        raise InputError(
+            "--values uncertainty",
+            value="the model does not say how sure its numbers are",
+            allowed="a calibrated model",
+            remedy="leave it out, or take the model.toml of `stiffarm calibrate`",
+        )
+    # In the order of the table, whatever order they were typed in.
+    return tuple(short for short in SHORTS if short in named)
+
+
+def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Reach) -> MapGrid:
+    if kind == "joints":
+        swept, layer = default_sweep(robot)
+        layers: dict[str, tuple[float, ...]] = {}
+        if layer is not None:
+            low, high = np.degrees(robot.limits[robot.coordinate_index(layer)])
+            given = parse_layers(robot, options.get("--layers"))
+            layers[layer] = given if given is not None else tuple(v for v in MAP_LAYERS_DEG if low <= v <= high)
+        else:
+            parse_layers(robot, options.get("--layers"))
+        return joint_layout(robot, swept, int(options.get("--points") or POINTS), layers)
+    if kind == "cylinder":
+        height = 1e3 * np.array([reach.lower[2], reach.upper[2]])
+        step = _step(options, ("r", "z"), max(1e3 * reach.radius, float(np.ptp(height))), ALONG_BOX)
+        r = _values(options, "--r", np.array([0.0, 1e3 * reach.radius]), step)
+        z = _values(options, "--z", height, step)
+        return cylinder_layout(r, _angles(options.get("--phi")), z)
+    ends = {name: 1e3 * np.array([reach.lower[i], reach.upper[i]]) for i, name in enumerate("xyz")}
+    if kind == "box":
+        step = _step(options, tuple("xyz"), max(float(np.ptp(v)) for v in ends.values()), ALONG_BOX)
+        return box_layout(*(_values(options, f"--{name}", ends[name], step) for name in "xyz"))
+    plane = options.get("--plane") or "xz"
+    up, across, third = PLANES[plane]
+    if options.get(f"--{third}") is not None:
+        raise InputError(
+            f"--{third} with --plane {plane}", allowed="nothing: the plane holds it", remedy=f"give --at MM for {third}"
+        )
+    step = _step(options, (across, up), max(float(np.ptp(ends[name])) for name in (across, up)), ALONG_SLICE)
+    return slice_layout(
+        plane,
+        _values(options, f"--{across}", ends[across], step),
+        _values(options, f"--{up}", ends[up], step),
+        _number(options, "--at", _middle(reach) if third == "z" else 0.0),
+    )
+
+
+def _middle(reach: Reach) -> float:
+    """Half the height that the tool reaches, mm, a round number."""
+    return 50.0 * round(1e3 * 0.5 * float(reach.lower[2] + reach.upper[2]) / 50.0)
+
+
+def _pose(options: Mapping[str, str | None]) -> tuple[dict[str, Any], str]:
+    """Rule of the request and its words."""
+    rule = _word(options, "--pose", POSES, "stiffest")
+    by = options.get("--best-by") or "stiffness"
+    if rule in ("stiffest", "softest"):
+        what = "stiffest" if rule == "stiffest" else "softest"
+        return {"rule": rule}, f"{what} of all orientations and branches, by {by}"
+    axis = parse_vector(options.get("--tool-axis") or "0,0,1", "--tool-axis", "a direction in base axes")
+    words = "tool axis " + " ".join(f"{v + 0.0:.6g}" for v in axis)
+    gammas = parse_gammas(options.get("--gamma") or ("0" if rule == "fixed" else GAMMA))
+    if rule == "fixed":
+        if isinstance(gammas, GammaRange):
+            raise InputError(
+                "--gamma with --pose fixed", value=options.get("--gamma"), allowed="one angle in deg",
+                remedy="choose --pose best-gamma for a range",
+            )  # fmt: skip
+        return (
+            {"rule": rule, "axis": axis.tolist(), "gamma": gammas},
+            f"{words}, gamma {np.degrees(gammas):g} deg, best branch by {by}",
+        )
+    if not isinstance(gammas, GammaRange):
+        raise InputError(
+            "--gamma with --pose best-gamma", value=options.get("--gamma"), allowed="FROM:TO:STEP in deg",
+            remedy="choose --pose fixed for one angle",
+        )  # fmt: skip
+    return (
+        {"rule": rule, "axis": axis.tolist(), "gammas": gammas.angles.tolist()},
+        f"{words}, best gamma and branch by {by}",
+    )
+
+
+def _step(options: Mapping[str, str | None], names: tuple[str, ...], length: float, count: int) -> float:
+    """Step in mm of axes without a range: the finest of those that have one, else a round one."""
+    given = [parse_values(text, f"--{n}") * 1e3 for n in names if (text := options.get(f"--{n}")) is not None]
+    steps = [float(v[1] - v[0]) for v in given if len(v) > 1]
+    return min(steps) if steps else step_for(length, count)
+
+
+def _values(options: Mapping[str, str | None], name: str, ends: Array, step: float) -> Array:
+    text = options.get(name)
+    return range_for(float(ends[0]), float(ends[1]), step) if text is None else parse_values(text, name) * 1e3
+
+
+def _angles(text: str | None) -> Array:
+    if text is None:
+        return np.linspace(-180.0, 180.0, round(360.0 / TURN_deg) + 1)
+    try:
+        return parse_values(text, "--phi") * 1e3
+    except InputError:
+        raise InputError(
+            "--phi", value=text, allowed="FROM:TO:STEP or one number, deg, a whole number of steps",
+            remedy="write it as in --phi -90:90:15",
+        ) from None  # fmt: skip
+
+
+def _number(options: Mapping[str, str | None], name: str, otherwise: float) -> float:
+    text = options.get(name)
+    try:
+        value = otherwise if text is None else float(text)
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise InputError(name, value=text, allowed="one number in mm")
+    return value
+
+
+def _word(options: Mapping[str, str | None], name: str, allowed: tuple[str, ...], otherwise: str) -> str:
+    value = options.get(name) or otherwise
+    if value not in allowed:
+        raise InputError(name, value=value, allowed=", ".join(allowed), remedy="choose one of them")
+    return value

@@ -1,0 +1,183 @@
+"""A map as asked for, as plain data: what a cluster's workers are sent, what a work folder is known by."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.certainty.parameter_uncertainty import parameter_uncertainty
+from doe.certainty.propagation import relative_sd
+from fem import LINK_KINDS, ArmModel
+from fem.effects import build_arm
+from machining import normal_stiffness_index
+from robots import InputError, ModelDescription, content_hash
+from robots.files.reading import parse_json
+from robots.library.models import parse_description, to_toml
+from stiffarm import __version__
+from stiffarm.session.inputs import ModelInput
+from surrogate.maps.blocks import Engine
+from surrogate.maps.candidates import Arm
+from surrogate.maps.cluster import REFUSED
+from surrogate.maps.data import Axis, Layout
+from surrogate.maps.layouts import MapGrid
+from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, PoseRule, last_joint_is_free
+from surrogate.maps.quantities import Quantities
+
+Array = NDArray[np.float64]
+
+FORM = "stiffarm-map/1"
+_CHECKSUM = "content_sha256"
+_REMEDY = "install the same version of stiffarm everywhere"
+
+
+@dataclass(frozen=True)
+class MapRequest:
+    """Everything that a block of a map depends on.
+
+    ``grid``: see :func:`grid_table`; ``pose``: rule and its figures, None for a joint layout; ``tool`` (4, 4) rows, m,
+    on the flange; ``direction``, ``normal``: base axes; ``wanted``: short names of quantities; ``merit``: what a pose
+    is chosen by; ``block``: points in one.
+    """
+
+    model: str
+    model_hash: str
+    links: str
+    load_path: str | None
+    grid: dict[str, Any]
+    pose: dict[str, Any] | None
+    tool: list[list[float]]
+    direction: list[float]
+    normal: list[float]
+    wanted: list[str]
+    shares: bool
+    merit: str
+    block: int
+    seed: int
+    version: str = __version__
+    form: str = FORM
+
+    @property
+    def text(self) -> str:
+        """As JSON with its own checksum, always the same for the same map."""
+        return json.dumps({**asdict(self), _CHECKSUM: self.key}, sort_keys=True, allow_nan=False)
+
+    @property
+    def key(self) -> str:
+        """SHA-256 of all that is asked."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+    @classmethod
+    def from_text(cls, text: str) -> Self:
+        """Read :attr:`text`.
+
+        Raises
+        ------
+        InputError
+            Of another form or version of stiffarm, or not the text that was sent.
+        """
+        data = parse_json(text, "map request", remedy=_REMEDY)
+        for key, mine in (("form", FORM), ("version", __version__)):
+            found = data.get(key) if isinstance(data, dict) else None
+            if found != mine:
+                raise InputError(f"map request: {key}", value=found, allowed=mine, remedy=_REMEDY)
+        checksum = data.pop(_CHECKSUM, None)
+        # Nobody writes requests by hand: what is whole has every key, and of its type.
+        if hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest() != checksum:
+            raise InputError("map request: its checksum does not match", remedy="make the map again")
+        return cls(**data)
+
+
+def model_text(given: ModelInput) -> tuple[str, str]:
+    """The model as TOML text, and its hash."""
+    return to_toml(given.description), content_hash(given.description)
+
+
+def grid_table(grid: MapGrid) -> dict[str, Any]:
+    """A grid as plain data."""
+    axes = [[axis.name, axis.unit, axis.values.tolist()] for axis in grid.layout.axes]
+    return {"kind": grid.layout.kind, "axes": axes, "layers": grid.layout.layers, "held": dict(grid.held)}
+
+
+def grid_from(table: Mapping[str, Any]) -> MapGrid:
+    """Read :func:`grid_table`."""
+    axes = tuple(Axis(name, unit, np.array(values)) for name, unit, values in table["axes"])
+    return MapGrid(Layout(table["kind"], axes, table["layers"]), dict(table["held"]))
+
+
+def rule_from(table: Mapping[str, Any]) -> PoseRule:
+    """The rule of a request: ``rule`` 'fixed', 'best-gamma', 'stiffest' or 'softest', angles in rad."""
+    name = table["rule"]
+    if name == "fixed":
+        return FixedOrientation(np.array(table["axis"]), table["gamma"])
+    if name == "best-gamma":
+        return BestGamma(np.array(table["axis"]), np.array(table["gammas"]))
+    return Extreme(name)
+
+
+def engine_of(asked: MapRequest, model: ArmModel, uncertainty: Callable[[Array], Array] | None = None) -> Engine:
+    """What evaluates a request.
+
+    ``uncertainty``: poses (n, dof) rad -> relative standard uncertainty (n,), where the model file's own
+    (:func:`uncertainty_of`) is not the one. Errors as :class:`Quantities`.
+    """
+    tool, normal = np.array(asked.tool), np.array(asked.normal)
+    quantities = Quantities(
+        model,
+        np.array(asked.direction),
+        tuple(asked.wanted),
+        k_fs=lambda C: normal_stiffness_index(C, normal),
+        uncertainty=uncertainty,
+        shares=asked.shares,
+        point=tool[:3, 3],
+    )
+    grid = grid_from(asked.grid)
+    if asked.pose is None:
+        return Engine(grid, quantities, seed=asked.seed)
+    free = last_joint_is_free(model.robot, tool, lambda q: quantities.compliance(q)[:, :3, :3])
+    arm = Arm(model.robot, tool, quantities.merit(asked.merit), free)
+    return Engine(grid, quantities, rule_from(asked.pose), arm, asked.seed)
+
+
+def uncertainty_of(
+    description: ModelDescription, model: ArmModel, direction: Array, point: Array
+) -> Callable[[Array], Array] | None:
+    """Relative standard uncertainty (n,) of poses by the covariance that a calibration left in the model file."""
+    table = parameter_uncertainty(description)
+    if table is None:
+        return None
+    return lambda q: relative_sd(model, table, q, direction, point)
+
+
+def evaluate(text: str, number: int) -> dict[str, Any]:
+    """One block of a request, on a worker; what is wrong with the request comes back as words."""
+    try:
+        asked, engine = _engine(text)
+        start = number * asked.block
+        return dict(engine.block(slice(start, min(start + asked.block, engine.grid.layout.n))))
+    except InputError as error:
+        return {REFUSED: str(error)}
+
+
+@lru_cache(maxsize=2)
+def _engine(text: str) -> tuple[MapRequest, Engine]:
+    asked = MapRequest.from_text(text)
+    description = parse_description(asked.model, "the model of the map")
+    found = content_hash(description)
+    if found != asked.model_hash:
+        raise InputError(
+            "model of the map: hash", value=found[:12], allowed=asked.model_hash[:12],
+            remedy="install the same version of stiffarm everywhere",
+        )  # fmt: skip
+    kind = next(kind for kind in LINK_KINDS if kind == asked.links)
+    path = next((path for path in ("parallelogram", "serial") if path == asked.load_path), None)
+    model = build_arm(description, kind, path)
+    direction, point = np.array(asked.direction), np.array(asked.tool)[:3, 3]
+    uncertainty = uncertainty_of(description, model, direction, point) if "uncertainty" in asked.wanted else None
+    return asked, engine_of(asked, model, uncertainty)

@@ -1,0 +1,191 @@
+"""Making a map: its blocks here or on a cluster, its figures, then its files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots import InputError, content_hash
+from stiffarm.commands.maps import sweep as maps
+from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
+from stiffarm.commands.maps.options import Asked
+from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate, uncertainty_of
+from stiffarm.commands.run.findings import model_findings, payload
+from stiffarm.session.inputs import ModelInput, no_springs_note
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.payloads import number
+from stiffarm.session.task_options import frame_words
+from surrogate.maps.assembled import counts, figures, map_data, number_true
+from surrogate.maps.blocks import Engine, run_blocks
+from surrogate.maps.cluster import run_on
+from surrogate.maps.data import MapData
+from surrogate.maps.poses import Extreme, shortfall
+from surrogate.maps.store import MapStore
+from surrogate.maps.vtk_files import STIFFNESS_ARRAY
+
+Progress = Callable[[int, int], None]
+
+# Points at which an extreme pose is sought again with a denser sample.
+CHECKED = 12
+
+
+def make_map(
+    given: ModelInput, asked: Asked, folder: OutputFolder, files: Files, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Make the map and write it; returns names of files and figures, as map.json has them.
+
+    Raises
+    ------
+    InputError
+        No point is reached; a work folder or a cluster that cannot be used; a package that is missing.
+    """
+    request = asked.request
+    uncertainty = None
+    if "uncertainty" in request.wanted:
+        point = np.array(request.tool)[:3, 3]
+        uncertainty = uncertainty_of(given.description, given.model, np.array(request.direction), point)
+    engine = engine_of(request, given.model, uncertainty)
+    # Inside the hidden stage, unless it is to outlive an interrupted run; the stage is emptied of it before the end.
+    place = folder.stage / "work" if files.work is None else files.work
+    store = MapStore(place, request.key, engine.grid.layout.n, request.block, engine.columns)
+    with folder.timed("map"):
+        if files.dask is None:
+            store.complete(lambda: run_blocks(engine, store, progress))
+        else:
+            address = files.dask
+            store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
+    data = map_data(engine, store, _metadata(given, asked))
+    if not number_true(data.reached):
+        raise _out_of_reach(given, asked)
+    content = statistics(engine, store, data, asked)
+    rigid = no_springs_note(given.model)
+    content["findings"] = [] if rigid else _findings(given, request)
+    content["messages"] += [rigid] if rigid else []
+    with folder.timed("files"):
+        names, messages = write_files(given, data, folder, files)
+    content["messages"] += messages
+    if request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
+        content |= maps.figures_of(maps.swept(data))
+    content["files"] = [*names, "map.json"]
+    folder.write_json("map.json", {"schema": "stiffarm-map/1", **content})
+    del data
+    if files.work is None:
+        _remove(place)
+    return content
+
+
+def statistics(engine: Engine, store: MapStore, data: MapData, asked: Asked) -> dict[str, Any]:
+    """Figures of a map for map.json and the screen."""
+    n, reached = data.layout.n, number_true(data.reached)
+    unsure = n - number_true(store.finished()["sure"].view(np.bool_))
+    messages = [] if asked.note is None else [asked.note]
+    if asked.note is None and unsure:
+        messages.append(f"at {unsure} points not all branches are certain to have been found")
+    out: dict[str, Any] = {
+        "grid": data.layout.kind,
+        "axes": [
+            {"name": a.name, "unit": a.unit, "first": a.values[0], "last": a.values[-1], "count": len(a.values)}
+            for a in data.layout.axes
+        ],
+        "held_mm": dict(asked.grid.held),
+        "pose": asked.pose_words,
+        "grid_points": n,
+        "points": reached,
+        "share_reached": number(reached / n),
+        "quantities": {},
+        "messages": messages,
+    }
+    for name, field in data.fields.items():
+        if field.categories:
+            found = counts(field.values, len(field.categories))
+            out["quantities"][name] = {
+                "label": field.label,
+                "share_of_points": {c: number(k / reached) for c, k in zip(field.categories, found, strict=True)},
+            }
+            continue
+        of = figures(field.values)
+        if of is None:
+            continue
+        out["quantities"][name] = {
+            "label": field.label,
+            "unit": field.unit,
+            "points": of.count,
+            "min": number(of.least),
+            "median": number(of.median),
+            "max": number(of.greatest),
+            "median_of_points": of.median_of,
+            "least_at": _place(data, of.row_of_least),
+            "greatest_at": _place(data, of.row_of_greatest),
+        }
+    if isinstance(engine.rule, Extreme) and engine.arm is not None:
+        out["search_check"] = _search_check(engine, engine.rule, data)
+    return out
+
+
+def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any]:
+    """By how much a denser search beats the map's at some of its points."""
+    assert engine.arm is not None  # noqa: S101 - a rule has an arm
+    step = max(1, data.layout.n // (64 * CHECKED))
+    rows = np.flatnonzero(np.asarray(data.reached[::step]))
+    rows = step * rows[np.linspace(0, len(rows) - 1, min(CHECKED, len(rows))).astype(int)] if len(rows) else rows
+    if not len(rows):
+        return {"points": 0, "worst_shortfall_percent": None}
+    found = shortfall(rule, engine.arm, np.asarray(data.points[rows]), np.random.default_rng(engine.seed))
+    return {"points": len(rows), "worst_shortfall_percent": number(100.0 * float(np.nanmax(found)))}
+
+
+def _findings(given: ModelInput, request: MapRequest) -> list[dict[str, Any]]:
+    """What a published map found, asked of this model's own poses; it had a vertical load, so others are not asked."""
+    if not np.allclose(np.array(request.direction) / np.linalg.norm(request.direction), (0.0, 0.0, -1.0)):
+        return []
+    return payload(model_findings(given.model, seed=request.seed)[1])
+
+
+def _place(data: MapData, row: int) -> dict[str, Any]:
+    q = np.degrees(np.asarray(data.q[row]))
+    return {
+        "row": row,
+        **{f"{name}_mm": number(1e3 * float(v)) for name, v in zip("xyz", data.points[row], strict=True)},
+        **{name: number(float(v)) for name, v in zip(data.coordinates, q, strict=True)},
+    }
+
+
+def _metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
+    request = asked.request
+    words = " ".join(f"{v + 0.0:.6g}" for v in request.direction)
+    out = {
+        "robot": given.robot.name,
+        "model_hash": content_hash(given.description),
+        "load": f"force along {words} (base axes)",
+        "load_direction": words,
+        "pose": asked.pose_words,
+        "stiffness_from": "model",
+        "links": given.model.link_kind,
+        "load_path": given.model.load_path,
+        "normal": " ".join(f"{v + 0.0:.6g}" for v in request.normal),
+        "tool_on_flange": frame_words(np.array(request.tool)),
+        "not_looked_at": "collisions; the way from point to point",
+    }
+    return out | {f"at_{name}": f"{v:g} mm" for name, v in asked.grid.held.items()}
+
+
+def _out_of_reach(given: ModelInput, asked: Asked) -> InputError:
+    if asked.request.pose is None:
+        return InputError(f"map of {given.robot.name}: no pose of the sweep can be taken", remedy="use other --layers")
+    free = asked.request.pose["rule"] in ("stiffest", "softest")
+    pose = "" if free else f" with {asked.pose_words.split(', best')[0]}"
+    return InputError(
+        f"no point of the {asked.grid.layout.kind} can be reached{pose}",
+        value=f"{asked.grid.layout.n} points",
+        allowed=f"within the reach of {given.robot.name}, about {asked.reach.words}",
+        remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),
+    )
+
+
+def _remove(place: Path) -> None:
+    for file in place.iterdir():
+        file.unlink()
+    place.rmdir()

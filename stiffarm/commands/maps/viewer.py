@@ -1,0 +1,306 @@
+"""The map as one page that opens without a network: turn it, cut it, pick a point and see the robot there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import ArmModel, PartKind
+from fem.statics.budget import part_kinds
+from robots import InputError, ModelDescription, content_hash, singularity_distance
+from robots.inverse.singularities import NEAR_SINGULAR
+from robots.robot import Robot
+from stiffarm import __version__
+from stiffarm.commands.maps.sweep import middle_pose
+from stiffarm.pages.figure_parts import joint_colour, paler
+from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
+from stiffarm.pages.robot_bodies import framed_bodies
+from stiffarm.pages.robot_drawing import ROBOT_COLOURS
+from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
+from surrogate.maps.data import Field, Layout, MapData
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+# More points than these are thinned: about 120 bytes each in the file.
+MOST_POINTS: Final = 200_000
+# Significant digits that the page shows of a quantity, and that survive its storage in single precision.
+DIGITS: Final = 5
+# Parts that nowhere reach this share show as 0.0 %.
+_LEAST_SHARE = 5e-4
+# Half width of a 95 % interval over its standard deviation.
+_HALF_WIDTH = 1.96
+_NO_SHARE = 0xFFFF
+_CATEGORY_COLOURS = tuple(OKABE_ITO[c] for c in ("blue", "orange", "green", "vermillion", "sky", "purple", "yellow"))
+# Of links, bar and crank along the chain, apart from each other and from the joints' colours (three of them from Paul
+# Tol's "muted" scheme): on a map they lie side by side, where greys could not be told apart.
+_STRUCTURE_COLOURS = ("#7B848D", "#882255", "#F0E442", "#332288", "#222222", "#999933", "#D5D9DD", "#6F4E37")
+_SCRIPTS = (
+    "page_matrices.js",
+    "map_viewer_data.js",
+    "map_viewer_scene.js",
+    "map_viewer_draw.js",
+    "map_viewer_labels.js",
+    "map_viewer_panel.js",
+)
+
+
+def viewer_page(
+    data: MapData,
+    description: ModelDescription,
+    model: ArmModel,
+    *,
+    title: str,
+    relative_error: Array | None = None,
+    notes: Sequence[str] = (),
+) -> str:
+    """The page as HTML text; what comes from files is escaped.
+
+    Parameters
+    ----------
+    data : the map; of more than ``MOST_POINTS`` points every second, third ... along its axes is kept, and said so
+    description, model : of the robot that the map was made with: its shape, and its kinematics and parts
+    relative_error : (n,) half width e of the 95 % interval of the compliance over it (0.01: +-1 %; the stiffness K
+        lies between K/(1+e) and K/(1-e)); NaN: none.
+        By default 1.96 times the map's own 'uncertainty_percent', if it has that
+    notes : sentences that the page shows beside the map's metadata
+
+    Raises
+    ------
+    InputError
+        Another robot's map, an error of the wrong shape or negative, or no point at all that the robot reaches.
+    """
+    thinned = _thinned_words(data.layout, kept_points(data.layout)[0])
+    return render_page(
+        "map_viewer.html.j2",
+        viewer_data(data, description, model, relative_error=relative_error),
+        _SCRIPTS,
+        title=title,
+        robot=description.title,
+        quantities=_summaries(data),
+        about=[*data.metadata.items()],
+        notes=[*notes, *thinned],
+        thinned=thinned,
+        hash=content_hash(description),
+        version=__version__,
+        load=_load(data),
+        digits=DIGITS,
+        near=NEAR_SINGULAR,
+    )
+
+
+def viewer_data(
+    data: MapData,
+    description: ModelDescription,
+    model: ArmModel,
+    *,
+    relative_error: Array | None = None,
+) -> dict[str, Any]:
+    """Everything that the page shows; arrays as base64, little end first. Arguments as of :func:`viewer_page`."""
+    robot = model.robot
+    _check(data, description, model, relative_error)
+    layout, rows = kept_points(data.layout)
+    reached = np.asarray(data.reached[rows])
+    q = np.asarray(data.q[rows])
+    shown = _shown_parts(data, rows)
+    kinds = part_kinds(model, data.parts)
+    colours = _part_colours(data.parts, kinds)
+    error = _relative_error(data, relative_error)
+    return {
+        "robot": {"name": description.name, "title": description.title},
+        "chain": chain_data(robot),
+        "tool": column_matrix(robot.T_flange_tool),
+        "bodies": [
+            {
+                "name": body.name,
+                "role": body.role,
+                "frame": body.frame,
+                "colour": ROBOT_COLOURS[body.role],
+                "v": packed(body.vertices, "<f4"),
+                "t": packed(body.triangles, "<u4"),
+            }
+            for body in framed_bodies(description, robot)
+        ],
+        "rest": middle_pose(robot).tolist(),
+        "coordinates": list(data.coordinates),
+        "limits": robot.limits.tolist(),
+        "n": layout.n,
+        "kind": layout.kind,
+        "axes": [{"name": a.name, "unit": a.unit, "values": a.values.tolist()} for a in layout.axes],
+        "points": [column(x) for x in np.asarray(data.points[rows]).T],
+        "q": [column(x) for x in q.T],
+        "reached": packed(reached, "<u1"),
+        "near_singular": packed(_near_singular(data, rows, robot, q, reached), "<u1"),
+        "fields": [_field(name, f, rows, colours) for name, f in data.fields.items()],
+        "error": None if error is None else column(np.asarray(error[rows])),
+        "error_of": stiffness_field(data),
+        "parts": [{"name": data.parts[i], "kind": kinds[i], "colour": colours[data.parts[i]]} for i in shown],
+        "shares": _shares(data, rows, shown),
+        "digits": DIGITS,
+        "colours": packed(np.round(255.0 * STIFFNESS_COLOURS(np.linspace(0.0, 1.0, 256))[:, :3]), "<u1"),
+    }
+
+
+def kept_points(layout: Layout, most: int = MOST_POINTS) -> tuple[Layout, Rows | slice]:
+    """The layout that the page holds and the numbers of its points: every k-th along the axes of a large map.
+
+    The steps of an axis stay even, so slices and cells stay what they are.
+    """
+    strides = [1] * len(layout.axes)
+    sizes = list(layout.shape)
+    while np.prod(sizes, dtype=np.int64) > most:
+        axis = int(np.argmax(sizes))
+        strides[axis] += 1
+        sizes[axis] = -(-layout.shape[axis] // strides[axis])
+    if max(strides) == 1:
+        return layout, slice(None)
+    # What does not divide evenly is lost on both sides alike.
+    picks = [np.arange((m - 1) % s // 2, m, s) for m, s in zip(layout.shape, strides, strict=True)]
+    axes = tuple(type(a)(a.name, a.unit, a.values[k]) for a, k in zip(layout.axes, picks, strict=True))
+    rows = np.ravel_multi_index(np.meshgrid(*picks, indexing="ij"), layout.shape).ravel()
+    return Layout(layout.kind, axes), rows
+
+
+def column(values: Array) -> dict[str, str]:
+    """A column (n,) of numbers: an index into its distinct values in full where they are few, else single precision.
+
+    Of single-precision numbers ``DIGITS`` significant digits are those of ``values``.
+    """
+    distinct, index = np.unique(values, return_inverse=True)
+    if len(distinct) <= min(0x10000, max(256, len(values) // 8)):
+        kind = "u1" if len(distinct) <= 0x100 else "u2"
+        return {"kind": kind, "data": packed(index, f"<{kind}"), "table": packed(distinct, "<f8")}
+    return {"kind": "f4", "data": packed(single(values), "<f4")}
+
+
+def single(values: Array, digits: int = DIGITS) -> NDArray[np.float32]:
+    """Values (n,) as float32 that round to the same ``digits`` significant digits."""
+    out = values.astype(np.float32)
+    size = np.abs(values)
+    usable = np.isfinite(values) & (size > 1e-30) & (size < 1e30)
+    scaled = size[usable] / 10.0 ** (np.floor(np.log10(size[usable])) - (digits - 1))
+    # float32 moves five digits by up to 0.006 of the last one; only ties nearer than that can tip over.
+    for i in np.flatnonzero(usable)[np.abs(scaled % 1.0 - 0.5) < 0.02]:
+        wanted = f"{values[i]:.{digits - 1}e}"
+        if f"{float(out[i]):.{digits - 1}e}" != wanted:
+            out[i] = np.nextafter(out[i], np.float32(wanted))
+    return out
+
+
+def stiffness_field(data: MapData) -> int | None:
+    """Number of the field that an error bar belongs to: the first one in N/mm."""
+    return next((i for i, f in enumerate(data.fields.values()) if f.unit == "N/mm"), None)
+
+
+def _check(data: MapData, description: ModelDescription, model: ArmModel, error: Array | None) -> None:
+    names = tuple(joint.coordinate for joint in description.joint)
+    for what, given in (("model", model.robot.coordinates), ("map", data.coordinates)):
+        if given != names:
+            raise InputError(
+                f"map page: joint coordinates of the {what}",
+                value=", ".join(given),
+                allowed=", ".join(names),
+                remedy=f"give the description and the {what} of one robot",
+            )
+    if not np.any(data.reached):
+        raise InputError("map page: points that the robot reaches", value=0, allowed="at least one")
+    if not data.fields:
+        raise InputError("map page: quantities", value=0, allowed="at least one")
+    if error is not None:
+        if np.shape(error) != (data.layout.n,):
+            allowed = f"({data.layout.n},)"
+            raise InputError("map page: relative error", value=f"shape {np.shape(error)}", allowed=allowed)
+        if np.any(np.asarray(error) < 0.0):
+            raise InputError("map page: relative error", value=float(np.nanmin(error)), allowed="0 or more, or NaN")
+
+
+def _relative_error(data: MapData, given: Array | None) -> Array | None:
+    own = data.fields.get("uncertainty_percent")
+    if given is not None or own is None:
+        return given
+    return np.asarray(_HALF_WIDTH / 100.0 * own.values)
+
+
+def _near_singular(
+    data: MapData, rows: Rows | slice, robot: Robot, q: Array, reached: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """The map's own flag, or the same one computed here."""
+    own = data.fields.get("near_singular")
+    if own is not None:
+        return np.asarray(own.values[rows] == 1.0)
+    near = np.zeros(len(q), dtype=bool)
+    posed = reached & np.isfinite(q).all(axis=1)
+    near[posed] = singularity_distance(robot, q[posed]).sigma_min < NEAR_SINGULAR
+    return near
+
+
+def _field(name: str, f: Field, rows: Rows | slice, colours: dict[str, str]) -> dict[str, Any]:
+    values = np.asarray(f.values[rows], dtype=np.float64)
+    return {
+        "name": name,
+        "label": f.label,
+        "unit": f.unit,
+        "categories": [
+            {"name": c, "colour": colours.get(c, _CATEGORY_COLOURS[i % len(_CATEGORY_COLOURS)])}
+            for i, c in enumerate(f.categories)
+        ],
+        # Warm is stiff: 1 where a large value is stiff, -1 where it is soft, 0 where it is neither.
+        "stiff": 1 if f.unit.startswith(("N/", "kN/", "N m/")) else -1 if f.unit.endswith(("/N", "/kN", "/N m")) else 0,
+        "values": column(np.where(values < 0.0, np.nan, values) if f.categories else values),
+    }
+
+
+def _part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, str]:
+    """Joints in their colours of the figures, a joint's bearing paler; the rest in colours of its own."""
+    out: dict[str, str] = {}
+    structure = [name for name, kind in zip(parts, kinds, strict=True) if kind != "joint"]
+    for position, name in enumerate(n for n in parts if n not in structure):
+        colour = joint_colour(name.split(" ")[0], position)
+        out[name] = paler(colour) if " " in name else colour
+    return out | {name: _STRUCTURE_COLOURS[i % len(_STRUCTURE_COLOURS)] for i, name in enumerate(structure)}
+
+
+def _shown_parts(data: MapData, rows: Rows | slice) -> list[int]:
+    if data.shares is None:
+        return []
+    shares = np.asarray(data.shares[rows])
+    return [i for i in range(len(data.parts)) if np.any(shares[:, i] >= _LEAST_SHARE)]
+
+
+def _shares(data: MapData, rows: Rows | slice, shown: list[int]) -> str:
+    """Shares in tenths of a per cent, as the page writes them; (n, shown parts)."""
+    if data.shares is None or not shown:
+        return ""
+    tenths = np.rint(1e3 * np.asarray(data.shares[rows])[:, shown])
+    return packed(np.where(np.isfinite(tenths), tenths, _NO_SHARE), "<u2")
+
+
+def _thinned_words(whole: Layout, kept: Layout) -> list[str]:
+    if kept.n == whole.n:
+        return []
+    steps = [
+        f"{len(b.values)} of {len(a.values)} along {a.name.removesuffix('_deg')}"
+        for a, b in zip(whole.axes, kept.axes, strict=True)
+        if len(b.values) < len(a.values)
+    ]
+    return [f"This page holds {kept.n:,} of the map's {whole.n:,} points, evenly thinned: {', '.join(steps)}."]
+
+
+def _summaries(data: MapData) -> list[tuple[str, ...]]:
+    """Least, median and largest value of each quantity that is a number, as text without any script."""
+    out = []
+    for f in data.fields.values():
+        values = np.asarray(f.values)[np.asarray(data.reached)]
+        values = values[np.isfinite(values)]
+        if not f.categories and values.size:
+            out.append((f.label, *(f"{x:.5g}" for x in np.quantile(values, [0.0, 0.5, 1.0])), f.unit))
+    return out
+
+
+def _load(data: MapData) -> str:
+    """What the map's metadata says of the load first."""
+    words = [str(w) for name, w in data.metadata.items() if "load" in name.lower() and "path" not in name.lower()]
+    return words[0] if words else ""

@@ -1,0 +1,208 @@
+"""The command `place`: from a cell, a path and a force to where the robot's base should stand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from machining import Drive
+from machining.cell import Cell, read_cell
+from machining.cutting import CuttingForce
+from machining.placement import AIMS, MODES, Goal, How
+from machining.stiffness.criterion import Criterion
+from robots import InputError
+from robots.files.csv_text import records_text
+from stiffarm.commands.place import payload as placement_payload
+from stiffarm.commands.place.step import PlacedStep, PlaceRequest, path_from, place_along, scene_for
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.task_options import GammaOpt, parse_gammas, parse_joint_figures
+from stiffarm.session.task_setup import MillingOpt, read_cut, require_springs
+
+
+def place(
+    model: ModelArg,
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, CLS, APT or G-code")
+    ],
+    cell: Annotated[Path, typer.Option("--cell", metavar="CELL.toml", help="robot, axes, part, tool, what is around")],
+    force: Annotated[str | None, typer.Option("--force", metavar="X,Y,Z", help="cutting force on the tool, N")] = None,
+    force_axes: Annotated[
+        str, typer.Option("--force-axes", help="part, process (feed, cross-feed, tool axis) or base")
+    ] = "part",
+    milling: MillingOpt = None,
+    aim: Annotated[
+        str, typer.Option("--aim", help="ksf, mean or worst stiffness along the force, or least surface error")
+    ] = "ksf",
+    mode: Annotated[
+        str, typer.Option("--mode", help="fixed; steps:3, at most so many positions; moving along the path")
+    ] = "fixed",
+    gamma: GammaOpt = "-180:180:10",
+    gamma_course: Annotated[
+        bool, typer.Option("--gamma-course", help="let gamma follow a course along the path where that is better")
+    ] = False,
+    ranges: Annotated[
+        list[str] | None,
+        typer.Option("--range", metavar="AXIS=FROM:TO", help="mm of a linear axis; may be repeated; default: limits"),
+    ] = None,
+    table: Annotated[
+        str, typer.Option("--table", metavar="DEG or FROM:TO", help="the turntable's angle, or range to search")
+    ] = "0",
+    alpha: Annotated[
+        float | None, typer.Option("--alpha", help="weight of sum k^2 in K_sf, mm^2/N^2; default: comparable terms")
+    ] = None,
+    beta: Annotated[
+        float | None, typer.Option("--beta", help="weight of (mean k)^4 in K_sf, mm^4/N^4; goes with --alpha")
+    ] = None,
+    by_length: Annotated[
+        bool, typer.Option("--by-length", help="sums and means by length of path, not by points")
+    ] = False,
+    anywhere: Annotated[
+        bool,
+        typer.Option("--anywhere", help="with steps: move the base between any points, not only at rapids"),
+    ] = False,
+    cost: Annotated[
+        float, typer.Option("--cost", metavar="PERCENT", help="with steps: what a move of the base must bring at least")
+    ] = 1.0,
+    speed: Annotated[
+        str | None, typer.Option("--speed", metavar="DEG/S", help="joint speeds, one or one each; default: the cell's")
+    ] = None,
+    jump: Annotated[
+        float, typer.Option("--jump", metavar="DEG", help="most that a joint may move from point to point", min=1e-6)
+    ] = 20.0,
+    clearance: Annotated[
+        float | None,
+        typer.Option("--clearance", metavar="MM", help="distance kept; default: the cell's safety"),
+    ] = None,
+    collisions: Annotated[bool, typer.Option("--collisions/--no-collisions", help="keep clear of the cell")] = True,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Where the robot's base should stand on its linear axes, or how it should move, for the stiffest cut.
+
+    Writes placement.csv, placement.json and a report into --out.
+    """
+    with user_errors(debug):
+        cutting = _force(force, force_axes, milling)
+        given = inputs.read_model(model, links, load_path, without="the placement")
+        require_springs(given, "placement")
+        described = read_cell(cell)
+        request = PlaceRequest(
+            cell=described,
+            given=path_from(path),
+            goal=Goal(_aim(aim), cutting, _criterion(alpha, beta), by_length),
+            gamma=parse_gammas(gamma),
+            drive=Drive(speed=_speed(given, described, speed), jump=float(np.radians(jump))),
+            how=_how(mode, anywhere, cost, gamma_course),
+            ranges=dict(_range(text) for text in ranges or []),
+            table=_table(table),
+            clearance=described.safety if clearance is None else clearance * 1e-3,
+        )
+        scene, notes = scene_for(described, model) if collisions else (None, ())
+        files: dict[str, Path | str] = {"model": model_hash(given), "path": path, "cell": cell}
+        files |= {} if milling is None else {"milling": milling}
+        with folder_if(out, files) as folder:
+            with progress("place") as bar:
+                step = place_along(
+                    given.model, request, scene, notes, lambda _, done, total: bar(done, total),
+                    mapped=folder is not None,
+                )  # fmt: skip
+            content = placement_payload.payload(step)
+            if folder is not None:
+                _write(folder, given, step, content)
+        if as_json:
+            emit_json(content)
+            return
+        _show(step)
+        if out is not None:
+            say(f"written: {out / 'report.html'}, placement.csv, placement.json")
+
+
+def _aim(text: str) -> Any:
+    if text not in AIMS:
+        raise InputError("--aim", value=text, allowed=", ".join(AIMS), remedy="choose one of them")
+    return text
+
+
+def _force(force: str | None, axes: str, milling: Path | None) -> CuttingForce:
+    cut = read_cut(force, axes, milling)
+    if cut is None:
+        raise InputError("place needs a cutting force", allowed="--force or --milling", remedy="give one of the two")
+    return cut.force
+
+
+def _criterion(alpha: float | None, beta: float | None) -> Criterion | None:
+    if (alpha is None) != (beta is None):
+        raise InputError(
+            "weights of K_sf", value="one of --alpha and --beta", allowed="both or none", remedy="give both"
+        )
+    return None if alpha is None or beta is None else Criterion(alpha, beta)
+
+
+def _how(mode: str, anywhere: bool, cost: float, course: bool) -> How:
+    name, _, count = mode.partition(":")
+    fits = name in MODES and (count.isdecimal() if name == "steps" else not count)
+    if not fits:
+        allowed = "fixed, steps:N or moving"
+        raise InputError("--mode", value=mode, allowed=allowed, remedy="as in --mode steps:3")
+    found: Any = name
+    return How(found, int(count) if count else 2, anywhere, cost * 1e-2, course)
+
+
+def _range(text: str) -> tuple[str, tuple[float, float]]:
+    name, found, values = text.partition("=")
+    pair = _pair(values)
+    if not found or not name or pair is None:
+        raise InputError("--range", value=text, allowed="AXIS=FROM:TO in mm", remedy="as in --range rail=-500:1500")
+    return name, (pair[0] * 1e-3, pair[1] * 1e-3)
+
+
+def _table(text: str) -> float | tuple[float, float]:
+    pair = _pair(text)
+    if pair is None:
+        raise InputError("--table", value=text, allowed="one angle, or FROM:TO in deg", remedy="as in --table -90:90")
+    return math.radians(pair[0]) if ":" not in text else (math.radians(pair[0]), math.radians(pair[1]))
+
+
+def _pair(text: str) -> tuple[float, float] | None:
+    """Two finite numbers from ``a:b``, or one twice."""
+    try:
+        values = [float(part) for part in text.split(":")]
+    except ValueError:
+        return None
+    if len(values) not in (1, 2) or not all(map(math.isfinite, values)):
+        return None
+    return values[0], values[-1]
+
+
+def _speed(given: ModelInput, cell: Cell, text: str | None) -> Any:
+    if text is not None:
+        return np.radians(parse_joint_figures(given.robot, text, "--speed"))
+    return cell.joint_speed
+
+
+def _write(folder: OutputFolder, given: ModelInput, step: PlacedStep, content: dict[str, Any]) -> None:
+    from stiffarm.commands.place.report import write_report
+
+    folder.write_json("placement.json", content)
+    folder.write_text("placement.csv", records_text(placement_payload.rows(step)))
+    write_report(step, given.description.title.split(" (")[0], folder)
+
+
+def _show(step: PlacedStep) -> None:
+    from stiffarm.commands.place.report import COLUMNS, remarks, table_rows
+
+    title = f"{step.request.given.path.n} points, {step.arc_mm[-1]:.4g} mm; {step.placed.evaluations} base positions"
+    show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
+    for text in remarks(step):
+        say(f"note: {text}")

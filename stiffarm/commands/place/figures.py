@@ -1,0 +1,194 @@
+"""Figures of a placement: the goal over base positions, stiffness and error along the path, motion of the axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from robots import InputError
+from stiffarm.pages.figure_parts import SERIES, title
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
+
+Array = NDArray[np.float64]
+
+# Why a position cannot be taken, and how it is drawn.
+ZONES = {
+    "reach": ("out of reach", "#9AA0A8", ""),
+    "limit": ("beyond a joint limit", "#C9CED6", "//"),
+    "collision": ("collision", OKABE_ITO["vermillion"], "xx"),
+    "singularity": ("too near a singularity", OKABE_ITO["purple"], ".."),
+}
+
+
+def curve_figure(
+    x: Array, value: Array, why: Sequence[str], axis: str, label: str, marks: Mapping[str, float]
+) -> Figure:
+    """Draw the goal over one coordinate; where it is NaN the zone of ``why`` is shaded.
+
+    ``x`` (p,) ascending, ``value`` (p,), ``why`` (p,) of :data:`ZONES` or empty; ``marks``: positions by name.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit.
+    """
+    if x.shape != value.shape or len(why) != len(x) or not len(x):
+        raise InputError("curve of positions", value=f"shape {value.shape}", allowed=f"({len(x)},), one of each")
+    with house_style():
+        figure, axes = new_figure("wide")
+        ax = axes[0]
+        edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
+        for i, reason in enumerate(why):
+            if reason:
+                _, colour, hatch = ZONES[reason]
+                ax.axvspan(edge[i], edge[i + 1], facecolor=_pale(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
+        ax.plot(x, value, color=SERIES[0], marker="o" if len(x) < 60 else "", markersize=3)
+        ax.set_xlim(x[0], x[-1])
+        if np.isfinite(value).any():
+            low, high = float(np.nanmin(value)), float(np.nanmax(value))
+            room = 0.08 * (high - low) or 1.0
+            ax.set_ylim((0.0 if 0.0 <= low < 0.5 * high else low - room), high + room)
+        for k, (name, at) in enumerate(marks.items()):
+            # A white edge, so that it shows on a hatched zone as well.
+            ax.axvline(at, color="white", linewidth=5.0, zorder=4)
+            colour, style = (SERIES[1], "-") if k == 0 else (INK, ":")
+            ax.axvline(at, color=colour, linestyle=style, linewidth=2.0, zorder=5, label=name)
+        ax.set_xlabel(axis)
+        ax.set_ylabel(label)
+        title(figure, f"{label.split(',')[0]} over the base's position")
+        _legend(figure, ax, why)
+    return figure
+
+
+def map_figure(
+    x: Array,
+    y: Array,
+    value: Array,
+    why: Sequence[str],
+    names: tuple[str, str],
+    label: str,
+    marks: Mapping[str, tuple[float, float]],
+) -> Figure:
+    """Draw the goal over two coordinates; ``value`` and ``why`` (p, r) over x (p,) and y (r,), marks as positions.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit.
+    """
+    if value.shape != (len(x), len(y)) or len(why) != value.size:
+        raise InputError("map of positions", value=f"shape {value.shape}", allowed=f"({len(x)}, {len(y)})")
+    reason = np.array(why, dtype=object).reshape(value.shape)
+    with house_style():
+        wide = float(np.ptp(x)) / max(float(np.ptp(y)), 1e-9)
+        figure, axes = new_figure((9.0, float(np.clip(7.0 / max(wide, 0.5), 3.6, 7.5))))
+        ax = axes[0]
+        ax.grid(visible=False)
+        for key, (_, colour, hatch) in ZONES.items():
+            for i, j in np.argwhere(reason == key):
+                a, b = _cell(x, int(i)), _cell(y, int(j))
+                ax.fill(
+                    [a[0], a[1], a[1], a[0]], [b[0], b[0], b[1], b[1]], facecolor=_pale(colour), edgecolor=colour,
+                    hatch=hatch, linewidth=0.0,
+                )  # fmt: skip
+        mesh = ax.pcolormesh(x, y, np.ma.masked_invalid(value.T), cmap=STIFFNESS_COLOURS, shading="nearest")
+        for k, (name, spot) in enumerate(marks.items()):
+            ax.plot(*spot, linestyle="", marker="*" if k == 0 else "o", markersize=15 if k == 0 else 8, label=name,
+                    markerfacecolor="white", markeredgecolor=INK, zorder=5)  # fmt: skip
+        ax.set_xlabel(names[0])
+        ax.set_ylabel(names[1])
+        bar = figure.colorbar(mesh, ax=ax, label=label)
+        bar.outline.set_visible(False)
+        title(figure, f"{label.split(',')[0]} over the base's position")
+        _legend(figure, ax, why)
+    return figure
+
+
+def along_figure(arc_mm: Array, stiffness: Mapping[str, Array], error: Mapping[str, Array]) -> Figure:
+    """Draw stiffness (N/mm) and surface error (um) along the path, (n,) by name, the first boldly.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit.
+    """
+    _check(arc_mm, stiffness)
+    _check(arc_mm, error)
+    with house_style():
+        figure, axes = new_figure((10.0, 6.4), 2, 1, sharex=True)
+        labels = "stiffness along the force, N/mm", "surface error, um"
+        for ax, series, label in zip(axes, (stiffness, error), labels, strict=True):
+            _lines(ax, arc_mm, series)
+            ax.set_ylabel(label)
+        axes[0].set_ylim(bottom=0.0)
+        axes[1].axhline(0.0, color=FAINT, linewidth=1.0, zorder=0)
+        axes[1].set_xlabel("path, mm")
+        title(figure, "Stiffness and predicted surface error along the path")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
+    return figure
+
+
+def axes_figure(arc_mm: Array, travel_mm: Mapping[str, Array], limits_mm: Mapping[str, tuple[float, float]]) -> Figure:
+    """Draw where each linear axis stands along the path, one panel an axis, with its limits.
+
+    Raises
+    ------
+    InputError
+        No axis, or shapes that do not fit.
+    """
+    _check(arc_mm, travel_mm)
+    with house_style():
+        figure, axes = new_figure((10.0, 0.9 + 2.4 * len(travel_mm)), len(travel_mm), 1, sharex=True)
+        for ax, (name, travel) in zip(axes, travel_mm.items(), strict=True):
+            ax.plot(arc_mm, travel, color=SERIES[0], marker="o" if len(arc_mm) == 1 else "")
+            low, high = limits_mm[name]
+            room = 0.04 * (high - low)
+            ax.set_ylim(low - 2.0 * room, high + 2.0 * room)
+            for limit in (low, high):
+                ax.axhline(limit, color=INK, linewidth=1.0, linestyle=":")
+            ax.axhspan(low - 2.0 * room, low, color=FAINT, alpha=0.5, linewidth=0)
+            ax.axhspan(high, high + 2.0 * room, color=FAINT, alpha=0.5, linewidth=0)
+            ax.set_ylabel(f"{name}, mm")
+        axes[len(travel_mm) - 1].set_xlabel("path, mm")
+        title(figure, "Linear axes along the path; dotted: their limits")
+    return figure
+
+
+def _check(arc_mm: Array, series: Mapping[str, Array]) -> None:
+    if not series or any(v.shape != arc_mm.shape for v in series.values()):
+        raise InputError("figure along the path", value="shapes that do not fit", allowed=f"({len(arc_mm)},) each")
+
+
+def _lines(ax: Axes, arc_mm: Array, series: Mapping[str, Array]) -> None:
+    for k, (name, values) in enumerate(series.items()):
+        ax.plot(
+            arc_mm, values, color=SERIES[k], linewidth=2.2 if k == 0 else 1.3, zorder=4 - k, label=name,
+            marker="o" if len(arc_mm) == 1 else "",
+        )  # fmt: skip
+
+
+def _pale(colour: str) -> tuple[float, float, float]:
+    from matplotlib.colors import to_rgb
+
+    red, green, blue = (0.3 * part + 0.7 for part in to_rgb(colour))
+    return red, green, blue
+
+
+def _cell(x: Array, i: int) -> tuple[float, float]:
+    half = 0.5 * (x[1] - x[0]) if len(x) > 1 else 0.5
+    return float(x[i] - half), float(x[i] + half)
+
+
+def _legend(figure: Figure, ax: Axes, why: Sequence[str]) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    for key, (name, colour, hatch) in ZONES.items():
+        if key in why:
+            handles.append(Patch(facecolor=_pale(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
+            labels.append(name)
+    if handles:
+        figure.legend(handles, labels, loc="outside lower left", ncols=5)

@@ -1,0 +1,296 @@
+"""The step `plan`: which set-ups to measure next, in which order, and what they will tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements
+from doe.certainty.uncertainty import ParameterEstimate
+from doe.estimation.noise import Noise
+from doe.estimation.problem import problem
+from doe.planning.optimal_choice import Criterion
+from doe.planning.outset import Outset, check_plannable, first_outset, outset_of
+from doe.planning.plan import (
+    Foresight,
+    MeasurementPlan,
+    Protocol,
+    expected,
+    experiments,
+    foresee,
+    plan,
+    seen_by,
+)
+from doe.planning.pose_designs import METHODS, Method, Zone, pose_design
+from doe.planning.tour import short_tour
+from doe.tables.idle_coordinates import idle_coordinates
+from fem.free.parameters import Parameter, parameter
+from fem.springs import ConstantSpring
+from robots import InputError, Robot
+from stiffarm.commands.plan import words
+from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
+from stiffarm.session import steps
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.useless_readings import refuse_useless
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+# Poses in which a coordinate is moved to see whether it matters.
+PROBES = 40
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a plan; None: the usual (see :mod:`stiffarm.commands.plan.options`).
+
+    ``poses``: set-ups to choose, or poses of a plain design if ``plain``; ``forces`` N; ``directions`` (d, 3);
+    ``vary``: coordinates that vary; ``hold_deg``: where others stand; ``gauge``: resolution, m and rad.
+    """
+
+    poses: int
+    plain: bool = False
+    free: tuple[str, ...] | None = None
+    criterion: Criterion = "D"
+    forces: tuple[float, ...] | None = None
+    directions: Array | None = None
+    components: tuple[int, ...] | None = None
+    repeats: int = 3
+    unloading: bool = False
+    candidates: int = 1500
+    design: Method = "sobol"
+    levels: int = 3
+    vary: tuple[str, ...] | None = None
+    hold_deg: dict[str, float] = field(default_factory=dict)
+    zone: Zone = Zone()  # noqa: RUF009 - frozen
+    random_order: bool = False
+    gauge: tuple[float, float] = (1e-5, 1e-5)
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan in the order of measuring.
+
+    ``labels`` (n,) of its set-ups; ``candidates``: poses it was chosen from; ``expected`` (n, 6) m and rad under
+    the largest load, None before any reading; ``held_deg``: coordinates that stand still; ``notes``: remarks.
+    """
+
+    request: Request
+    start: Outset
+    made: MeasurementPlan
+    labels: tuple[str, ...]
+    candidates: int
+    expected: Array | None
+    held_deg: dict[str, float]
+    notes: tuple[str, ...]
+
+    @property
+    def found(self) -> tuple[ParameterEstimate | None, ...]:
+        """What the readings so far say on each parameter."""
+        return self.start.found or (None,) * len(self.start.parameters)
+
+    @property
+    def rows(self) -> list[tuple[Foresight, ParameterEstimate | None]]:
+        """Each parameter's prospects beside what is known of it."""
+        return list(zip(self.made.foresight, self.found, strict=True))
+
+    @property
+    def sentences(self) -> list[str]:
+        """What the plan will tell."""
+        out = [words.told(f, found) for f, found in self.rows]
+        return out if self.request.plain else [*out, words.against_chance(self.made)]
+
+
+def make_plan(
+    given: ModelInput, data: Measurements | None, request: Request, progress: Progress | None = None
+) -> Planned:
+    """Estimate what the data say, choose the set-ups that tell most beyond it, and order them.
+
+    Raises
+    ------
+    InputError
+        Unknown parameters or coordinates, no pose that can be taken, more set-ups than candidates, loads that
+        nothing tells, readings that tell nothing, or that move with none of the parameters.
+    """
+    robot = given.robot
+    if request.design not in METHODS:
+        raise InputError("--design", value=request.design, allowed=", ".join(METHODS))
+    rng = np.random.default_rng(request.seed)
+    protocol = _protocol(given, data, request)
+    probes = pose_design(robot, PROBES, fixed=resting_pose(robot, {}), rng=np.random.default_rng(request.seed))
+    free, notes = _free(given, data, request, protocol, probes)
+    start = _outset(given, data, free, request.gauge)
+    if not seen_by(experiments(start, probes, protocol), start.vague).any():
+        raise InputError(
+            f"no reading of this plan moves with {', '.join(p.name for p in free)}",
+            remedy="load in other --directions, or --read more components",
+        )
+    vary, held, remarks = _coordinates(start, protocol, probes, request, rng)
+    poses = _candidates(robot, request, vary, held, rng)
+    if request.plain:
+        made = foresee(start, poses, protocol, request.criterion)
+    else:
+        _check_size(request, len(poses) * len(protocol.directions))
+        made = plan(start, poses, request.poses, protocol, request.criterion, rng=rng, progress=progress)
+    made = _ordered(made, request, rng)
+    held_deg = {name: float(np.degrees(held[robot.coordinate_index(name)])) for name in _others(robot, vary)}
+    return Planned(
+        request, start, made, _labels(len(made.q), data), len(poses),
+        expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
+        (*notes, *remarks, *_remarks(start, request, data)),
+    )  # fmt: skip
+
+
+def _protocol(given: ModelInput, data: Measurements | None, request: Request) -> Protocol:
+    forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
+    directions = usual_directions(data) if request.directions is None else request.directions
+    components = usual_components(data) if request.components is None else request.components
+    return Protocol(forces, directions, components, request.repeats)
+
+
+def _free(
+    given: ModelInput, data: Measurements | None, request: Request, protocol: Protocol, probes: Array
+) -> tuple[list[Parameter], list[str]]:
+    """Parameters to be told: those named, else the springs that the data or the new readings move with."""
+    names = request.free
+    notes = []
+    if names is None:
+        joints = given.robot.joint_names
+        springs = first_outset(
+            given.model, [parameter(given.model, f"{j}.stiffness") for j in joints], Noise((1.0, 1.0))
+        )
+        visible = seen_by(experiments(springs, probes, protocol), springs.vague)
+        known = set() if data is None else set(steps.springs_seen(given, data))
+        chosen = [j for j, seen in zip(joints, visible, strict=True) if seen or j in known]
+        if not chosen:
+            raise InputError("no joint spring moves a reading of this plan", remedy="load in other --directions")
+        names = tuple(f"{j}.stiffness" for j in chosen)
+    free = [parameter(given.model, name) for name in names]
+    check_plannable(free)
+    for p in free:
+        if p.kind == "stiffness" and p.place in given.robot.joint_names and p.index == (5,):
+            joint = given.model.joints[given.robot.joint_names.index(p.place)]
+            if not isinstance(joint.axial, ConstantSpring):
+                notes.append(f"{p.name}: the model's spring depends on joint angles; the plan takes it as constant")
+    return free, notes
+
+
+def _outset(given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]) -> Outset:
+    if data is None:
+        return first_outset(given.model, free, Noise(white=gauge))
+    refuse_useless(given, data, data)
+    return outset_of(problem(given.model, data, free), gauge)
+
+
+def _coordinates(
+    start: Outset, protocol: Protocol, probes: Array, request: Request, rng: np.random.Generator
+) -> tuple[tuple[str, ...], Array, list[str]]:
+    """Coordinates that vary, where the others stand (dof,) rad, and why."""
+    robot = start.free.model.robot
+    held = resting_pose(robot, request.hold_deg)
+    if request.vary is not None:
+        if clash := [name for name in request.hold_deg if name in request.vary]:
+            raise InputError(f"{', '.join(clash)}: both in --vary and in --hold", allowed="one of them")
+        return request.vary, held, []
+    idle = idle_coordinates(start, protocol, probes, rng)
+    vary = tuple(n for n in robot.coordinates if n not in idle and n not in request.hold_deg)
+    if not vary:
+        raise InputError("every coordinate stands still", remedy="name those that vary with --vary")
+    free_idle = [n for n in idle if n not in request.hold_deg]
+    if not free_idle:
+        return vary, held, []
+    stand = ", ".join(f"{n} = {np.degrees(held[robot.coordinate_index(n)]):g}" for n in free_idle)
+    return vary, held, [f"{stand}: makes no difference to what is read, so it stands still (--vary overrides)"]
+
+
+def _others(robot: Robot, vary: tuple[str, ...]) -> list[str]:
+    return [name for name in robot.coordinates if name not in vary]
+
+
+def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Array, rng: np.random.Generator) -> Array:
+    """Poses (N, dof) rad to choose from, in whole degrees where they are drawn: a sheet is set by hand."""
+    n = request.poses if request.plain else request.candidates
+    poses = pose_design(
+        robot, n, request.design, coordinates=vary, fixed=held, levels=request.levels, zone=request.zone, rng=rng
+    )
+    if not len(poses):
+        raise InputError(
+            f"poses of the {request.design} design that {robot.name} can take: none",
+            remedy="let more coordinates vary, move the floor or the boxes, or take --design sobol",
+        )
+    if request.design in ("factorial", "fractional"):
+        if request.plain and len(poses) > request.poses:
+            raise InputError(
+                f"--design-only with --design {request.design}: it has {len(poses)} poses",
+                value=request.poses,
+                allowed=f"{len(poses)} or more",
+                remedy="give that number, fewer --levels, or fewer coordinates with --vary",
+            )
+        return poses
+    poses = _wrapped(robot, poses)
+    whole = np.radians(np.round(np.degrees(poses)))
+    fits = robot.reachable(whole)
+    fits[fits] = request.zone.free(robot, whole[fits])
+    poses = np.where(fits[:, None], whole, poses)
+    return poses[np.sort(np.unique(np.round(poses, 9), axis=0, return_index=True)[1])]
+
+
+def _wrapped(robot: Robot, q: Array) -> Array:
+    """Angles within half a turn of 0 where the limits allow: the same poses, without cables wound up."""
+    turned = (q + np.pi) % (2.0 * np.pi) - np.pi
+    inside = (turned >= robot.limits[:, 0]) & (turned <= robot.limits[:, 1])
+    # Coupled limits are about angles as they are counted, so their joints stay.
+    coupled = np.any([c.factors != 0.0 for c in robot.couplings], axis=0) if robot.couplings else False
+    return np.where(inside & ~np.broadcast_to(coupled, q.shape), turned, q)
+
+
+def _check_size(request: Request, candidates: int) -> None:
+    if not 1 <= request.poses <= candidates:
+        raise InputError(
+            "--poses",
+            value=request.poses,
+            allowed=f"1 to {candidates}, the number of candidate set-ups",
+            remedy="ask for fewer, or give more --candidates",
+        )
+
+
+def _ordered(made: MeasurementPlan, request: Request, rng: np.random.Generator) -> MeasurementPlan:
+    order = rng.permutation(len(made.q)) if request.random_order else short_tour(made.q)
+    return replace(made, q=made.q[order], direction=made.direction[order])
+
+
+def _labels(n: int, data: Measurements | None) -> tuple[str, ...]:
+    """N1, N2 ...: none that the data have already."""
+    taken = set() if data is None else set(data.pose)
+    first = 1
+    while any(f"N{first + k}" in taken for k in range(n)):
+        first += 1
+    return tuple(f"N{first + k}" for k in range(n))
+
+
+def _remarks(start: Outset, request: Request, data: Measurements | None) -> list[str]:
+    out = []
+    if data is None:
+        out.append("no readings yet: planned for the model's own values (10⁶ N m/rad where it is rigid) "
+                   "and for the gauge's scatter alone; a scatter between set-ups widens what is predicted")  # fmt: skip
+    elif not start.found:
+        out.append(f"{start.readings} reading(s) are fewer than the parameters: a vague prior stands in for the rest")
+    zone = request.zone
+    kept = [] if zone.floor is None else [f"above z = {1e3 * zone.floor:g} mm"]
+    kept += [f"out of {len(zone.boxes)} box(es)"] if zone.boxes else []
+    kept += [f"wrist and tool {1e3 * zone.own:.0f} mm from the lines of base and upper arm"] if zone.own else []
+    out.append(f"poses keep {'; '.join(['the joint limits', *kept])}. That is no collision check")
+    if data is not None and request.repeats > 1 and not start.noise.has_common:
+        out.append("repeats count as independent readings: those so far show no scatter between set-ups")
+    if request.random_order:
+        out.append("random order: slow drift of gauge and robot does not look like an effect of the pose")
+    else:
+        out.append("order: a short way through joint space; with drift to fear take --random-order, "
+                   "or read the first set-up again at the end")  # fmt: skip
+    if request.unloading:
+        out.append("readings while unloading tell of friction and hysteresis; they are not counted in the prediction")
+    return out

@@ -1,0 +1,152 @@
+"""Loads, directions and what a plan will tell, in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.certainty.uncertainty import ParameterEstimate
+from doe.planning.plan import Foresight, MeasurementPlan
+from fem.free.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+# Two-sided 95 % of a normal distribution.
+WIDE = 1.96
+# Beyond this factor to either side a parameter is not called known.
+POORLY = 3.0
+# Beyond this one nothing worth saying is.
+HARDLY = 30.0
+_SIDES = {
+    (1, 0, 0): "forward (+x)",
+    (-1, 0, 0): "backward (−x)",
+    (0, 1, 0): "to the left (+y)",
+    (0, -1, 0): "to the right (−y)",
+    (0, 0, 1): "up (+z)",
+    (0, 0, -1): "down (−z)",
+}
+
+
+def direction_words(direction: Array) -> str:
+    """``down (−z)``; other directions as a unit vector. Base axes: x forward at q1 = 0, z up."""
+    x, y, z = (float(v) + 0.0 for v in np.round(direction, 6))
+    known = _SIDES.get((int(x), int(y), int(z))) if {abs(x), abs(y), abs(z)} <= {0.0, 1.0} else None
+    return known or f"along ({x:.3g}, {y:.3g}, {z:.3g}) of the base".replace("-", "−")
+
+
+def plain(value: float, digits: int) -> str:
+    """A number with so many significant digits, without an exponent where it can be read without."""
+    if not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.{digits}g}"
+    return np.format_float_positional(float(f"{value:.{digits}g}"), trim="-")
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A number with its unit; stiffnesses in 10⁶ N m/rad and N/µm, angles in deg, lengths in mm."""
+    factor, shown = {
+        "N m/rad": (1e-6, "10⁶ N m/rad"),
+        "N/m": (1e-6, "N/µm"),
+        "Pa": (1e-9, "GPa"),
+        "rad": (180.0 / math.pi, "deg"),
+        "m": (1e3, "mm"),
+    }.get(unit, (1.0, unit))
+    text = plain(value * factor, digits)
+    return f"{text}·{shown}" if shown.startswith("10") else f"{text} {shown}"
+
+
+def known_so_far(found: ParameterEstimate | None, p: Parameter) -> str:
+    """What the readings so far say: ``0.82 to 4.9·10⁶ N m/rad``, ``only ≥ 0.034·10⁶ N m/rad``, ``nothing``."""
+    if found is None or found.status == "not identified":
+        return "nothing"
+    if all(map(math.isnan, found.interval)):
+        return "nothing beyond a fit without a spare reading"
+    low, high = found.interval
+    nowhere = (0.0, -math.inf) if p.scale != "linear" else (-math.inf,)
+    if math.isinf(high) and low in nowhere:
+        return "nothing"
+    if math.isinf(high):
+        return f"only ≥ {quantity(low, p.unit, 2)}"
+    if low in nowhere:
+        return f"only ≤ {quantity(high, p.unit, 2)}"
+    return f"{_bare(low, p.unit)} to {quantity(high, p.unit, 2)}"
+
+
+def _bare(value: float, unit: str) -> str:
+    text = quantity(value, unit, 2)
+    return text.split("·")[0] if "·" in text else text.split(" ")[0]
+
+
+def is_open(found: ParameterEstimate | None) -> bool:
+    """Whether the readings so far leave a parameter open to at least one side."""
+    return found is None or found.status != "determined"
+
+
+def factor95(sd: float) -> float:
+    """Factor to either side within which a positive value lies with 95 %."""
+    return math.exp(min(WIDE * sd, 700.0))
+
+
+def rigid_from(f: Foresight) -> float:
+    """Stiffness from which on the plan could only give a lower limit: its compliance is then below its 95 % interval.
+
+    Deflections are linear in compliances, so their standard deviation is that at the planned value.
+    """
+    return f.planned_for / (WIDE * f.after)
+
+
+def told(f: Foresight, found: ParameterEstimate | None) -> str:
+    """One sentence on one parameter."""
+    p = f.parameter
+    was = known_so_far(found, p)
+    if not f.seen:
+        return f"{p.name}: no reading of this plan moves with it (known: {was}); load or read in other directions"
+    if p.scale == "linear":
+        now, then = (quantity(WIDE * sd, p.unit) for sd in (f.after, f.before))
+        return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.shrink)}"
+    factor = factor95(f.after)
+    if factor > HARDLY:
+        return f"{p.name}: still open, these readings hardly tell it by itself (was: {was}); {_times(f.shrink)}"
+    rest = f"(was: {was}); {_times(f.shrink)}"
+    if not is_open(found) or p.scale != "compliance":
+        return f"{p.name}: known {_within(factor)} {rest}"
+    at = quantity(f.planned_for, p.unit, 2)
+    softest = found is not None and found.interval[0] > p.lower
+    assumed = f"if it is as soft as the readings allow, {at}" if softest else f"if it is {at}"
+    limit = rigid_from(f)
+    if limit <= 1.5 * f.planned_for:
+        return f"{p.name}: known {_within(factor)} {assumed} {rest}"
+    return (f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one is told from a rigid one up to "
+            f"{quantity(limit, p.unit, 2)}")  # fmt: skip
+
+
+def _within(factor: float) -> str:
+    if factor < 1.1:
+        return f"to ± {100.0 * (factor - 1.0):.1g} %"
+    return f"within a factor {factor:.3g}" if factor < POORLY else f"only within a factor {factor:.2g}"
+
+
+def _times(shrink: float) -> str:
+    if shrink < 1.05:
+        return "hardly narrower"
+    return f"{shrink:.2g} times narrower" if shrink < 9.95 else f"{shrink:.0f} times narrower"
+
+
+def against_chance(made: MeasurementPlan) -> str:
+    """One sentence on the plan beside plans chosen at random."""
+    n, most = len(made.q), len(made.random)
+    if made.random_needed is None:
+        needed = f"more than {most}" if most > n else "more"
+    else:
+        needed = f"about {made.random_needed}"
+    ratio = float(made.per_parameter(made.random_median) / made.per_parameter(made.value))
+    what = {
+        "D": "standard deviations (geometric mean over the parameters seen)",
+        "A": "standard deviations (root mean square over the parameters)",
+        "I": "standard deviations of predicted deflections (root mean square)",
+    }[made.criterion]
+    return (
+        f"a random choice of {n} leaves {what} {ratio:.2f} times as large; it takes {needed} set-ups chosen at random "
+        "for the same (medians of many random choices)"
+    )

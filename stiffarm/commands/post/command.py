@@ -1,0 +1,244 @@
+"""The command `post`: from a tool path to programs for the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from machining import Drive, GammaRange, Objective
+from machining.cell import Cell
+from machining.placement import Placement, read_placement
+from machining.programs.posting import PostSettings
+from machining.programs.program import JointProgram, frame_distance, tool_in_part
+from machining.programs.write_options import WriteOptions, read_options
+from machining.toolpaths import Motions
+from robots import InputError
+from stiffarm.commands.post import report as post_report
+from stiffarm.commands.post.step import PostRequest, PostRun, parse_targets, run_post
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
+from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas, parse_numbers
+from stiffarm.session.task_setup import (
+    CellOpt,
+    ForceAxesOpt,
+    ForceOpt,
+    KindOpt,
+    MillingOpt,
+    PathOptions,
+    RotaryOpt,
+    TcpOpt,
+    UnitsOpt,
+    effects_left_out,
+    parse_reference,
+    parse_speed,
+    read_cut,
+    read_moves,
+    read_setup,
+)
+
+Array = NDArray[np.float64]
+
+# Tool frames (m, rad) that a placement and the program made with it may differ by, and joint angles (rad).
+SAME_FRAME, SAME_POSTURE = 1e-5, 1e-4
+
+
+def post(
+    model: ModelArg,
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="tool path: APT/CLS, G-code or CSV")],
+    out: Annotated[Path, typer.Option("--out", help="folder for the programs")],
+    cell: CellOpt = None,
+    tool: ToolOpt = None,
+    part: PartOpt = None,
+    formats: Annotated[
+        str, typer.Option("--format", help="krl, rapid, val3, sinumerik, csv, json; several with commas")
+    ] = "json",
+    coordinates: Annotated[str, typer.Option("--coordinates", help="cartesian, joint or both")] = "both",
+    gamma: Annotated[
+        str | None,
+        typer.Option(
+            "--gamma", metavar="DEG|FROM:TO:STEP", help="one angle, or a range to choose the best from; default: 0"
+        ),
+    ] = None,
+    placement: Annotated[
+        Path | None,
+        typer.Option(
+            "--placement", help="placement.json of `stiffarm place`: axes, turntable and gamma as it found them"
+        ),
+    ] = None,
+    travel: Annotated[
+        str | None, typer.Option("--travel", metavar="MM,...", help="where the linear axes stand; default: 0")
+    ] = None,
+    table: Annotated[float, typer.Option("--table", metavar="DEG", help="where the turntable stands")] = 0.0,
+    reference: ReferenceOpt = None,
+    tolerance: Annotated[
+        float, typer.Option("--tolerance-um", help="that joint motion may leave the straight line by", min=0.1)
+    ] = 10.0,
+    rapid: Annotated[str, typer.Option("--rapid", help="rapid moves: linear, or joint (as the axes like)")] = "linear",
+    compensate: Annotated[
+        bool, typer.Option("--compensate", help="take the deflection under --force or --milling off the path")
+    ] = False,
+    cap: Annotated[float, typer.Option("--cap-um", help="most that a point is moved by", min=0.1)] = 1000.0,
+    force: ForceOpt = None,
+    force_axes: ForceAxesOpt = "base",
+    milling: MillingOpt = None,
+    options: Annotated[Path | None, typer.Option("--options", help="TOML or JSON of the formats' options")] = None,
+    templates: Annotated[Path | None, typer.Option("--template", help="folder of your own templates")] = None,
+    speed: Annotated[str | None, typer.Option("--speed", metavar="DEG/S", help="joint speeds, one or one each")] = None,
+    kind: KindOpt = None,
+    units: UnitsOpt = None,
+    rotary: RotaryOpt = "none",
+    tcp: TcpOpt = False,
+    seed: Seed = 0,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Programs for the robot from a CAM tool path: Cartesian and joint coordinates from one run, read back.
+
+    Writes the programs, post.json and a report into --out.
+    """
+    with user_errors(debug):
+        targets = parse_targets(formats, coordinates)
+        given = inputs.read_model(model, links, load_path, without="the programs")
+        setup = read_setup(model, given.robot, cell, tool, part)
+        cut = read_cut(force, force_axes, milling)
+        if compensate and cut is None:
+            raise InputError("--compensate needs a cutting force", remedy="give --force or --milling")
+        if cut is not None and not compensate:
+            raise InputError(
+                "--force or --milling without --compensate",
+                remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
+            )
+        motions = read_moves(path, PathOptions(kind, units, rotary, tcp))
+        place = _place(setup.cell, placement, motions, travel, table, gamma)
+        written = WriteOptions() if options is None else read_options(options)
+        if rapid not in ("linear", "joint"):
+            raise InputError("--rapid", value=rapid, allowed="linear, joint", remedy="choose one of them")
+        settings = PostSettings(
+            gamma=place.gamma,
+            objective=Objective(),
+            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), clear=False),
+            travel=place.travel,
+            table=place.table,
+            tolerance=tolerance * 1e-6,
+            rapid="joint" if rapid == "joint" else "linear",
+            near=place.near,
+            reference=parse_reference(reference),
+            seed=seed,
+            clearance=setup.clearance(place.table),
+        )
+        request = PostRequest(
+            motions,
+            setup,
+            settings,
+            targets,
+            written.model_copy(update={"rapid": settings.rapid}),
+            templates,
+            cut if compensate else None,
+            cap * 1e-6,
+        )
+        files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
+        named = (("cell", cell), ("milling", milling), ("options", options), ("placement", placement))
+        files |= {name: file for name, file in named if file is not None}
+        with output_folder(out, files) as folder:
+            with progress("posture along the path") as bar:
+                run = run_post(given.model, request, folder, bar)
+            if place.found is not None:
+                place.check(run.posted.program)
+            content = post_report.payload(run) | {"effects_left_out": effects_left_out(given)}
+            folder.write_json("post.json", content)
+            post_report.write_report(run, given.description.title.split(" (")[0], folder)
+        if as_json:
+            emit_json(content)
+            return
+        _show(run)
+        say(f"written: {', '.join(str(out / target.folder) for target in run.written)}, {out / 'report.html'}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where external axes stand, and gamma; ``found``: the placement file that says so."""
+
+    travel: Array | None
+    table: float
+    gamma: float | Array | GammaRange
+    found: Placement | None = None
+
+    @property
+    def near(self) -> Array | None:
+        """Postures at each move whose branch and turns are meant."""
+        return None if self.found is None else self.found.joints_at_moves()
+
+    def check(self, program: JointProgram) -> None:
+        """Raise InputError unless the placement's tool frames are the program's; say where its branches are not."""
+        if self.found is None:
+            return
+        given = np.flatnonzero(~program.inserted)[self.found.moves]
+        wanted = tool_in_part(program.robot, program.cell, self.found.q, self.found.travel, program.table[given])
+        away, turned = frame_distance(wanted, program.T_part_tool[given])
+        if max(away.max(), turned.max()) > SAME_FRAME:
+            raise InputError(
+                "--placement: its postures are not those of this path in this cell",
+                value=f"tool {away.max() * 1e3:.3g} mm and {np.degrees(turned.max()):.3g} deg away",
+                allowed=f"{SAME_FRAME * 1e3:g} mm, {np.degrees(SAME_FRAME):.2g} deg",
+                remedy="run `stiffarm place` again with this path, cell and tool",
+            )
+        other = int((np.abs(program.q[given] - self.found.q).max(axis=1) > SAME_POSTURE).sum())
+        if other:
+            say(
+                f"note: {other} of {len(given)} points take another branch or turn than the placement, which jumps on "
+                "a rapid move; with --rapid joint its own are taken"
+            )
+
+
+def _place(
+    cell: Cell, file: Path | None, motions: Motions, travel: str | None, table: float, gamma: str | None
+) -> _Place:
+    if file is None:
+        return _Place(_travel(cell, travel), float(np.radians(table)), parse_gammas("0" if gamma is None else gamma))
+    for option, value in (("--travel", travel), ("--gamma", gamma)):
+        if value is not None:
+            raise InputError(f"{option} with --placement", value=value, remedy="the placement says it; leave one out")
+    found = read_placement(file)
+    names = tuple(axis.name for axis in cell.linear_axes)
+    if found.axes != names or found.count != motions.n:
+        raise InputError(
+            f"placement {file}",
+            value=f"axes {', '.join(found.axes)}, {found.count} moves",
+            allowed=f"axes {', '.join(names)}, {motions.n} moves: those of this cell and path",
+            remedy="run `stiffarm place` again with this path and cell",
+        )
+    return _Place(found.at_moves(), found.table, found.gamma_at_moves(), found)
+
+
+def _travel(cell: Cell, text: str | None) -> Array | None:
+    """Travels (k,) m of ``--travel``."""
+    if text is None:
+        return None if not cell.linear_axes else np.zeros(len(cell.linear_axes))
+    values = parse_numbers(text)
+    if values is None or len(values) != len(cell.linear_axes):
+        names = ", ".join(axis.name for axis in cell.linear_axes) or "the cell has no linear axis"
+        raise InputError("--travel", value=text, allowed=f"one number (mm) for each of: {names}")
+    return np.array(values) * 1e-3
+
+
+def _show(run: PostRun) -> None:
+    rows = [
+        [target.folder, str(len(run.written[target].files)), f"{trip.tip * 1e6:.2g}", f"{trip.turned * 1e6:.2g}"]
+        for target, trip in run.trips.items()
+    ]
+    program = run.posted.program
+    title = f"{run.request.motions.n:,} moves read, {program.n:,} written"
+    show_table(title, ["program", "files", "off path, um", "off path, urad"], rows)
+    for note in {note: None for target in run.trips for note in run.written[target].notes}:
+        say(f"note: {note}")
+    if run.compensated is not None:
+        say(post_report.compensation_words(run.compensated))
+    say(f"note: {post_report.UNVERIFIED}")

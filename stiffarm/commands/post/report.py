@@ -1,0 +1,214 @@
+"""What a posted program is like: post.json and report.html."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from machining import singular_distance
+from machining.programs.compensation import Compensated
+from machining.programs.formats import FORMATS
+from stiffarm import __version__
+from stiffarm.commands.index.units import shown
+from stiffarm.commands.post.step import PostRun
+from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.figure_parts import SERIES, title
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.pages.style import house_style, new_figure
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.payloads import number
+
+Array = NDArray[np.float64]
+
+SCHEMA = "stiffarm-post-run/1"
+UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."
+
+
+def payload(run: PostRun) -> dict[str, Any]:
+    """Figures of the run, keys with units."""
+    program, request = run.posted.program, run.request
+    objective = shown(request.settings.objective.quantity)
+    value = run.posted.course.value * objective.factor
+    out: dict[str, Any] = {
+        "schema": SCHEMA,
+        "robot": run.model.robot.name,
+        "source": program.motions.source,
+        "moves_read": request.motions.n,
+        "moves_written": program.n,
+        "inserted": int(program.inserted.sum()),
+        "tolerance_um": number(request.settings.tolerance * 1e6),
+        "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
+        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.settings.reference)],
+        "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
+        "branches": sorted({program.names[b] for b in program.branch}),
+        f"mean_{objective.column}": number(float(value.mean())) if run.flexible else None,
+        f"worst_{objective.column}": number(float(_worst(run, value))) if run.flexible else None,
+        "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
+        "reading_notes": [str(note) for note in program.motions.notes],
+        "programs": {
+            target.folder: {
+                "files": [file.name for file in run.written[target].files],
+                "off_path_um": number(trip.tip * 1e6),
+                "off_path_urad": number(trip.turned * 1e6),
+                "notes": list(run.written[target].notes),
+            }
+            for target, trip in run.trips.items()
+        },
+    }
+    if run.compensated is not None:
+        out["compensation"] = _compensation(run.compensated)
+    return out
+
+
+def _worst(run: PostRun, value: Array) -> float:
+    return float(value.max() if run.request.settings.objective.minimised else value.min())
+
+
+def _compensation(found: Compensated) -> dict[str, Any]:
+    length = np.linalg.norm(found.moved, axis=1) * 1e6
+    left = np.linalg.norm(found.left, axis=1) * 1e6
+    return {
+        "largest_um": number(float(length.max())),
+        "mean_um": number(float(length[length > 0.0].mean()) if length.any() else 0.0),
+        "error_sd_um": number(float(found.error.sd.max()) * 1e6),
+        "capped_moves": int(found.capped.sum()),
+        "left_um": number(float(left.max())),
+        "rounds": found.rounds,
+        "rests_on": list(found.error.uncertain.notes),
+    }
+
+
+def write_report(run: PostRun, heading: str, folder: OutputFolder) -> None:
+    """Draw the figures and write report.html."""
+    pictures = Pictures(folder)
+    program = run.posted.program
+    sections = [_programs(run), _posture(run, pictures)]
+    if run.compensated is not None:
+        sections.append(_compensated(run.compensated, pictures))
+    sections.append(_reading(run))
+    lede = (
+        f"{program.motions.source}: {run.request.motions.n:,} moves read, {program.n:,} written "
+        f"({int(program.inserted.sum()):,} points put in so that joint motion stays within "
+        f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line)."
+    )
+    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
+    question = "from tool path to program"
+    folder.write_text("report.html", render(heading, lede, _key(run), sections, footer, question))
+
+
+def _key(run: PostRun) -> list[KeyFigure]:
+    it = shown(run.request.settings.objective.quantity)
+    course = run.posted.course
+    worst = max(trip.tip for trip in run.trips.values()) * 1e6
+    stiffness = [
+        KeyFigure(f"{course.mean * it.factor:.4g}", f"mean {it.label}"),
+        KeyFigure(f"{course.worst * it.factor:.4g}", f"{it.label}, worst point"),
+    ]
+    return [
+        KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),
+        KeyFigure(f"{run.posted.bend.max(initial=0.0) * 1e6:.3g} um", "joint motion off the straight line, at most"),
+        *(stiffness if run.flexible else []),
+    ]
+
+
+def _programs(run: PostRun) -> Section:
+    rows = tuple(
+        (
+            FORMATS[target.name].title,
+            "both" if FORMATS[target.name].neutral else target.kind,
+            ", ".join(f"{target.folder}/{file.name}" for file in run.written[target].files[:3])
+            + (" ..." if len(run.written[target].files) > 3 else ""),
+            f"{trip.tip * 1e6:.2g}",
+            f"{trip.turned * 1e6:.2g}",
+        )
+        for target, trip in run.trips.items()
+    )
+    notes = {note: None for target in run.trips for note in run.written[target].notes}
+    columns = ("format", "coordinates", "files", "off path, um", "off path, urad")
+    blocks: list[Text | Note | Table | Bullets] = [
+        Note(UNVERIFIED),
+        Table("Programs, read back and compared with the tool path", columns, rows, text_columns=(0, 1, 2)),
+    ]
+    if notes:
+        blocks += [Text("Before they run:"), Bullets(tuple(notes))]
+    return Section("Programs", tuple(blocks))
+
+
+def _posture(run: PostRun, pictures: Pictures) -> Section:
+    program, robot = run.posted.program, run.model.robot
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1))]) * 1e3
+    figure = joints_figure(way, {"program": np.degrees(program.q)}, robot.coordinates, np.degrees(robot.limits))
+    reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.settings.reference))
+    blocks: list[Text | Picture] = [
+        Text(
+            f"Gamma (counted from the part's direction {reference}) from {np.degrees(program.gamma.min()):.4g} to "
+            f"{np.degrees(program.gamma.max()):.4g} deg; branches: "
+            f"{'; '.join(sorted({program.names[b] for b in program.branch}))}. Distance to the nearest singularity at "
+            f"least {singular_distance(robot, program.q).min():.2g}."
+        ),
+        pictures.add(figure, "joints", "Joint angles along the program; beyond the dotted lines are the limits."),
+    ]
+    if program.travel.shape[1]:
+        blocks.append(pictures.add(_travel_figure(run, way), "axes", "Linear axes along the program."))
+    return Section("Posture", tuple(blocks))
+
+
+def _travel_figure(run: PostRun, way: Array) -> Figure:
+    program = run.posted.program
+    with house_style():
+        figure, axes = new_figure((10.0, 3.2))
+        for k, axis in enumerate(program.cell.linear_axes):
+            axes[0].plot(way, program.travel[:, k] * 1e3, color=SERIES[k % len(SERIES)], label=axis.name)
+        axes[0].set_xlabel("path, mm")
+        axes[0].set_ylabel("travel, mm")
+        axes[0].legend(loc="best")
+        title(figure, "Linear axes")
+    return figure
+
+
+def compensation_words(found: Compensated) -> str:
+    """What compensation changes, in one sentence or two."""
+    content = _compensation(found)
+    return (
+        "The predicted deflection under the cutting force is taken off the path: "
+        f"up to {content['largest_um']:.3g} um, in the mean {content['mean_um']:.3g} um. What is left is what is not "
+        f"known of it, a standard deviation of up to {content['error_sd_um']:.3g} um, and what the model leaves out "
+        f"(the search itself came to rest within {max(content['left_um'], 0.01):.3g} um)."
+    )
+
+
+def _compensated(found: Compensated, pictures: Pictures) -> Section:
+    with house_style():
+        figure, axes = new_figure((10.0, 3.4))
+        s = np.arange(len(found.moved))
+        for k, name in enumerate("xyz"):
+            axes[0].plot(s, found.moved[:, k] * 1e6, color=SERIES[k], linewidth=1.2, label=name)
+        axes[0].set_xlabel("move")
+        axes[0].set_ylabel("taken off, um")
+        axes[0].legend(loc="upper right", ncols=3)
+        title(figure, "Compensation, part axes")
+    blocks: list[Text | Note | Bullets | Picture] = [
+        Text(compensation_words(found)),
+        pictures.add(figure, "compensation", "What was taken off each point of the path."),
+        Bullets(found.error.uncertain.notes),
+    ]
+    if found.capped.any():
+        blocks.append(Note(f"At {int(found.capped.sum())} moves the cap was reached: there the rest stays."))
+    return Section("Compensation", tuple(blocks))
+
+
+def _reading(run: PostRun) -> Section:
+    motions = run.posted.program.motions
+    events: dict[str, int] = {}
+    for event in motions.events:
+        events[event.word] = events.get(event.word, 0) + 1
+    counted = ", ".join(f"{word} {count}" for word, count in sorted(events.items())[:40])
+    blocks: list[Text | Bullets] = [Text(f"Words that are no motion: {counted or 'none'}.")]
+    if motions.notes:
+        blocks.append(Bullets(tuple(str(note) for note in motions.notes[:40])))
+    return Section("What was read", tuple(blocks))

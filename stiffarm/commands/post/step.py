@@ -1,0 +1,164 @@
+"""The step `post`: from a tool path to programs for the robot's controller, read back and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import fem
+from machining import GammaRange
+from machining.cell import middle_pose
+from machining.programs.compensation import CAP, Compensated, compensate
+from machining.programs.convention import convention_for
+from machining.programs.formats import FORMATS, RoundTrip, round_trip, write_program
+from machining.programs.posting import Posted, PostSettings, post
+from machining.programs.write_options import WriteOptions
+from machining.programs.written import Written
+from machining.toolpaths import Motions
+from robots import InputError
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.task_setup import Cut, Setup
+
+Kind = Literal["cartesian", "joint"]
+# A controller cannot hold the path better than this, m and rad: a program that is farther off is refused.
+WRITTEN_TO = 1e-6
+
+
+@dataclass(frozen=True)
+class Target:
+    """A format and the coordinates that it is written in."""
+
+    name: str
+    kind: Kind
+
+    @property
+    def folder(self) -> str:
+        """Where its files go."""
+        return self.name if FORMATS[self.name].neutral else f"{self.name}_{self.kind}"
+
+
+@dataclass(frozen=True, eq=False)
+class PostRequest:
+    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that."""
+
+    motions: Motions
+    setup: Setup
+    settings: PostSettings
+    targets: tuple[Target, ...]
+    options: WriteOptions
+    templates: Path | None = None
+    cut: Cut | None = None
+    cap: float = CAP
+
+
+@dataclass(frozen=True, eq=False)
+class PostRun:
+    """What came of it; ``written`` and ``trips`` by target; ``flexible``: whether the model has any stiffness."""
+
+    request: PostRequest
+    model: fem.ArmModel
+    posted: Posted
+    compensated: Compensated | None
+    written: dict[Target, Written] = field(default_factory=dict)
+    trips: dict[Target, RoundTrip] = field(default_factory=dict)
+    flexible: bool = True
+
+
+def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
+    """Formats ``krl,json`` and ``cartesian``, ``joint`` or ``both``: the targets.
+
+    Raises
+    ------
+    InputError
+        An unknown format or kind, or a format named twice.
+    """
+    both: tuple[Kind, ...] = ("cartesian", "joint")
+    kinds = tuple(k for k in both if kind in (k, "both"))
+    if not kinds:
+        raise InputError("--coordinates", value=kind, allowed="cartesian, joint, both", remedy="choose one of them")
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    for name in names:
+        if name not in FORMATS:
+            raise InputError("--format", value=name, allowed=", ".join(FORMATS), remedy="choose from these")
+    if not names or len(set(names)) != len(names):
+        raise InputError("--format", value=text, allowed=", ".join(FORMATS), remedy="name each once, with commas")
+    out: list[Target] = []
+    for name in names:
+        if FORMATS[name].neutral:
+            out.append(Target(name, "joint"))
+            continue
+        wanted = [k for k in kinds if k in FORMATS[name].kinds]
+        if not wanted:
+            raise InputError(f"--coordinates of {name}", value=kind, allowed=", ".join(FORMATS[name].kinds))
+        out += [Target(name, k) for k in wanted]
+    return tuple(out)
+
+
+def run_post(
+    model: fem.ArmModel,
+    request: PostRequest,
+    folder: OutputFolder,
+    progress: Callable[[int, int], None] | None = None,
+) -> PostRun:
+    """Make the programs, write them into the folder, read them back and compare.
+
+    Raises
+    ------
+    InputError
+        As :func:`machining.programs.posting.post`; a written program that is off the path by more than 1 um or 1 urad.
+    """
+    cell = request.setup.cell
+    externals = len(cell.linear_axes) + (cell.turntable is not None)
+    for target in request.targets:
+        # Before the work, not after it: whether the controller counts this arm's joints in a known way.
+        if not FORMATS[target.name].neutral:
+            convention_for(model.robot, externals, target.name, request.options.arm)
+    flexible, model = _with_some_springs(model, request.settings)
+    posted = post(model, cell, request.motions, request.settings, progress)
+    found = None
+    if request.cut is not None:
+        found = compensate(model, posted, request.cut.force, tool=request.cut.tool, cap=request.cap)
+    program = (posted if found is None else found.posted).program
+    run = PostRun(request, model, posted, found, flexible=flexible)
+    for target in request.targets:
+        written = write_program(program, target.name, target.kind, request.options, request.templates)
+        texts = _save(written, target, folder)
+        trip = round_trip(program, texts, target.name, target.kind, request.options)
+        wrong = trip.difference(WRITTEN_TO)
+        if wrong is not None:
+            raise InputError(
+                f"{target.name} program, {target.kind} coordinates, read back: {wrong.what}",
+                value=wrong.value,
+                allowed=wrong.allowed,
+                remedy=wrong.remedy,
+            )
+        run.written[target], run.trips[target] = written, trip
+    return run
+
+
+def _save(written: Written, target: Target, folder: OutputFolder) -> dict[str, str]:
+    """Write the files; their texts as they stand on the disk."""
+    places = {file.name: folder.path(f"{target.folder}/{file.name}") for file in written.files}
+    written.save(places.__getitem__)
+    return {name: place.read_text(encoding="utf-8") for name, place in places.items()}
+
+
+def _with_some_springs(model: fem.ArmModel, settings: PostSettings) -> tuple[bool, fem.ArmModel]:
+    """Whether anything gives way, and the model; one that is rigid gets equal springs, to choose a branch by.
+
+    Raises
+    ------
+    InputError
+        A rigid model, and a range of gamma to choose the stiffest from.
+    """
+    if fem.compliance(model, middle_pose(model.robot)[None]).any():
+        return True, model
+    if isinstance(settings.gamma, GammaRange):
+        raise InputError(
+            f"--gamma: a range, and nothing in the model of {model.robot.name} gives way",
+            allowed="one angle, or a model with joint springs or flexible links",
+            remedy="give one angle, or the joints a stiffness",
+        )
+    return False, model.with_springs(dict.fromkeys(model.robot.joint_names, 1e6))

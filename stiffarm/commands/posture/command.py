@@ -1,0 +1,201 @@
+"""The command `posture`: from a part's path to the posture along it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from machining import INDICES, Drive, GammaRange, Objective
+from machining.stiffness.objective import DISPLACEMENTS
+from robots import InputError
+from robots.files.csv_text import records_text
+from stiffarm.commands.posture import payload as posture_payload
+from stiffarm.commands.posture.step import CHOSEN, Posed, PostureRequest, pose_along
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.task_options import (
+    GammaOpt,
+    PartOpt,
+    ReferenceOpt,
+    ToolOpt,
+    parse_gammas,
+)
+from stiffarm.session.task_setup import (
+    CellOpt,
+    ForceAxesOpt,
+    ForceOpt,
+    KindOpt,
+    MillingOpt,
+    PathOptions,
+    RotaryOpt,
+    TcpOpt,
+    UnitsOpt,
+    effects_left_out,
+    parse_reference,
+    parse_speed,
+    read_cut,
+    read_setup,
+    read_tool_path,
+    require_springs,
+    task_in,
+)
+
+Array = NDArray[np.float64]
+
+# A range so narrow (rad) is one angle.
+FIXED_HALF_WIDTH = 1e-10
+
+
+def posture(
+    model: ModelArg,
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, APT/CLS or G-code")
+    ],
+    tool: ToolOpt = None,
+    part: PartOpt = None,
+    gamma: GammaOpt = "-180:180:5",
+    before: Annotated[
+        float, typer.Option("--before", metavar="DEG", help="gamma of the program as it stands, to compare with")
+    ] = 0.0,
+    quantity: Annotated[
+        str, typer.Option("--quantity", help=f"what is optimised: {', '.join((*INDICES, *DISPLACEMENTS))}")
+    ] = "k_fs",
+    aim: Annotated[str, typer.Option("--aim", help="mean, or worst: of the path's points")] = "mean",
+    reference: ReferenceOpt = None,
+    cell: CellOpt = None,
+    force: ForceOpt = None,
+    force_axes: ForceAxesOpt = "base",
+    milling: MillingOpt = None,
+    speed: Annotated[
+        str | None,
+        typer.Option("--speed", metavar="DEG/S", help="joint speeds, one for all or one each, separated by commas"),
+    ] = None,
+    jump: Annotated[
+        float, typer.Option("--jump", metavar="DEG", help="most that a joint may move from point to point", min=1e-6)
+    ] = 20.0,
+    gamma_step: Annotated[
+        float | None,
+        typer.Option("--gamma-step", metavar="DEG", help="most that gamma may change a point; 0: one gamma", min=0.0),
+    ] = None,
+    limit_margin: Annotated[
+        float, typer.Option("--limit-margin", metavar="DEG", help="distance to keep from joint limits", min=0.0)
+    ] = 0.5,
+    motion: Annotated[
+        float,
+        typer.Option("--motion", help="weight of joint motion against stiffness; 0: none, more: calmer", min=0.0),
+    ] = Drive.motion,
+    kind: KindOpt = None,
+    units: UnitsOpt = None,
+    rotary: RotaryOpt = "none",
+    tcp: TcpOpt = False,
+    seed: Seed = 0,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """The stiffest posture that can be driven along a path: redundant angle, branch and turns of the joints.
+
+    Writes posture.csv, posture.json and a report into --out.
+    """
+    with user_errors(debug):
+        given = inputs.read_model(model, links, load_path, without="the postures")
+        setup = read_setup(model, given.robot, cell, tool, part)
+        cut = read_cut(force, force_axes, milling)
+        require_springs(given, "posture")
+        tool_path = read_tool_path(path, PathOptions(kind, units, rotary, tcp))
+        task = task_in(setup, tool_path, parse_reference(reference))
+        drive = Drive(
+            speed=parse_speed(given.robot, speed),
+            jump=float(np.radians(jump)),
+            motion=motion,
+            limit_least=float(np.radians(limit_margin)),
+            gamma_step=np.inf if gamma_step is None else float(np.radians(gamma_step)),
+        )
+        request = PostureRequest(
+            task,
+            _objective(quantity, aim, None if cut is None else cut.force.along(task).force),
+            _gammas(gamma),
+            setup.drive(drive),
+            float(np.radians(before)),
+            seed,
+            cut,
+            tuple(effects_left_out(given)),
+        )
+        files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
+        files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
+        with folder_if(out, files, seed) as folder:
+            with progress("posture along the path") as bar:
+                posed = pose_along(given.model, request, bar)
+            content = posture_payload.payload(posed) | {
+                "model_hash": model_hash(given),
+                "links": given.model.link_kind,
+                "load_path": given.model.load_path,
+                "effects_left_out": effects_left_out(given),
+            }
+            if folder is not None:
+                _write(folder, given, posed, content)
+        if as_json:
+            emit_json(content)
+            return
+        _show(posed)
+        if out is not None:
+            say(f"written: {out / 'report.html'}, posture.csv, posture.json")
+
+
+def _objective(quantity: str, aim: str, force: Array | None) -> Objective:
+    if aim not in ("mean", "worst"):
+        raise InputError("--aim", value=aim, allowed="mean, worst", remedy="choose one of them")
+    if quantity not in (*INDICES, *DISPLACEMENTS):
+        raise InputError("--quantity", value=quantity, allowed=", ".join((*INDICES, *DISPLACEMENTS)))
+    if force is None and (quantity in DISPLACEMENTS or "force" in INDICES[quantity].uses):
+        raise InputError(f"--quantity {quantity} needs a force", remedy="give --force or --milling")
+    return Objective(quantity, force, "worst" if aim == "worst" else "mean")
+
+
+def _gammas(text: str) -> GammaRange:
+    gammas = parse_gammas(text)
+    if isinstance(gammas, GammaRange):
+        return gammas
+    return GammaRange(gammas - FIXED_HALF_WIDTH, gammas + FIXED_HALF_WIDTH, 2)
+
+
+def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[str, Any]) -> None:
+    from stiffarm.commands.posture.report import write_report
+
+    folder.write_json("posture.json", content)
+    folder.write_text("posture.csv", records_text(posture_payload.rows(posed)))
+    write_report(posed, given.description.title.split(" (")[0], folder)
+
+
+def _show(posed: Posed) -> None:
+    from stiffarm.commands.posture.report import gain_words, remarks
+
+    _, words, factor = posture_payload.quantity(posed.request.objective)
+    rows = []
+    for name, course in ({CHOSEN: posed.course} | posed.others).items():
+        moves = course.smoothness
+        rows.append(
+            [
+                name,
+                f"{course.mean * factor:.4g}",
+                f"{course.worst * factor:.4g}",
+                f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
+                "yes" if not moves.undrivable else f"no ({len(moves.undrivable)} jumps)",
+                "" if name == CHOSEN else gain_words(posed, course),
+            ]
+        )
+    title = f"{words} on {posed.request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm"
+    show_table(title, ["course", "mean", "worst", "gamma, deg", "drivable", "gain"], rows)
+    for text in remarks(posed):
+        say(f"note: {text}")
+    if posed.milling is not None and posed.milling.comparison is not None:
+        say(f"Compared with {posed.milling.against}: {posed.milling.comparison.sentence}")

@@ -1,0 +1,239 @@
+"""Picture of an axes map: gamma against the path with the value as colour, barred zones, and courses through it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
+from numpy.typing import NDArray
+
+from machining import Course
+from machining.posture.axes_map import AxesMap, Zone
+from machining.posture.path import PathPosture
+from robots import InputError
+from stiffarm.commands.index.units import shown
+from stiffarm.commands.maps.index.figures import angle_ticks, stiffness_colours, value_bar
+from stiffarm.pages.figure_parts import title as figure_title
+from stiffarm.pages.style import INK, OKABE_ITO, colour_scale, house_style, new_figure
+
+Array = NDArray[np.float64]
+
+TURN: Final = 360.0
+
+
+@dataclass(frozen=True)
+class _Tone:
+    face: str
+    hatch: str | None
+    ink: str
+
+
+# Greys, told apart by their hatches too; near a singularity the colour stays, under dots.
+TONES: Final[dict[Zone, _Tone]] = {
+    Zone.UNREACHABLE: _Tone("#F0F0F0", None, "#F0F0F0"),
+    Zone.LIMITS: _Tone("#D2D2D2", "////", "#8C8C8C"),
+    Zone.COLLISION: _Tone("#A8A8A8", "xxxx", "#5A5A5A"),
+    Zone.SINGULAR: _Tone("#BEBEBE", "....", "#FFFFFF"),
+}
+
+
+@dataclass(frozen=True)
+class CourseLine:
+    """A course to draw: ``gamma`` (n,) rad, ``value`` (n,) of the objective; ``dots`` where it may jump."""
+
+    gamma: Array
+    value: Array
+    colour: str
+    dots: bool = False
+    dashed: bool = False
+
+
+def course_lines(found: PathPosture, before: Course | None = None) -> dict[str, CourseLine]:
+    """The courses of a path's posture by the names of the legend; the fixed gamma only where there is one.
+
+    ``before``: the course of the program as it stands.
+    """
+    lines = {
+        "recommended": CourseLine(found.course.gamma, found.course.value, "#000000"),
+        "each point by itself": CourseLine(
+            found.each_point.gamma, found.each_point.value, OKABE_ITO["green"], dots=True
+        ),
+    }
+    if found.fixed is not None:
+        name = f"best fixed gamma, {np.degrees(found.fixed.gamma[0]):.4g} deg"
+        lines[name] = CourseLine(found.fixed.gamma, found.fixed.value, OKABE_ITO["sky"], dashed=True)
+    if before is not None:
+        lines["as programmed"] = CourseLine(before.gamma, before.value, OKABE_ITO["vermillion"], dashed=True)
+    return lines
+
+
+def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None, *, title: str) -> Figure:
+    """Map above, the courses' values along the path below.
+
+    Raises
+    ------
+    InputError
+        A path of one point, one angle, angles that do not ascend or span more than a turn, or a course of another
+        number of points.
+    """
+    courses = dict(courses or {})
+    degrees = np.degrees(made.gamma)
+    step = np.diff(degrees)
+    if len(made.length) < 2 or len(degrees) < 2 or not (step > 0.0).all() or np.ptp(degrees) > TURN + 1e-6:
+        raise InputError(
+            "axes map",
+            value=f"{len(made.length)} points, {len(degrees)} angles",
+            allowed="two or more points, two or more ascending angles within a turn",
+        )
+    for name, line in courses.items():
+        if line.gamma.shape != made.length.shape or line.value.shape != made.length.shape:
+            raise InputError(f"course {name}", value=f"shape {line.gamma.shape}", allowed=f"{made.length.shape}")
+    x = 1e3 * made.length
+    with house_style():
+        figure, axes = new_figure(
+            (10.5, 7.6 if courses else 5.4), 2 if courses else 1, 1, sharex=True,
+            **({"height_ratios": (2.3, 1.0)} if courses else {}),
+        )  # fmt: skip
+        window = _cells(figure, axes[0], x, degrees, made)
+        for line in courses.values():
+            _course(axes[0], x, _breaks(np.degrees(line.gamma), *window), line)
+        axes[0].set(ylabel="gamma (deg)", xlim=(x[0], x[-1]), ylim=window, yticks=angle_ticks(np.array(window)))
+        axes[-1].set_xlabel("path length (mm)")
+        if courses:
+            _values(axes[1], x, made, courses)
+        handles = [_line_handle(name, line) for name, line in courses.items()] + _zone_handles(made)
+        if handles:
+            figure.legend(handles=handles, loc="outside lower left", ncols=3)
+        figure_title(figure, title)
+    return figure
+
+
+def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) -> tuple[float, float]:
+    """Draw values and zones; returns the range of gamma that the axis shows."""
+    what, minimised = shown(made.objective.quantity), made.objective.minimised
+    value, zone, rows = what.factor * made.value, made.zone, degrees
+    window = (float(degrees[0]), float(degrees[-1]))
+    cell = float(np.median(np.diff(degrees)))
+    if degrees[-1] + cell > degrees[0] + TURN - 1e-6:
+        # A full turn: its first angle is also its last.
+        window = (window[0], window[0] + TURN)
+        if degrees[-1] < window[1] - 1e-6:
+            rows = np.append(degrees, window[1])
+            value, zone = (np.concatenate([a, a[:, :1]], axis=1) for a in (value, zone))
+    ax.grid(visible=False)
+    ax.set_facecolor(TONES[Zone.UNREACHABLE].face)
+    finite = value[np.isfinite(value)]
+    xe, ye = _steps(x), _steps(rows)
+    if finite.size:
+        norm, ticks = colour_scale(finite, None)
+        edges = np.append(xe[::2], xe[-1]), np.append(ye[::2], ye[-1])
+        colours = stiffness_colours(minimised)
+        ax.pcolormesh(*edges, np.ma.masked_invalid(value.T), norm=norm, cmap=colours, rasterized=True)
+        value_bar(figure, [ax], norm, ticks, (what, minimised), finite)
+    for one, tone in TONES.items():
+        mask = zone == one
+        if one is Zone.UNREACHABLE or not mask.any():
+            continue
+        bare = mask & ~np.isfinite(value)
+        for part, face in ((bare, tone.face), (mask & ~bare, None)):
+            if part.any():
+                _hatched(ax, xe, ye, part, face, tone)
+    return window
+
+
+def _hatched(ax: Axes, xe: Array, ye: Array, mask: NDArray[np.bool_], face: str | None, tone: _Tone) -> None:
+    fine = np.repeat(np.repeat(mask.astype(np.float64), 2, axis=0), 2, axis=1)
+    shades = [to_rgba(face)] if face else ["none"]
+    drawn = ax.contourf(xe, ye, fine.T, levels=[0.5, 1.5], colors=shades, hatches=[tone.hatch])
+    drawn.set_edgecolor(tone.ink)
+    drawn.set_linewidth(0.0)
+
+
+def _steps(centres: Array) -> Array:
+    """Both edges of each cell in turn: a mask drawn over them has steps, not slopes."""
+    middle = 0.5 * (centres[1:] + centres[:-1])
+    outer = np.concatenate([[1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]]])
+    return np.asarray(np.repeat(outer, 2)[1:-1])
+
+
+def _breaks(gamma: Array, low: float, high: float) -> tuple[Array, Array]:
+    """Where (numbers of points, or between two) and what gamma (deg) to draw, NaN where the line breaks.
+
+    A line that wraps leaves at one end of the axis and comes back at the other. Angles are brought into a whole
+    turn's axis; on a shorter axis nothing wraps.
+    """
+    at = np.arange(len(gamma), dtype=np.float64)
+    if high - low < TURN - 1e-6:
+        return at, gamma
+    # The upper end stays where it is: it is in the axis.
+    inside = np.where(np.abs(gamma - high) < 1e-9, high, low + np.mod(gamma - low, TURN))
+    step = np.diff(inside)
+    wraps = np.flatnonzero(np.abs(step) > 0.5 * TURN)
+    spots, angles = [at], [inside]
+    for i in wraps:
+        up = step[i] < 0.0
+        exit_, entry = (high, low) if up else (low, high)
+        way = abs(exit_ - inside[i])
+        share = way / max(way + abs(inside[i + 1] - entry), 1e-12)
+        spots.append(np.full(3, i + share))
+        angles.append(np.array([exit_, np.nan, entry]))
+    place, angle = np.concatenate(spots), np.concatenate(angles)
+    # The three points of a wrap have one place: the sort must keep their order, and stay between i and i + 1.
+    key = np.concatenate([at, *(np.full(3, i + 0.5) for i in wraps)])
+    order = np.argsort(key, kind="stable")
+    return place[order], angle[order]
+
+
+def _course(ax: Axes, x: Array, path: tuple[Array, Array], line: CourseLine) -> None:
+    place, angle = path
+    at = np.interp(place, np.arange(len(x)), x)
+    if line.dots:
+        whole = np.isfinite(angle) & (place == np.round(place))
+        look: dict[str, Any] = {"marker": "o", "markersize": 3.2, "markeredgecolor": "white", "markeredgewidth": 0.5}
+        ax.plot(at[whole], angle[whole], linestyle="none", color=line.colour, clip_on=False, zorder=4, **look)
+        return
+    ax.plot(
+        at, angle, color=line.colour, linestyle="--" if line.dashed else "-", linewidth=2.0,
+        zorder=3.5 if line.dashed else 5.0,
+        path_effects=[Stroke(linewidth=4.0, foreground="white"), Normal()],
+    )  # fmt: skip
+
+
+def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]) -> None:
+    what = shown(made.objective.quantity)
+    for name, line in courses.items():
+        look: dict[str, Any] = {"marker": "o", "markersize": 3.4, "linewidth": 0.8} if line.dots else {"linewidth": 1.8}
+        dash = "--" if line.dashed else "-"
+        ax.plot(
+            x, what.factor * line.value, color=line.colour, linestyle=dash, label=name,
+            zorder=3.0 if line.dots or line.dashed else 4.0, **look,
+        )  # fmt: skip
+    ax.set_ylabel(what.label)
+    ax.margins(y=0.08)
+
+
+def _line_handle(name: str, line: CourseLine) -> Line2D:
+    if line.dots:
+        return Line2D([], [], color=line.colour, marker="o", markersize=4, linewidth=0.8, label=name)
+    return Line2D([], [], color=line.colour, linestyle="--" if line.dashed else "-", linewidth=2.0, label=name)
+
+
+def _zone_handles(made: AxesMap) -> list[Patch]:
+    """Patches of the zones that the map has."""
+    handles = []
+    for zone, tone in TONES.items():
+        if not (made.zone == zone).any():
+            continue
+        edge = INK if tone.hatch is None else tone.ink
+        width = 0.5 if tone.hatch is None else 0.0
+        face = "#9C3A8C" if zone is Zone.SINGULAR else tone.face
+        handles.append(Patch(facecolor=face, edgecolor=edge, hatch=tone.hatch, linewidth=width, label=zone.words))
+    return handles

@@ -1,0 +1,114 @@
+"""Figure of the predicted surface error along a path, before and after. Data in, Figure out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from machining.cutting import Comparison, SurfaceError
+from machining.cutting.stiffness_uncertainty import NORMAL_95
+from robots import InputError
+from stiffarm.pages.figure_parts import SERIES, above, note, title
+from stiffarm.pages.style import INK, house_style, new_figure
+
+Array = NDArray[np.float64]
+
+# Told apart without colour too.
+_LINES: Final = ("-", "--", "-.", ":")
+_BAND: Final = 0.16
+# Points closer than this would make markers run into each other.
+_MARKED: Final = 25
+
+
+def milling_error_figure(
+    errors: Mapping[str, SurfaceError],
+    comparison: Comparison | None = None,
+    heading: str = "Predicted surface error along the path",
+) -> Figure:
+    """Draw surface errors (um) over the arc length (mm) with 95 % bands; below them their difference.
+
+    Parameters
+    ----------
+    errors : name of a set of postures -> its error, one to four, before the optimisation first
+    comparison : of the first two; its difference gets a panel of its own, with the band of what is not common
+
+    Raises
+    ------
+    InputError
+        No errors or more than four, different paths or one of a single point, or a comparison of other errors.
+    """
+    if not 1 <= len(errors) <= len(_LINES):
+        raise InputError("milling error figure: errors", value=len(errors), allowed=f"1 to {len(_LINES)}")
+    first = next(iter(errors.values()))
+    s = first.arc_length
+    lengths = [e.arc_length for e in errors.values()]
+    if any(one.shape != s.shape or not np.allclose(one, s, rtol=0.0, atol=1e-9) for one in lengths):
+        raise InputError("milling error figure: the paths differ", allowed="errors along one path")
+    if len(s) < 2:
+        raise InputError("milling error figure: points of the path", value=len(s), allowed="2 or more")
+    if comparison is not None:
+        _check(comparison, [e.normal for e in errors.values()])
+    rows = 1 if comparison is None else 2
+    look: dict[str, Any] = {} if rows == 1 else {"height_ratios": (1.6, 1.0), "sharex": True}
+    with house_style():
+        figure, axes = new_figure((9.0, 4.4 if rows == 1 else 6.6), rows, 1, **look)
+        keys: list[Any] = []
+        for (name, error), colour, line in zip(errors.items(), SERIES, _LINES, strict=False):
+            _curve(axes[0], s, error.normal, error.band, colour, line)
+            key: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 2.2}
+            keys.append(Line2D([], [], label=name, **key))
+        keys.append(Patch(color="#8A8F96", alpha=0.35, label="95 % band"))
+        axes[0].set_ylabel("surface error (µm)")
+        above(axes[0], keys, 5)
+        _sides(axes[0])
+        if comparison is not None:
+            half = NORMAL_95 * comparison.sd
+            band = comparison.difference - half, comparison.difference + half
+            _curve(axes[1], s, comparison.difference, band, SERIES[3], "-")
+            before, after = list(errors)[:2]
+            axes[1].set_ylabel("difference (µm)")
+            said = f"{before} minus {after}, with what is uncertain about both in common"
+            axes[1].set_title(said, loc="left", size=10)
+        for ax in axes:
+            _with_zero(ax)
+        axes[-1].set_xlabel("arc length along the path (mm)")
+        title(figure, heading)
+    return figure
+
+
+def _check(comparison: Comparison, normals: list[Array]) -> None:
+    fits = len(normals) > 1 and comparison.difference.shape == normals[0].shape
+    if not fits or not np.allclose(comparison.difference, normals[0] - normals[1], rtol=1e-9, atol=1e-12):
+        raise InputError("milling error figure: comparison", allowed="that of the first two errors")
+
+
+def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: str) -> None:
+    x = s * 1e3
+    look: dict[str, Any] = {"marker": "o", "markersize": 3.5} if len(s) <= _MARKED else {}
+    ax.fill_between(x, band[0] * 1e6, band[1] * 1e6, color=colour, alpha=_BAND, linewidth=0)
+    for edge in band:
+        ax.plot(x, edge * 1e6, color=colour, linewidth=0.7, alpha=0.7)
+    ax.plot(x, value * 1e6, color=colour, linestyle=line, linewidth=2.2, **look)
+
+
+def _with_zero(ax: Axes) -> None:
+    """Zero belongs into the picture: an axis cut off makes a small change look large."""
+    low, high = ax.get_ylim()
+    low, high = min(low, 0.0), max(high, 0.0)
+    room = 0.04 * (high - low) if high > low else 1.0
+    ax.set_ylim(low - room * (low < 0.0), high + room * (high > 0.0))
+    ax.axhline(0.0, color=INK, linewidth=1.0, zorder=1.5)
+    ax.margins(x=0.02)
+
+
+def _sides(ax: Axes) -> None:
+    """What the signs mean, outside the axes at their right."""
+    look: dict[str, Any] = {"xycoords": "axes fraction", "rotation": 90, "color": "#555555", "size": 9.0}
+    note(ax, "above 0: material left\nbelow 0: cut too deep", (1.0, 0.5), (16, 0), **look)

@@ -1,0 +1,242 @@
+"""report.html of a posture along a path: what is recommended, what it gains, how the joints move, what to know."""
+
+from __future__ import annotations
+
+import datetime as dt
+
+import numpy as np
+
+from machining import Course
+from stiffarm import __version__
+from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
+from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.commands.posture.figures.milling_error import milling_error_figure
+from stiffarm.commands.posture.payload import quantity
+from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, Posed, gain, map_of
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.task_options import frame_words
+
+MEANINGS = {
+    CHOSEN: "gamma, branch and turns of the joints chosen for the whole path at once, so that it can be driven",
+    BEFORE: "the gamma that the program has now",
+    FIXED: "the best single gamma that can be driven",
+    EACH: "the paper's rule: every point its own best; nothing keeps it from jumping",
+}
+
+
+def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
+    """Draw the figures and write report.html."""
+    pictures = Pictures(folder)
+    sections = [courses_section(posed), *map_sections(posed, pictures), *error_sections(posed, pictures)]
+    sections += [motion_section(posed, pictures), how_section(posed)]
+    request = posed.request
+    lede = (
+        f"Posture along a path of {request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm; tool on the flange "
+        f"{frame_words(request.task.T_flange_tool)}; part in the base frame {frame_words(request.task.T_base_part)}."
+    )
+    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
+    question = "which posture along the path?"
+    folder.write_text("report.html", render(title, lede, _key_figures(posed), sections, footer, question))
+
+
+def _key_figures(posed: Posed) -> list[KeyFigure]:
+    _, words, factor = quantity(posed.request.objective)
+    out = [
+        KeyFigure(f"{posed.course.mean * factor:.4g}", f"mean {words}"),
+        KeyFigure(f"{posed.course.worst * factor:.4g}", f"{words}, worst point"),
+    ]
+    for name in (BEFORE, FIXED):
+        if name in posed.others:
+            out.append(KeyFigure(gain_words(posed, posed.others[name]), f"mean against {name}"))
+    if posed.milling is not None and posed.milling.comparison is not None:
+        change = posed.milling.comparison.changes["rms"]
+        label = f"RMS error under the cutting force, {posed.milling.against} and now"
+        out.append(KeyFigure(f"{change.before.value * 1e6:.3g} → {change.after.value * 1e6:.3g} um", label))
+    return out
+
+
+def gain_words(posed: Posed, other: Course) -> str:
+    """By how much the recommended course is better in the mean."""
+    factor = gain(posed.request.objective, posed.course, other)
+    if not np.isfinite(factor) or factor >= 3.0:
+        return f"{factor:.3g} times better"
+    return f"{100.0 * (factor - 1.0):+.1f} %"
+
+
+def courses_section(posed: Posed) -> Section:
+    """What is recommended beside the other choices."""
+    _, words, factor = quantity(posed.request.objective)
+    rows = []
+    for name, course in ({CHOSEN: posed.course} | posed.others).items():
+        moves = course.smoothness
+        rows.append(
+            (
+                name,
+                f"{course.mean * factor:.4g}",
+                f"{course.worst * factor:.4g}",
+                f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
+                str(moves.branch_changes),
+                f"{np.degrees(moves.largest_step.max(initial=0.0)):.3g}",
+                "yes" if not moves.undrivable else f"no, {len(moves.undrivable)} segments",
+            )
+        )
+    columns = (
+        "course",
+        f"mean {words}",
+        "worst point",
+        "gamma, deg",
+        "branch changes",
+        "largest step, deg",
+        "drivable",
+    )
+    blocks: list[Text | Note | Table | Bullets] = [
+        Text(f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path."),
+        Table("Courses along the path", columns, tuple(rows), best=0),
+        Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in (CHOSEN, *posed.others))),
+    ]
+    blocks += [Note(text) for text in remarks(posed)]
+    return Section("Which posture", tuple(blocks))
+
+
+def remarks(posed: Posed) -> list[str]:
+    """What a user must know about the result."""
+    request, moves = posed.request, posed.course.smoothness
+    out = []
+    if posed.why_no_before is not None:
+        out.append(
+            f"As programmed (gamma {np.degrees(request.before):.4g} deg) it cannot be driven: {posed.why_no_before}."
+        )
+    if posed.found.why_no_fixed is not None:
+        out.append(f"No single gamma can be driven along the whole path: {posed.found.why_no_fixed}.")
+    if request.left_out:
+        out.append(f"Effects of the model that are not in this: {', '.join(request.left_out)}.")
+    if request.drive.speed is None:
+        out.append("Joint speeds were not looked at: give --speed, or a cell file with joint speeds.")
+    elif np.isnan(request.task.path.times).any():
+        out.append("Points without a feed: between them joint speeds could not be looked at.")
+    if request.drive.clearance_of is None:
+        out.append("Collisions were not looked at: give a cell file with --cell.")
+    if posed.milling is None:
+        out.append("No error was predicted: give --force or --milling.")
+    if not posed.found.sure:
+        out.append("This arm's inverse kinematics is searched; some postures may have been missed.")
+    if moves.singular_distance < request.drive.singular_zone:
+        out.append(f"The course comes near a singularity (distance {moves.singular_distance:.2g}).")
+    if moves.limit_distance < request.drive.limit_zone:
+        out.append(f"The course comes within {np.degrees(moves.limit_distance):.3g} deg of a joint limit.")
+    if posed.milling is not None and posed.milling.comparison is not None:
+        change = posed.milling.comparison.changes["rms"]
+        if change.verdict == "larger" and not request.objective.minimised:
+            out.append(
+                f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
+                'given: for the error itself ask for --quantity "normal displacement".'
+            )
+    if moves.branch_changes:
+        out.append(
+            f"The course changes its branch {moves.branch_changes} times, through poses where two branches meet."
+        )
+    return out
+
+
+def map_sections(posed: Posed, pictures: Pictures) -> list[Section]:
+    """The axes map with the courses; nothing for a path of one point."""
+    made = map_of(posed)
+    if made is None:
+        return []
+    _, words, _ = quantity(posed.request.objective)
+    lines = course_lines(posed.found, posed.before)
+    figure = draw_axes_map(made, lines, title=f"Axes map: {words} by path and gamma")
+    caption = (
+        "Path across, gamma up; the colour is the best branch's value. Grey and hatched zones are barred. Lines are "
+        "the courses, below them their values. The map does not say between which cells the arm can be driven."
+    )
+    return [Section("Where the path is stiff", (pictures.add(figure, "axes_map", caption),))]
+
+
+def error_sections(posed: Posed, pictures: Pictures) -> list[Section]:
+    """The predicted surface error before and after; nothing without a cutting force."""
+    milling = posed.milling
+    if milling is None:
+        return []
+    columns = ("course", "RMS, um", "worst, um", "mean, um", "peak to valley, um")
+    rows = []
+    for name, error in milling.errors.items():
+        found = error.estimated(np.random.default_rng(posed.request.seed))
+        cells = [
+            f"{found[s].value * 1e6:.3g} ({found[s].low * 1e6:.3g} to {found[s].high * 1e6:.3g})"
+            for s in ("rms", "worst", "mean", "peak_to_valley")
+        ]
+        rows.append((name, *cells))
+    blocks: list[Text | Note | Table | Picture] = [
+        Text(
+            "Displacement of the tool along the surface normal under the cutting force, statics only; more than 0 "
+            "leaves material standing. In brackets: 95 % intervals."
+        ),
+        Table("Predicted surface error", columns, tuple(rows), best=len(rows) - 1),
+    ]
+    if posed.request.task.path.n > 1:
+        figure = milling_error_figure(milling.errors, milling.comparison)
+        blocks.append(pictures.add(figure, "milling_error", "Predicted error along the path with 95 % bands."))
+    if milling.comparison is not None:
+        blocks.append(Text(f"Compared with {milling.against}: {milling.comparison.sentence}"))
+    else:
+        blocks.append(Note("There is no other course that can be driven, so nothing to compare with."))
+    return [Section("What error the cutting force leaves", tuple(blocks))]
+
+
+def motion_section(posed: Posed, pictures: Pictures) -> Section:
+    """How the joints move."""
+    robot = posed.model.robot
+    drawn = {CHOSEN: posed.course} | {n: c for n, c in posed.others.items() if n in (BEFORE, EACH)}
+    figure = joints_figure(
+        posed.arc_mm,
+        {name: np.degrees(course.q) for name, course in drawn.items()},
+        robot.coordinates,
+        np.degrees(robot.limits),
+    )
+    caption = "Joint angles along the path; beyond the dotted lines are the limits."
+    moves = posed.course.smoothness
+    peak = np.degrees(moves.peak_speed)
+    rows = tuple(
+        (
+            name.removesuffix("_deg"),
+            f"{np.degrees(posed.course.q[:, j].min()):.1f} to {np.degrees(posed.course.q[:, j].max()):.1f}",
+            f"{np.degrees(robot.limits[j, 0]):.4g} to {np.degrees(robot.limits[j, 1]):.4g}",
+            f"{np.degrees(moves.largest_step[j]):.3g}",
+            "no feed given" if np.isnan(peak[j]) else f"{peak[j]:.3g}",
+        )
+        for j, name in enumerate(robot.coordinates)
+    )
+    columns = ("joint", "moves over, deg", "limits, deg", "largest step, deg", "peak speed, deg/s")
+    return Section(
+        "How the joints move",
+        (pictures.add(figure, "joints", caption), Table("The recommended course, joint by joint", columns, rows)),
+    )
+
+
+def how_section(posed: Posed) -> Section:
+    """How it was found, and what that leaves out."""
+    request, drive = posed.request, posed.request.drive
+    reference = ", ".join(f"{v:.3g}" for v in np.asarray(request.task.reference))
+    return Section(
+        "How it was found",
+        (
+            Text(
+                f"{request.gammas.count} angles gamma, all branches and turns of the joints at every point; the course "
+                "through them by dynamic programming, then on finer grids about it. Costs beside the objective: "
+                f"motion {drive.motion:g}, nearness of limits {drive.limit:g} within "
+                f"{np.degrees(drive.limit_zone):.3g} deg, of singularities {drive.singular:g} within "
+                f"{drive.singular_zone:g}. No joint steps by more than {np.degrees(drive.jump):.3g} deg at once."
+            ),
+            Bullets(
+                (
+                    f"Model: {posed.model.link_kind} links, {posed.model.load_path} load path, unloaded arm.",
+                    "Static stiffness only: chatter, servo lag and the tool's own bending are not in it.",
+                    "Gamma is right-handed about the tool axis, which leads from the tip into the holder; at 0 the "
+                    f"tool frame's x axis is the part's direction ({reference}), laid across the tool axis.",
+                )
+            ),
+        ),
+    )

@@ -1,0 +1,144 @@
+"""The step `posture`: from a part's path to the posture that the arm should take along it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from machining import (
+    Course,
+    Drive,
+    GammaRange,
+    Objective,
+    PathPosture,
+    Task,
+    course_at,
+    optimise_path,
+)
+from machining.cutting import Comparison, SurfaceError, compare, surface_error
+from machining.posture.axes_map import AxesMap, axes_map
+from robots import InputError
+from stiffarm.session.task_setup import Cut
+
+Array = NDArray[np.float64]
+
+# Passes of finer grids of gamma: from 5 deg to 0.02 deg.
+PASSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class PostureRequest:
+    """What is asked.
+
+    ``before`` rad: gamma of the program as it stands, that the result is compared with; ``cut``: the cutting force,
+    None where no error is to be predicted; ``left_out``: effects of the model that the postures know nothing of.
+    """
+
+    task: Task
+    objective: Objective
+    gammas: GammaRange
+    drive: Drive
+    before: float = 0.0
+    seed: int = 0
+    cut: Cut | None = None
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class MillingErrors:
+    """Predicted surface errors by course, and the recommended one compared with another, None without another."""
+
+    errors: dict[str, SurfaceError]
+    against: str | None
+    comparison: Comparison | None
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """The result: the recommended course beside others.
+
+    ``before``: the course at the gamma that the program has now, None where ``why_no_before`` says that there is none.
+    """
+
+    request: PostureRequest
+    model: fem.ArmModel
+    found: PathPosture
+    before: Course | None
+    why_no_before: str | None
+    milling: MillingErrors | None = None
+
+    @property
+    def course(self) -> Course:
+        """What is recommended."""
+        return self.found.course
+
+    @property
+    def arc_mm(self) -> Array:
+        """Length (n,) mm of the path up to each point."""
+        return np.concatenate([[0.0], np.cumsum(self.request.task.path.lengths)]) * 1e3
+
+    @property
+    def others(self) -> dict[str, Course]:
+        """The courses that the recommended one is compared with, by what they are called."""
+        named = {BEFORE: self.before, FIXED: self.found.fixed, EACH: self.found.each_point}
+        return {name: course for name, course in named.items() if course is not None}
+
+
+CHOSEN, BEFORE, FIXED, EACH = "recommended", "as programmed", "best fixed gamma", "each point by itself"
+
+
+def pose_along(
+    model: fem.ArmModel, request: PostureRequest, progress: Callable[[int, int], None] | None = None
+) -> Posed:
+    """Find the course along the path, and the one it is compared with.
+
+    Raises
+    ------
+    InputError
+        As :func:`machining.optimise_path`.
+    """
+    seeds = np.random.default_rng(request.seed).spawn(2)
+    found = optimise_path(
+        model, request.task, request.objective, request.gammas, request.drive,
+        passes=PASSES, generator=seeds[0], progress=progress,
+    )  # fmt: skip
+    before, why = None, None
+    try:
+        before = course_at(model, request.task, request.before, request.objective, request.drive, generator=seeds[1])
+    except InputError as error:
+        why = str(error)
+    posed = Posed(request, model, found, before, why)
+    return posed if request.cut is None else replace(posed, milling=_milling(posed, request.cut))
+
+
+def _milling(posed: Posed, cut: Cut) -> MillingErrors:
+    """Errors of the recommended course and of what it is compared with: as programmed, else the best fixed gamma."""
+    task, model = posed.request.task, posed.model
+    against = next((name for name in (BEFORE, FIXED) if name in posed.others), None)
+    courses = ({} if against is None else {against: posed.others[against]}) | {CHOSEN: posed.course}
+    errors = {name: surface_error(model, task, c.q, cut.force, tool=cut.tool) for name, c in courses.items()}
+    if against is None:
+        return MillingErrors(errors, None, None)
+    generator = np.random.default_rng(posed.request.seed)
+    return MillingErrors(errors, against, compare(errors[against], errors[CHOSEN], generator))
+
+
+def map_of(posed: Posed) -> AxesMap | None:
+    """The axes map behind a course; None for a path of one point or a single gamma."""
+    request = posed.request
+    if request.task.path.n < 2 or request.gammas.count < 3:
+        return None
+    generator = np.random.default_rng(request.seed)
+    return axes_map(
+        posed.model, request.task, request.objective, request.drive, request.gammas.angles, generator=generator
+    )
+
+
+def gain(objective: Objective, course: Course, other: Course) -> float:
+    """By what factor the recommended course's mean is better: 1.2 is a fifth stiffer, or so much less displaced."""
+    better, worse = (other.mean, course.mean) if objective.minimised else (course.mean, other.mean)
+    return better / worse if worse > 0.0 else float("inf")

@@ -1,0 +1,1 @@
+"""What a surrogate answers on the command line."""

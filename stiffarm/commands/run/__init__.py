@@ -1,0 +1,1 @@
+"""The command `run`: the whole chain from readings to maps."""

@@ -1,0 +1,174 @@
+"""The same calibrations with two models of the links: what of the result hangs on how links are modelled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, PoseFit, Scheme, SpringEstimate, loaded_points, select_loads
+from fem import LinkKind
+from fem.statics.budget import compliance_budget
+from robots import LoadPath
+from stiffarm.session import inputs, steps
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.spring_words import at_widest_bound
+from stiffarm.session.steps import Variant
+
+Array = NDArray[np.float64]
+Agreement = Literal["within", "outside", "unknown"]
+
+BESIDE: Final[Mapping[LinkKind, LinkKind]] = MappingProxyType({"shell": "beam", "beam": "rigid", "rigid": "beam"})
+"""Which links a run is compared with. Shells are built only where they were asked for: they take their time."""
+
+
+@dataclass(frozen=True)
+class LinkCalibrations:
+    """Every load path and scheme with one kind of links.
+
+    ``variants``: in the same order for every kind of links; ``share``: by variant, what links, bar and crank hold
+    of the strain energy at the readings used (n,), 0 to 1; ``alone_mm``: by load path, the read displacements of
+    the arm with rigid joints (m,), mm or mrad as in :attr:`Variant.predicted_mm`.
+    """
+
+    links: LinkKind
+    variants: tuple[Variant, ...]
+    share: Mapping[str, Array]
+    alone_mm: Mapping[LoadPath, Array]
+
+
+@dataclass(frozen=True)
+class SpringPair:
+    """One spring with both kinds of links; (value, low, high) N m/rad each, and at which stage and pose if staged."""
+
+    joint: str
+    own: tuple[float, float, float]
+    other: tuple[float, float, float]
+    where: tuple[str, str] | None = None
+
+    @property
+    def agreement(self) -> Agreement:
+        """Whether each value lies within the other's interval; unknown where there is no interval."""
+        if not np.isfinite([self.own[:2], self.other[:2]]).all() or np.isnan([self.own[2], self.other[2]]).any():
+            return "unknown"
+        crossed = ((self.own[0], self.other), (self.other[0], self.own))
+        return "within" if all(low <= value <= high for value, (_, low, high) in crossed) else "outside"
+
+    @property
+    def has_values(self) -> bool:
+        """Whether both are numbers, and not the end of the widest range."""
+        return not (at_widest_bound(self.own[0]) or at_widest_bound(self.other[0]))
+
+    @property
+    def change(self) -> float:
+        """Relative difference of the own spring from the other one."""
+        return self.own[0] / self.other[0] - 1.0
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One load path and scheme with the run's own links and with those beside them."""
+
+    own: Variant
+    other: Variant
+    springs: tuple[SpringPair, ...]
+
+    @property
+    def left_out_difference_mm(self) -> float:
+        """Left-out RMS of the own links minus that of the others: negative where the own ones predict better."""
+        return self.own.left_out.rms_mm - self.other.left_out.rms_mm
+
+    def poses_better(self) -> tuple[int, int]:
+        """How many poses the own links predict better, of how many that both predict."""
+        size: dict[str, list[float]] = {}
+        for pose, a, b in zip(
+            self.own.system.pose, self.own.left_out.error_m, self.other.left_out.error_m, strict=True
+        ):
+            sums = size.setdefault(pose, [0.0, 0.0])
+            sums[0] += a**2
+            sums[1] += b**2
+        both = [(a, b) for a, b in size.values() if np.isfinite(a + b)]
+        return sum(bool(a < b) for a, b in both), len(both)
+
+
+@dataclass(frozen=True)
+class LinkModels:
+    """The run's own links (``own``) and those it is compared with."""
+
+    own: LinkCalibrations
+    other: LinkCalibrations
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """One for each load path and scheme."""
+        variants = zip(self.own.variants, self.other.variants, strict=True)
+        return tuple(Pair(a, b, _spring_pairs(a, b)) for a, b in variants)
+
+
+def by_load_path(given: ModelInput) -> dict[LoadPath, ModelInput]:
+    """The model with its own load path first, then with the other one if the robot has it."""
+    own = given.model.load_path
+    if given.robot.parallelogram is None:
+        return {own: given}
+    other: LoadPath = "serial" if own == "parallelogram" else "parallelogram"
+    return {own: given, other: inputs.with_load_path(given, other)}
+
+
+def calibrate(
+    models: Mapping[LoadPath, ModelInput],
+    table: Measurements,
+    scheme: Scheme,
+    report: Callable[[Variant], None] | None = None,
+) -> LinkCalibrations:
+    """Calibrate one kind of links with every load path (:func:`by_load_path`), by stages and with constant springs."""
+    used = select_loads(table, scheme.loads_N)
+    variants: list[Variant] = []
+    alone: dict[LoadPath, Array] = {}
+    for path, one in models.items():
+        bounds = (scheme.low_Nm_per_rad, scheme.high_Nm_per_rad)
+        made = (
+            steps.calibrate_by_stages(one, table, scheme, scheme.loads_N),
+            steps.calibrate_constant(one, table, scheme.constant.joints, scheme.loads_N, bounds, scheme.gauge_mm),
+        )
+        alone[path] = steps.readings_with_rigid_joints(one, used).rest * 1e3
+        variants += made
+        if report is not None:
+            for variant in made:
+                report(variant)
+    return LinkCalibrations(
+        variants[0].model.link_kind, tuple(variants), {v.name: _structure_share(v, used) for v in variants}, alone
+    )
+
+
+def _structure_share(variant: Variant, used: Measurements) -> Array:
+    """Share (n,) of links, bar and crank in the strain energy of each reading."""
+    budget = compliance_budget(variant.model, used.q, used.wrench, loaded_points(variant.model, used))
+    return budget.of_kind("link") + budget.of_kind("parallelogram")
+
+
+def _spring_pairs(own: Variant, other: Variant) -> tuple[SpringPair, ...]:
+    if own.constant is not None and other.constant is not None:
+        springs = zip(own.constant.springs, other.constant.springs, strict=True)
+        return tuple(SpringPair(a.joint, _of_estimate(a), _of_estimate(b)) for a, b in springs)
+    if own.staged is None or other.staged is None:
+        return ()
+    return tuple(
+        SpringPair(joint, _of_fit(a, k), _of_fit(b, k), (stage, a.pose))
+        for stage, fits in own.staged.fits.items()
+        for a, b in zip(fits, other.staged.fits[stage], strict=True)
+        for k, joint in enumerate(a.joints)
+    )
+
+
+def _of_estimate(spring: SpringEstimate) -> tuple[float, float, float]:
+    value = float("nan") if spring.status == "not identified" else spring.stiffness
+    return (value, *spring.interval)
+
+
+def _of_fit(fit: PoseFit, k: int) -> tuple[float, float, float]:
+    low, high = (float(v) for v in fit.equivalent[k])
+    return float(fit.stiffness[k]), low, high

@@ -1,0 +1,1 @@
+"""The report of `run`, chapter by chapter."""

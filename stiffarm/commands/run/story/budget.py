@@ -1,0 +1,89 @@
+"""The report on where the compliance sits: in the measured pose that deflects most, and over the workspace."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from doe import loaded_points, select_loads
+from robots import InputError
+from stiffarm.commands.run.workflow import Findings
+from stiffarm.commands.simulate import field_results
+from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
+from stiffarm.commands.simulate.field_picture import load_text
+from stiffarm.commands.simulate.figures import energy_share_figure, workspace_budget_figure
+from stiffarm.pages.blocks import Pictures, short_title
+from stiffarm.pages.report import Block, Note, Picture, Text
+
+
+def budget_blocks(f: Findings, pictures: Pictures) -> list[Block]:
+    """Pictures and sentences for one pose and for the workspace; writes budget.json, and field.vtu for shells."""
+    pose, budget, blocks = _pose(f, pictures)
+    try:
+        found = workspace_budget(f.best.model)
+    except InputError as error:
+        pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": None})
+        return [*blocks, Note(f"No budget of the workspace: {error}")]
+    pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": found.payload()})
+    return [*blocks, *_workspace(f, found, pictures)]
+
+
+def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]]:
+    """The measured pose with the largest deflection: its budget and, for shell links, its deformed shape."""
+    used = select_loads(f.data, f.scheme.loads_N)
+    size = np.where(used.used, np.abs(used.displacement), 0.0)
+    # Rotations decide only where no translation was read.
+    size = size[:, :3] if size[:, :3].any() else size
+    row = int(np.linalg.norm(size, axis=1).argmax())
+    label, model, q, wrench = used.pose[row], f.best.model, used.q[row], used.wrench[row]
+    point = loaded_points(model, used)[row]
+    budget = pose_budget(model, q, wrench, point)
+    facts = field_results.pose_text(model.robot, q).replace("-", "−")
+    figure = energy_share_figure(budget, f"Measured pose {label} under {load_text(wrench)}", facts)
+    blocks: list[Block] = [
+        pictures.add(
+            figure,
+            "energy_share",
+            f"Who gives how much in pose {label}, the measured one that deflects most. A part's share in the strain "
+            "energy is its share in the tool's motion along the load.",
+        )
+    ]
+    if model.link_kind == "shell":
+        arm = field_results.deformed_arm(f.best.description, model, q, wrench, point)
+        field_results.save_vtu(arm, model, pictures.folder.path("field.vtu"))
+        field_results.picture_of(arm, pictures.folder, "figures/field.png")
+        blocks.append(
+            Picture(
+                pictures.folder.path("figures/field.png"),
+                f"The arm in pose {label} with its motion drawn {arm.scale:g} times as large; dashed is the unloaded "
+                "arm. Colour is strain energy per volume of wall; joints are grey, their springs' shares stand beside "
+                "them. field.vtu holds displacements, energies and stresses for ParaView.",
+                "deformed arm",
+            )
+        )
+    return label, budget, blocks
+
+
+def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[Block]:
+    names = ", ".join(name.removesuffix("_deg") for name in found.swept)
+    figure = workspace_budget_figure(
+        found,
+        f"Where the compliance of the {short_title(f)} comes from",
+        f"{len(found.q)} reachable poses, {names} spread evenly over their limits; vertical load",
+    )
+    blocks: list[Block] = [
+        Text(
+            f"The same over the workspace: {len(found.q)} reachable poses, {names} spread evenly over their limits, "
+            f"vertical load. {' '.join(found.sentences())}"
+        ),
+        pictures.add(
+            figure,
+            "workspace_budget",
+            "Compliance budget of the workspace: how much each part's share varies, and how the mean shares change "
+            "with the horizontal distance of the tool from the base's axis.",
+        ),
+    ]
+    if f.best.staged is not None:
+        blocks.append(
+            Note("The springs of this model depend on joint angles; far from the measured poses that is extrapolation.")
+        )
+    return blocks

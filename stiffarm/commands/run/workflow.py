@@ -1,0 +1,240 @@
+"""``stiffarm run``: the whole chain from measured deflections to report, surrogate and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, PoseEffects, Scheme, select_loads
+from fem import deflection_by_part
+from robots import save_description
+from stiffarm.commands.fit import learning
+from stiffarm.commands.maps import sweep as maps
+from stiffarm.commands.run import held_out, link_models
+from stiffarm.commands.run.held_out import HeldOut
+from stiffarm.commands.run.link_models import LinkModels
+from stiffarm.session import inputs, payloads, steps
+from stiffarm.session.console import progress, say
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.options import open_measured
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.steps import FactorialRuns, RigidJoints, Variant
+from surrogate import Surrogate, Trained, save_surrogate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Everything the report tells, computed once."""
+
+    given: ModelInput
+    data: Measurements
+    scheme: Scheme
+    rigid: RigidJoints
+    effects: Mapping[str, list[PoseEffects]]
+    link_models: LinkModels
+    best: Variant
+    published: Variant
+    factorial: Mapping[str, FactorialRuns]
+    trained: Mapping[str, Trained]
+    budget_mm: Mapping[str, Array]
+    budget_poses: tuple[str, ...]
+    pose_check: tuple[list[str], Array, Array]
+    seed: int
+    held_out: HeldOut | None = None
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """Every load path and scheme, with the links that were asked for."""
+        return self.link_models.own.variants
+
+    @property
+    def surrogate(self) -> Surrogate:
+        """The surrogate of the recommended variant."""
+        return self.trained[self.best.name].best
+
+
+def run_all(
+    model: str,
+    data: Path | None,
+    scheme_file: Path | None,
+    links: str | None,
+    out: Path,
+    points: int,
+    seed: int,
+    command: list[str],
+    holdout: Path | None = None,
+    *,
+    confirm_units: bool = False,
+) -> dict[str, Any]:
+    """Run every step and write models, surrogates, maps, pictures and the report into ``out``.
+
+    ``holdout``: table of poses that no calibration sees, to judge the variants by;
+    ``confirm_units``: tables are right though they look like other units.
+    """
+    given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
+    remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
+    inputs.refuse_effects(given, "the whole chain", remedy)
+    scheme = inputs.read_scheme(given.robot, scheme_file)
+    if scheme_file is not None:
+        files["scheme"] = scheme_file
+    kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
+    if holdout is not None:
+        files["holdout"] = holdout
+    with OutputFolder(out, command, files, seed) as folder:
+        with folder.timed("calibration"):
+            rigid, effects, compared = _calibrations(given, table, scheme)
+        judged = None if kept is None else held_out.judge(compared.own.variants, kept)
+        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder, judged)
+        with folder.timed("map"), progress("stiffness map") as bar:
+            made = steps.stiffness_map(
+                findings.best.description, findings.best.model, points, findings.surrogate, progress=bar
+            )
+            drawn = maps.write(made, findings.best.description, given.robot, folder)
+        for message in drawn["messages"]:
+            say(f"note: {message}")
+        from stiffarm.commands.run.story.findings import check, json_of
+        from stiffarm.commands.run.story.story import write_report
+
+        with folder.timed("findings"):
+            checked = check(findings)
+            drawn["findings"] = json_of(checked)
+        content = _write_results(findings, drawn, folder)
+        with folder.timed("report"):
+            say("report")
+            write_report(findings, drawn, checked, folder)
+    say(f"done: open {out / 'report.html'}")
+    return content
+
+
+def _calibrations(
+    given: ModelInput, table: Measurements, scheme: Scheme
+) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
+    used = select_loads(table, scheme.loads_N)
+    straight = scheme.sensitivity.poses
+    beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
+    # Without flexible links there is no first model: beams stand in for them.
+    rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
+    say(
+        f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
+        f"({rigid.links} links, median of poses {', '.join(straight)})"
+    )
+    models = link_models.by_load_path(given)
+    effects: dict[str, list[PoseEffects]] = {
+        path: steps.sensitivity(
+            one,
+            used,
+            scheme.sensitivity.joints,
+            straight,
+            scheme.low_Nm_per_rad,
+            scheme.high_Nm_per_rad,
+        )
+        for path, one in models.items()
+    }
+    own = link_models.calibrate(models, table, scheme, _say_variant)
+    say(f"the same with {beside.model.link_kind} links, to compare")
+    other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
+    return rigid, effects, LinkModels(own, other)
+
+
+def _say_variant(variant: Variant) -> None:
+    say(
+        f"{variant.name}: {variant.parameters} parameters, RMS {variant.rms_mm:.3f} mm, "
+        f"left-out poses {variant.left_out.rms_mm:.3f} mm"
+    )
+
+
+def _learned(
+    given: ModelInput,
+    table: Measurements,
+    scheme: Scheme,
+    rigid: RigidJoints,
+    effects: dict[str, list[PoseEffects]],
+    compared: LinkModels,
+    seed: int,
+    folder: OutputFolder,
+    judged: HeldOut | None,
+) -> Findings:
+    variants = compared.own.variants
+    best = steps.recommended(list(variants))
+    published = variants[0]
+    say(f"recommended: {best.name} (smallest error on left-out poses)")
+    factorial: dict[str, FactorialRuns] = {}
+    trained: dict[str, Trained] = {}
+    with folder.timed("surrogates"):
+        for variant in {v.name: v for v in (best, published)}.values():
+            factorial[variant.name] = steps.factorial_runs(variant.model, scheme)
+            trained[variant.name] = learning.learn(
+                variant.description,
+                variant.model,
+                scheme.factorial.inputs,
+                seed,
+                folder,
+                f"surrogates/{slug(variant.name)}",
+                variant.name,
+                degree=scheme.regression_degree,
+            )
+    used = select_loads(table, scheme.loads_N)
+    parts = deflection_by_part(best.model, used.q, used.wrench)
+    return Findings(
+        given=given,
+        data=table,
+        scheme=scheme,
+        rigid=rigid,
+        effects=effects,
+        link_models=compared,
+        best=best,
+        published=published,
+        factorial=factorial,
+        trained=trained,
+        budget_mm={name: d[:, 2] * 1e3 for name, d in parts.items()},
+        budget_poses=used.pose,
+        pose_check=steps.nine_pose_check(trained[best.name].best, best.model, used),
+        seed=seed,
+        held_out=judged,
+    )
+
+
+def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFolder) -> dict[str, Any]:
+    """Model TOMLs, surrogates, factorial table and results.json."""
+    for variant in findings.variants:
+        save_description(variant.description, folder.path(f"models/{slug(variant.name)}.toml"))
+    save_description(findings.best.description, folder.path("model.toml"))
+    save_surrogate(findings.surrogate, folder.path("surrogate.json"))
+    labels, learned, exact = findings.pose_check
+    content = {
+        "robot": findings.given.robot.name,
+        "links": findings.given.model.link_kind,
+        "rigid_joints": payloads.rigid(findings.rigid),
+        "sensitivity": {path: payloads.effects(e) for path, e in findings.effects.items()},
+        "variants": {v.name: payloads.variant(v) for v in findings.variants},
+        "recommended": findings.best.name,
+        "link_models": payloads.link_models(findings.link_models),
+        "factorial": {name: payloads.factorial(runs) for name, runs in findings.factorial.items()},
+        "surrogates": {name: payloads.trained(t) for name, t in findings.trained.items()},
+        "measured_poses": [
+            {
+                "pose": label,
+                "surrogate_N_per_mm": payloads.number(a),
+                "model_N_per_mm": payloads.number(b),
+                "relative_difference": payloads.number(a / b - 1.0),
+            }
+            for label, a, b in zip(labels, learned, exact, strict=True)
+        ],
+        "map": drawn,
+    }
+    if findings.held_out is not None:
+        content["holdout"] = held_out.payload(findings.held_out)
+    folder.write_json("results.json", content)
+    return content
+
+
+def slug(name: str) -> str:
+    """``constant, serial`` -> ``constant_serial``."""
+    return "_".join(name.replace(",", " ").split())

@@ -1,0 +1,204 @@
+"""The command `sensitivity`: the published factorial, or a screening of any numbers of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from doe import Measurements, Scheme, bundled_scheme
+from doe.estimation.campaign import load_campaign
+from robots import InputError
+from stiffarm.commands.plan.options import parse_parameters
+from stiffarm.commands.sensitivity import screening as screenings
+from stiffarm.commands.sensitivity.screening import Method, Study
+from stiffarm.session import inputs, payloads, steps, tables
+from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.options import (
+    ConfirmUnits,
+    DataArg,
+    Debug,
+    Joints,
+    Json,
+    Links,
+    LoadPathOpt,
+    ModelArg,
+    Out,
+    Seed,
+    folder_if,
+    open_measured,
+)
+from stiffarm.session.outputs import OutputFolder
+
+_METHODS: tuple[Method, ...] = ("morris", "sobol", "derivative")
+_SAMPLES, _TRAJECTORIES = 512, 40
+# A picture of more panels cannot be read.
+_MOST_PANELS = 6
+
+
+def sensitivity(
+    model: ModelArg,
+    data: DataArg = None,
+    poses: Annotated[str | None, typer.Option("--poses", help="pose labels, as in 5,41,77")] = None,
+    joints: Joints = None,
+    method: Annotated[
+        str | None,
+        typer.Option("--method", help="factorial (published; default), morris, sobol or derivative"),
+    ] = None,
+    free: Annotated[
+        str | None, typer.Option("--free", help="numbers to vary, as in j2.stiffness,base.ry,forearm.modulus")
+    ] = None,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="calibration TOML whose numbers and ranges are varied")
+    ] = None,
+    component: Annotated[
+        str | None, typer.Option("--component", help="x, y, z, rx, ry or rz of the tool; default: z")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", help=f"of Sobol's study, a power of two; default: {_SAMPLES}", max=2**20)
+    ] = None,
+    trajectories: Annotated[
+        int | None, typer.Option("--trajectories", help=f"of Morris' study; default: {_TRAJECTORIES}", min=2, max=10**5)
+    ] = None,
+    low: Annotated[float, typer.Option(help="low level of joint springs, N m/rad")] = 1e5,
+    high: Annotated[float, typer.Option(help="high level of joint springs, N m/rad")] = 1e6,
+    seed: Seed = 0,
+    confirm_units: ConfirmUnits = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Which number of the model matters at which pose: factorial of the springs, Morris, Sobol or derivatives."""
+    with user_errors(debug):
+        if not (0.0 < low < high and np.isfinite(high)):
+            raise InputError(
+                "--low, --high",
+                value=f"{low:g}, {high:g}",
+                allowed="0 < low < high, finite, N m/rad",
+                remedy="give the range in which the springs are expected",
+            )
+        options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
+                   "--trajectories": trajectories}  # fmt: skip
+        chosen = _method(method, joints, options)
+        names = parse_parameters(free)
+        given, table, files = open_measured(
+            model, data, links, load_path, without="the sensitivities", confirm_units=confirm_units
+        )
+        if campaign is not None and campaign.is_file():
+            files["campaign"] = campaign
+        scheme = bundled_scheme(given.robot.name)
+        springs = inputs.parse_names(joints, given.robot.joint_names, "--joints")
+        springs = springs or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
+        labels = _labels(poses, table, scheme)
+        with folder_if(out, files, None if chosen is None else seed) as folder:
+            if chosen is None:
+                result, show = _factorial(given, table, springs, labels, (low, high), folder)
+            else:
+                at = table.select(np.isin(np.array(table.pose, dtype=str), labels))
+                numbers = load_campaign(campaign) if campaign else names or tuple(f"{j}.stiffness" for j in springs)
+                found = screenings.study(
+                    given, at, chosen, numbers, (low, high), component=component or "z",
+                    samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
+                )  # fmt: skip
+                result, show = _screened(given, found, folder)
+        if as_json:
+            emit_json(result)
+        else:
+            show()
+
+
+def _method(text: str | None, joints: str | None, options: dict[str, Any]) -> Method | None:
+    """The study asked for; None is the factorial. Options that it would not heed are refused."""
+    given = [name for name, value in options.items() if value is not None]
+    allowed = ("factorial", *_METHODS)
+    if text not in (None, *allowed):
+        raise InputError("--method", value=text, allowed=", ".join(allowed), remedy="choose one of them")
+    chosen = next((m for m in _METHODS if m == text), None)
+    if text is None and given:
+        chosen = "morris" if "--trajectories" in given else "sobol"
+    unheeded = {
+        None: given,
+        "sobol": [n for n in given if n == "--trajectories"],
+        "morris": [n for n in given if n == "--samples"],
+        "derivative": [n for n in given if n in ("--samples", "--trajectories")],
+    }[chosen]
+    if unheeded:
+        raise InputError(
+            f"{', '.join(unheeded)}: no option of --method {chosen or 'factorial'}",
+            remedy="leave it out, or change --method",
+        )
+    both = [n for n, v in {"--joints": joints, **options}.items() if v is not None and n in _NAMING]
+    if len(both) > 1:
+        raise InputError(f"{' and '.join(both)}: one of them at a time", remedy=f"leave out {both[0]}")
+    return chosen
+
+
+_NAMING = ("--joints", "--free", "--campaign")
+
+
+def _labels(poses: str | None, table: Measurements, scheme: Scheme | None) -> tuple[str, ...]:
+    """The poses named, else those of the scheme if they were measured, else all."""
+    every = tuple(dict.fromkeys(table.pose))
+    labels = inputs.parse_names(poses, every, "--poses")
+    if labels is not None:
+        return labels
+    planned = scheme.sensitivity.poses if scheme and set(scheme.sensitivity.poses) <= set(every) else ()
+    return planned or every
+
+
+def _factorial(
+    given: ModelInput,
+    table: Measurements,
+    springs: tuple[str, ...],
+    labels: tuple[str, ...],
+    levels: tuple[float, float],
+    folder: OutputFolder | None,
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    effects = steps.sensitivity(given, table, springs, labels, *levels)
+    result = {
+        "robot": given.robot.name,
+        "load_path": given.model.load_path,
+        "links": given.model.link_kind,
+        "low_Nm_per_rad": levels[0],
+        "high_Nm_per_rad": levels[1],
+        "effects": payloads.effects(effects),
+    }
+    if folder is not None:
+        from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+        from stiffarm.pages.style import save_png
+
+        folder.write_json("sensitivity.json", result)
+        save_png(sensitivity_figure({given.model.load_path: effects}), folder.path("sensitivity.png"))
+    return result, lambda: tables.sensitivity(effects, *levels, given.model.load_path)
+
+
+def _screened(
+    given: ModelInput, found: Study, folder: OutputFolder | None
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    head = {"robot": given.robot.name, "load_path": given.model.load_path, "links": given.model.link_kind}
+    result = head | screenings.payload(found)
+    if folder is not None:
+        from stiffarm.commands.sensitivity.figures.screening import morris_figure, shares_figure
+        from stiffarm.pages.style import save_png
+
+        folder.write_json("sensitivity.json", result)
+        shown = screenings.few(found, _MOST_PANELS)
+        what = f"d{found.component}" if len(found.component) == 1 else found.component
+        if found.method == "morris":
+            figure = morris_figure(shown.found, shown.names, what, *found.factor_unit)
+        else:
+            figure = shares_figure(shown.found, shown.names, what)
+        save_png(figure, folder.path("sensitivity.png"))
+
+    def show() -> None:
+        show_table(*screenings.table(found))
+        for p in found.parameters:
+            say(f"varied: {p.name}, {screenings.range_text(p)}")
+
+    return result, show

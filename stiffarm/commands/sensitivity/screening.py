@@ -1,0 +1,227 @@
+"""The step `sensitivity` over any numbers of a model: ranges, loaded poses, studies; its tables and JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, loaded_points
+from doe.estimation.campaign import Campaign
+from doe.planning.screening import Screening, screen, variance_shares
+from fem.elements.walls import wall_flexibilities
+from fem.free.laws import FreeLaw
+from fem.free.model import FreeModel
+from fem.free.parameters import Parameter, parameter
+from fem.statics.loads import as_loaded
+from robots import InputError
+from stiffarm.commands.calibrate.words import is_joint_spring, spoken_unit
+from stiffarm.commands.plan.words import direction_words
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.payloads import number
+
+Array = NDArray[np.float64]
+Method = Literal["morris", "sobol", "derivative"]
+
+COMPONENTS: Final = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
+# Ranges of numbers other than joint springs, where no calibration file gives one. A stiffness that the model has is
+# varied by this factor to either side; one that it holds rigid, over magnitudes of the field (assumed).
+FACTOR: Final = math.sqrt(10.0)
+TILT, BASE_TILT, SHIFT = (5e5, 5e6), (1e7, 1e8), (1e8, 1e9)
+SHARE: Final = 1.1
+SPANS: Final = {"zero": math.radians(1.0), "load": 0.03, "tilt": math.radians(3.0), "point": 0.03}
+# A coupling's widest range is that of the softest parts there are; parts of arms are ten thousand times stiffer.
+COUPLING: Final = 1e-4
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study of o loaded poses: ``labels`` (o,), ``loads_N`` (o,), ``directions`` (o,) in words."""
+
+    method: Method
+    component: str
+    parameters: tuple[Parameter, ...]
+    labels: tuple[str, ...]
+    loads_N: Array  # noqa: N815 - the unit's letter
+    directions: tuple[str, ...]
+    found: Screening
+    seed: int
+
+    @property
+    def factor_unit(self) -> tuple[float, str]:
+        """From m or rad to what is shown."""
+        return 1e3, "mm" if COMPONENTS[self.component] < 3 else "mrad"
+
+    @property
+    def names(self) -> list[str]:
+        """Labels of the loaded poses, with the direction where a pose is loaded in several."""
+        several = len(set(self.directions)) > 1
+        return [f"{a}, {d}" if several else a for a, d in zip(self.labels, self.directions, strict=True)]
+
+
+def study(
+    given: ModelInput,
+    data: Measurements,
+    method: Method,
+    numbers: Sequence[str] | Campaign,
+    springs: tuple[float, float],
+    *,
+    component: str = "z",
+    samples: int = 512,
+    trajectories: int = 40,
+    seed: int = 0,
+) -> Study:
+    """Vary ``numbers`` at the poses of ``data``, each under its largest load in each direction.
+
+    ``springs`` N m/rad: the range of joint springs.
+
+    Raises
+    ------
+    InputError
+        Unknown numbers or component, no number at all, samples that are no power of two.
+    """
+    if component not in COMPONENTS:
+        raise InputError("--component", value=component, allowed=", ".join(COMPONENTS), remedy="choose one of them")
+    parameters, laws = _free(given, numbers, springs)
+    if isinstance(numbers, Campaign) and numbers.robot != given.robot.name:
+        raise InputError("calibration file is for robot", value=numbers.robot, allowed=given.robot.name)
+    rows, directions = _cases(data)
+    at = as_loaded(given.model, data.q[rows], data.wrench[rows], loaded_points(given.model, data)[rows])
+    walls = wall_flexibilities(given.description, given.model, [p.place for p in parameters if p.kind == "wall"])
+    free = FreeModel(given.model, parameters, at, laws, walls)
+    methods = () if method == "derivative" else (method,)
+    found = screen(free, COMPONENTS[component], samples=samples, trajectories=trajectories, seed=seed, methods=methods)
+    labels = tuple(data.pose[i] for i in rows)
+    return Study(method, component, parameters, labels, data.loads_N[rows], directions, found, seed)
+
+
+def _free(
+    given: ModelInput, numbers: Sequence[str] | Campaign, springs: tuple[float, float]
+) -> tuple[tuple[Parameter, ...], tuple[FreeLaw, ...]]:
+    if not isinstance(numbers, Campaign):
+        return tuple(_ranged(parameter(given.model, name), springs) for name in numbers), ()
+    own = {p.name for p in numbers.parameter if p.lower is not None or p.upper is not None}
+    parameters, laws = numbers.free(given.model)
+    return tuple(p if p.name in own else _ranged(p, springs) for p in parameters), laws
+
+
+def _ranged(p: Parameter, springs: tuple[float, float]) -> Parameter:
+    """The parameter over its usual range."""
+    if p.kind == "law":
+        low, high = np.log(springs) if p.prior is None else (-p.prior[1], p.prior[1])
+        return p.between(float(low), float(high))
+    if p.kind == "stiffness":
+        return p.between(*_stiffness_range(p, springs))
+    if p.kind in ("modulus", "wall"):
+        return p.between(p.value / SHARE, p.value * SHARE)
+    reach = SPANS.get(p.kind, COUPLING * p.upper)
+    return p.between(p.value - reach, p.value + reach)
+
+
+def _stiffness_range(p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
+    if is_joint_spring(p.name):
+        return springs
+    if math.isfinite(p.value):
+        return p.value / FACTOR, p.value * FACTOR
+    if p.unit == "N/m":
+        return SHIFT
+    return BASE_TILT if p.place == "base" else TILT
+
+
+def _cases(data: Measurements) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """Row of the largest load of each pose and direction, and the directions in words."""
+    force = data.loads_N > 0.0
+    size = np.where(force, data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1))
+    unit = np.where(force[:, None], data.wrench[:, :3], data.wrench[:, 3:]) / size[:, None]
+    words = ["" if f else "moment " for f in force]
+    words = [w + direction_words(np.round(d, 2)) for w, d in zip(words, unit, strict=True)]
+    best: dict[tuple[str, str], int] = {}
+    for i, key in enumerate(zip(data.pose, words, strict=True)):
+        if key not in best or size[i] > size[best[key]]:
+            best[key] = i
+    return np.array(list(best.values()), dtype=np.intp), tuple(direction for _, direction in best)
+
+
+def table(s: Study) -> tuple[str, list[str], list[list[str]]]:
+    """Title, columns and rows: each number's importance, mean and range over the poses."""
+    factor, unit = s.factor_unit
+    f = s.found
+    columns = {
+        "sobol": {"total index": f.total, "first order": f.first},
+        "morris": {f"mean effect ({unit})": f.mean_effect * factor, f"spread ({unit})": f.spread * factor},
+        "derivative": {},
+    }[s.method]
+    exact = (
+        {"by derivatives": variance_shares(f.derivative)}
+        if s.method == "sobol"
+        else {"share of derivatives": f.derivative}
+    )
+    columns = {**columns, **exact}
+    rows = [[p.name, *(_over_poses(values[:, k]) for values in columns.values())] for k, p in enumerate(s.parameters)]
+    what = f"d{s.component}" if len(s.component) == 1 else s.component
+    title = f"{s.method.capitalize()} study of {what} at {len(s.labels)} loaded poses: mean, and largest of them"
+    return title, ["number", *columns], rows
+
+
+def _over_poses(values: Array) -> str:
+    known = values[~np.isnan(values)]
+    return f"{known.mean():.3g}, {known.max():.3g}" if known.size else "-"
+
+
+def range_text(p: Parameter) -> str:
+    """The range a number was varied over."""
+    factor, unit = spoken_unit(p)
+    return f"{p.lower * factor:.3g} to {p.upper * factor:.3g} {unit}"
+
+
+def payload(s: Study) -> dict[str, Any]:
+    """For sensitivity.json."""
+    factor, unit = s.factor_unit
+    f = s.found
+    parts: dict[str, dict[str, Array]] = {
+        "sobol": {"first": f.first, "first_conf95": f.first_conf, "total": f.total, "total_conf95": f.total_conf},
+        "morris": {f"mean_effect_{unit}": f.mean_effect * factor, f"spread_{unit}": f.spread * factor},
+        "derivative": {},
+    }
+    columns = {
+        **parts[s.method],
+        "derivative_share": f.derivative,
+        "derivative_variance_share": variance_shares(f.derivative),
+    }
+    return {
+        "method": s.method,
+        "component": s.component,
+        "runs": f.runs,
+        "seed": s.seed,
+        "ranges": {p.name: {"low": number(p.lower), "high": number(p.upper), "unit": p.unit} for p in s.parameters},
+        "poses": [
+            {
+                "pose": label,
+                "load_N": number(float(s.loads_N[o])),
+                "direction": s.directions[o],
+                "numbers": {
+                    p.name: {name: number(float(values[o, k])) for name, values in columns.items()}
+                    for k, p in enumerate(s.parameters)
+                },
+            }
+            for o, label in enumerate(s.labels)
+        ],
+    }
+
+
+def few(s: Study, most: int) -> Study:
+    """The study at ``most`` of its loaded poses at most, spread evenly over them, for a picture."""
+    if len(s.labels) <= most:
+        return s
+    kept = np.unique(np.linspace(0, len(s.labels) - 1, most).round().astype(int))
+    f = s.found
+    fields = ("first", "first_conf", "total", "total_conf", "mean_effect", "spread", "derivative")
+    found = replace(f, **{name: getattr(f, name)[kept] for name in fields})
+    return replace(
+        s, labels=tuple(s.labels[k] for k in kept), loads_N=s.loads_N[kept],
+        directions=tuple(s.directions[k] for k in kept), found=found,
+    )  # fmt: skip

@@ -1,0 +1,141 @@
+"""Commands about models: `robots`, `simulate`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from meshes import RobotMasses, robot_masses
+from robots import bundled_names, load_description
+from robots.robot import robot_from
+from stiffarm.session import inputs, tables
+from stiffarm.session.console import emit_json, show_table, user_errors
+from stiffarm.session.options import (
+    ConfirmUnits,
+    DataArg,
+    Debug,
+    EffectFile,
+    Json,
+    Links,
+    LoadPathOpt,
+    ModelArg,
+    Out,
+    folder_if,
+    model_hash,
+    open_table,
+)
+from stiffarm.session.own_effects import own_effects, own_files
+from stiffarm.session.payloads import number
+
+
+def robots(
+    name: Annotated[str | None, typer.Argument(help="show one robot in detail")] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """List the bundled robots, or show one with its figures and their sources."""
+    with user_errors(debug):
+        if name is not None:
+            description = load_description(name)
+            masses = robot_masses(description, robot_from(description))
+            if as_json:
+                described = description.model_dump(mode="json", by_alias=True, exclude_none=True)
+                emit_json(described | {"masses": _masses(masses)})
+                return
+            tables.robot(description, masses)
+            return
+        found = [load_description(bundled) for bundled in bundled_names()]
+        if as_json:
+            emit_json(
+                {
+                    "robots": [
+                        {"name": d.name, "title": d.title, "joints": len(d.joint), "load_path": d.load_path}
+                        for d in found
+                    ]
+                }
+            )
+            return
+        show_table("Bundled robots", ["name", "title", "load path"], [[d.name, d.title, d.load_path] for d in found])
+
+
+def _masses(masses: RobotMasses) -> dict[str, Any]:
+    """Masses of the parts; null where nothing is declared."""
+    links = {
+        link.name: {
+            "casing_kg": number(link.casing.kg),
+            "declared_kg": link.declared_kg,
+            "rest_kg": None if link.rest_kg is None else number(link.rest_kg),
+        }
+        for link in masses.links
+    }
+    sums = {
+        "bar_kg": masses.bar_kg,
+        "crank_kg": None if masses.crank is None else masses.crank.kg,
+        "sum_kg": masses.sum_kg,
+        "robot_kg": masses.robot_kg,
+        "difference_kg": masses.difference_kg,
+    }
+    return {"links": links} | {name: None if kg is None else number(kg) for name, kg in sums.items()}
+
+
+def simulate(
+    model: ModelArg,
+    data: DataArg = None,
+    pose: Annotated[str | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; the rest is 0")] = None,
+    load: Annotated[
+        str | None,
+        typer.Option("--load", help="wrench at the tool point for --pose, as in fz_N=-650 (the default)"),
+    ] = None,
+    unload_from: Annotated[
+        str | None,
+        typer.Option("--unload-from", help="with --pose: --load is reached by taking load off, as in fz_N=-1300"),
+    ] = None,
+    rigid_joints: Annotated[
+        bool, typer.Option("--rigid-joints", help="only the links give way (and no effect acts)")
+    ] = False,
+    effect: EffectFile = None,
+    field: Annotated[
+        bool,
+        typer.Option("--field", help="with --pose and --out: the deformed arm (.vtu, .png) and who gives how much"),
+    ] = False,
+    scale: Annotated[
+        float | None,
+        typer.Option("--scale", help="with --field: draw motion so many times; 1 is true size; default: automatic"),
+    ] = None,
+    confirm_units: ConfirmUnits = False,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Deflection of the tool point: for one pose and load, or for every reading of a measurement table."""
+    with user_errors(debug):
+        from stiffarm.commands.simulate import field_results
+        from stiffarm.commands.simulate import step as simulation
+
+        simulation.check_request(pose, data, load, out, field, scale, unload_from)
+        own, files = own_effects(effect), own_files(effect)
+        asked = field_results.field_links(model, links) if field else links
+        given = inputs.read_model(model, asked, load_path, own=own, without="the fields" if field else None)
+        files["model"] = model_hash(given)
+        if pose is not None:
+            q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
+            before = None if unload_from is None else inputs.parse_load(unload_from, "--unload-from")
+        else:
+            table = open_table(given, model, data, files, confirm_units=confirm_units)
+        with folder_if(out, files) as folder:
+            result = (
+                simulation.of_table(given, table, rigid_joints)
+                if pose is None
+                else simulation.of_pose(given, q, wrench, rigid_joints, before)
+            )
+            if field and folder is not None:
+                result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
+            if folder is not None:
+                folder.write_json("simulation.json", result)
+        if as_json:
+            emit_json(result)
+        else:
+            simulation.show(result)

@@ -1,0 +1,231 @@
+"""The deformed arm as a file: every shell cell of every link with displacement, stress and strain energy (.vtu)."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import ArmFields
+from meshes import ShellMesh
+from robots import InputError
+from surrogate.maps.vtk_files import M_TO_MM, write_grid
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Share of the arm's size that the largest displacement is drawn as.
+DRAWN_SHARE: Final = 0.08
+UNITS: Final = (
+    "points and displacement mm, rotation mrad, stress MPa, energy mJ, energy density J/m^3, thickness mm; base axes"
+)
+
+
+@dataclass(frozen=True)
+class FieldGrid:
+    """Shells of all links as one grid: k nodes, e cells, p parts.
+
+    ``nodes`` (k, 3) m unloaded, ``displacement`` (k, 6) m and rad, both in base axes. ``cells``: nodes of each
+    cell in turn, ``starts`` (e + 1,) where each begins. ``part`` (e,) indexes ``parts``. ``energy`` (e,) J,
+    ``volume`` (e,) m^3 of wall, ``thickness`` (e,) m, ``von_mises`` (e, 2) Pa on both faces (see LinkField).
+    """
+
+    parts: tuple[str, ...]
+    nodes: Array
+    displacement: Array
+    cells: Indices
+    starts: Indices
+    part: Indices
+    energy: Array
+    volume: Array
+    thickness: Array
+    von_mises: Array
+
+    @property
+    def density(self) -> Array:
+        """Strain energy per volume of wall (e,), J/m^3."""
+        return self.energy / self.volume
+
+    def deformed(self, scale: float) -> Array:
+        """Nodes (k, 3) m with their displacement drawn ``scale`` times."""
+        return np.asarray(self.nodes + scale * self.displacement[:, :3])
+
+    def triangles(self) -> tuple[Indices, Indices]:
+        """Quads halved: triangles (m, 3) of nodes, and the cell (m,) each belongs to."""
+        first, size = self.starts[:-1], np.diff(self.starts)
+        quad = np.flatnonzero(size == 4)
+        cell = np.concatenate([np.arange(len(size)), quad])
+        corners = np.concatenate([first[:, None] + [0, 1, 2], first[quad, None] + [0, 2, 3]])
+        return self.cells[corners], cell
+
+
+def field_grid(fields: ArmFields) -> FieldGrid:
+    """Join the fields of all links."""
+    links = fields.links
+    first = np.cumsum([0, *(len(link.mesh.nodes) for link in links)])
+    cells, sizes = [], []
+    for link, offset in zip(links, first[:-1], strict=True):
+        cells += [offset + link.mesh.triangles.ravel(), offset + link.mesh.quads.ravel()]
+        sizes += [np.full(len(link.mesh.triangles), 3), np.full(len(link.mesh.quads), 4)]
+    volume = [_area(link.mesh) * link.mesh.thickness for link in links]
+    return FieldGrid(
+        parts=tuple(link.name for link in links),
+        nodes=np.concatenate([link.positions for link in links]),
+        displacement=np.concatenate([link.displacement for link in links]),
+        cells=np.concatenate(cells).astype(np.int64),
+        starts=np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64),
+        part=np.repeat(np.arange(len(links)), [len(v) for v in volume]),
+        energy=np.concatenate([link.energy for link in links]),
+        volume=np.concatenate(volume),
+        thickness=np.concatenate([link.mesh.thickness for link in links]),
+        von_mises=np.concatenate([link.von_mises for link in links]),
+    )
+
+
+def _area(mesh: ShellMesh) -> Array:
+    """Area (e,) of the cells, m^2; of a warped quad that of its projection."""
+    t, q = mesh.triangle_corners, mesh.quad_corners
+    spans = np.concatenate(
+        [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), np.cross(q[:, 2] - q[:, 0], q[:, 3] - q[:, 1])]
+    )
+    return np.asarray(0.5 * np.linalg.norm(spans, axis=1))
+
+
+def automatic_scale(grid: FieldGrid) -> float:
+    """How many times to draw the displacement: 1, 2 or 5 times a power of ten.
+
+    The largest displacement then measures about ``DRAWN_SHARE`` of the diagonal of the box around the arm.
+
+    Raises
+    ------
+    InputError
+        Nothing moves.
+    """
+    largest = float(np.linalg.norm(grid.displacement[:, :3], axis=1).max())
+    wanted = DRAWN_SHARE * float(np.linalg.norm(np.ptp(grid.nodes, axis=0))) / largest if largest > 0.0 else np.inf
+    if not 0.0 < wanted < np.inf:
+        raise InputError("deformed arm: the largest displacement (m)", value=largest, allowed="greater than 0")
+    return round_scale(wanted)
+
+
+def round_scale(value: float) -> float:
+    """The nearest of 1, 2 and 5 times a power of ten, by ratio."""
+    decade = np.floor(np.log10(value))
+    choices = [float(f"{m}e{int(decade)}") for m in (1, 2, 5, 10)]
+    return min(choices, key=lambda c: abs(np.log(c / value)))
+
+
+def checked_scale(scale: float | None, grid: FieldGrid) -> float:
+    """The scale asked for, or the automatic one.
+
+    Raises
+    ------
+    InputError
+        Zero, negative or not finite.
+    """
+    if scale is None:
+        return automatic_scale(grid)
+    if not 0.0 < scale < np.inf:
+        raise InputError(
+            "--scale", value=scale, allowed="greater than 0", remedy="leave it out for an automatic one, or give 1"
+        )
+    return scale
+
+
+def write_field(
+    grid: FieldGrid,
+    scale: float,
+    path: Path,
+    *,
+    springs: Mapping[str, float] | None = None,
+    metadata: Mapping[str, str] | None = None,
+) -> None:
+    """Write the arm as an XML unstructured grid: points in mm, displaced ``scale`` times, base axes.
+
+    Point arrays: ``displacement_mm`` (true size) and ``rotation_mrad``, three components each, ``undeformed_mm``.
+    Cell arrays: ``von_mises_MPa`` (the larger of both faces), ``von_mises_front_MPa`` (the face from which the
+    cell's corners run counterclockwise) and ``von_mises_back_MPa``, ``strain_energy_mJ``,
+    ``energy_density_J_per_m3``, ``thickness_mm``, ``part``, a number into the field array ``part_names``.
+    Field data: ``scale_factor``, ``energy_total_mJ``, ``spring_names`` with ``spring_energy_mJ`` (what is no shell:
+    joints' springs, the bar), ``units``, and the texts of ``metadata``.
+
+    Raises
+    ------
+    InputError
+        The name does not end in .vtu, or the folder does not exist or cannot be written.
+    """
+    springs = {} if springs is None else springs
+    out = _vtk_grid(grid, scale)
+    points = {
+        "displacement_mm": grid.displacement[:, :3] * M_TO_MM,
+        "rotation_mrad": grid.displacement[:, 3:] * 1e3,
+        "undeformed_mm": grid.nodes * M_TO_MM,
+    }
+    stress = grid.von_mises * 1e-6
+    cells = {
+        "von_mises_MPa": stress.max(axis=1),
+        "von_mises_front_MPa": stress[:, 0],
+        "von_mises_back_MPa": stress[:, 1],
+        "strain_energy_mJ": grid.energy * 1e3,
+        "energy_density_J_per_m3": grid.density,
+        "thickness_mm": grid.thickness * M_TO_MM,
+        "part": grid.part,
+    }
+    numbers = {
+        "scale_factor": np.array([scale]),
+        "energy_total_mJ": np.array([grid.energy.sum() + sum(springs.values())]) * 1e3,
+        "spring_energy_mJ": np.array(list(springs.values()), dtype=np.float64) * 1e3,
+    }
+    for data, arrays in ((out.GetPointData(), points), (out.GetCellData(), cells), (out.GetFieldData(), numbers)):
+        for name, values in arrays.items():
+            data.AddArray(_numbers(name, values))
+    out.GetPointData().SetActiveVectors("displacement_mm")
+    out.GetCellData().SetActiveScalars("energy_density_J_per_m3")
+    texts: dict[str, Sequence[str]] = {"part_names": grid.parts, "spring_names": tuple(springs), "units": (UNITS,)}
+    texts |= {name: (text,) for name, text in (metadata or {}).items()}
+    for name, lines in texts.items():
+        out.GetFieldData().AddArray(_texts(name, lines))
+    write_grid(out, path)
+
+
+def _vtk_grid(grid: FieldGrid, scale: float) -> Any:
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import VTK_QUAD, VTK_TRIANGLE, vtkCellArray, vtkUnstructuredGrid
+
+    support = _numpy_support()
+    points = vtkPoints()
+    points.SetData(support.numpy_to_vtk(grid.deformed(scale) * M_TO_MM, deep=True))
+    cells = vtkCellArray()
+    cells.SetData(
+        support.numpy_to_vtkIdTypeArray(grid.starts, deep=True), support.numpy_to_vtkIdTypeArray(grid.cells, deep=True)
+    )
+    kinds = np.where(np.diff(grid.starts) == 3, VTK_TRIANGLE, VTK_QUAD).astype(np.uint8)
+    out = vtkUnstructuredGrid()
+    out.SetPoints(points)
+    out.SetCells(support.numpy_to_vtk(kinds, deep=True), cells)
+    return out
+
+
+def _numbers(name: str, values: Array | Indices) -> Any:
+    array = _numpy_support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+    array.SetName(name)
+    return array
+
+
+def _texts(name: str, lines: Sequence[str]) -> Any:
+    from vtkmodules.vtkCommonCore import vtkStringArray
+
+    array = vtkStringArray()
+    array.SetName(name)
+    for line in lines:
+        array.InsertNextValue(line)
+    return array
+
+
+def _numpy_support() -> Any:
+    return importlib.import_module("vtkmodules.util.numpy_support")  # has no type hints

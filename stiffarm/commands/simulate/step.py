@@ -1,0 +1,210 @@
+"""The ``simulate`` command: one pose, or every reading of a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements
+from doe.tables.load_history import history_of
+from fem import ArmModel, deflection_by_part
+from fem.effects import History, observed
+from fem.effects.base import STAGES
+from fem.statics.loads import LoadedPoses
+from robots import InputError
+from stiffarm.session import steps
+from stiffarm.session.console import say, show_table
+from stiffarm.session.effect_words import history_notes
+from stiffarm.session.inputs import WRENCH_NAMES, ModelInput
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.payloads import number
+from stiffarm.session.softness import flagged
+
+Array = NDArray[np.float64]
+
+NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+
+NO_LINKS = "no links described: all bodies rigid"
+
+
+def _head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
+    codes = [table.code for table in given.description.effect]
+    effects = {"effects": [] if rigid_joints else codes} if codes else {}
+    rigid = [j.name for j in model.joints if not j.axial.compliance(np.zeros((1, model.robot.dof))).any()]
+    return {
+        "robot": given.robot.name,
+        "links": model.link_kind if model.links or model.link_kind == "rigid" else NO_LINKS,
+        "load_path": model.load_path,
+        "rigid_joints": rigid_joints,
+        "joints_without_spring": rigid,
+    } | effects
+
+
+def of_pose(
+    given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, unload_from: Array | None = None
+) -> dict[str, Any]:
+    """Displacement and directional stiffness at one pose, split by part.
+
+    The load is put on from zero, or reached by taking load off from ``unload_from`` (6,): effects with a memory tell
+    the two apart. With rigid joints effects are left out.
+    """
+    model = given.model.with_rigid_joints() if rigid_joints else given.model
+    parts = deflection_by_part(model, q[None], wrench)
+    if not rigid_joints:
+        parts |= _by_effect(given, q, wrench, unload_from)
+    d = np.sum([part[0] for part in parts.values()], axis=0) if parts else np.zeros(6)
+    flagged(model.robot, d[None], "--pose under --load")
+    force = wrench[:3]
+    along = float(d[:3] @ force) / float(force @ force) if force.any() else float("nan")
+    return _head(given, model, rigid_joints) | {
+        "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
+        "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
+        "displacement": {n: number(v * 1e3) for n, v in zip(NAMES, d, strict=True)},
+        "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
+        "by_part": {
+            name: {n: number(v * 1e3) for n, v in zip(NAMES, part[0], strict=True)} for name, part in parts.items()
+        },
+    }
+
+
+def _by_effect(given: ModelInput, q: Array, wrench: Array, unload_from: Array | None) -> dict[str, Array]:
+    """What each effect beyond the linear arm adds (1, 6), one after the other in the order in which they act."""
+    if not given.effects:
+        return {}
+    steps_to = [wrench] if unload_from is None else [unload_from, wrench]
+    n = len(steps_to)
+    tool = np.broadcast_to(given.robot.T_flange_tool[:3, 3], (n, 3))
+    at = LoadedPoses(np.tile(q, (n, 1)), np.array(steps_to), tool)
+    then = History(np.zeros(n, dtype=np.intp), np.arange(n), np.full(n, np.nan), is_known=True)
+    before, out = observed(given.model, at, (), then)[-1:], {}
+    order = sorted(given.effects, key=lambda e: STAGES.index(e.effect.stage))
+    for k, effect in enumerate(order, start=1):
+        after = observed(given.model, at, order[:k], then)[-1:]
+        out[effect.effect.code] = after - before
+        before = after
+    return out
+
+
+def check_request(
+    pose: str | None,
+    data: Path | None,
+    load: str | None,
+    out: Path | None,
+    field: bool,
+    scale: float | None,
+    unload_from: str | None = None,
+) -> None:
+    """Refuse options that do not go together, before anything is built.
+
+    Raises
+    ------
+    InputError
+        A pose and a table, a load for a table, or fields without a pose, without a folder or not asked for.
+    """
+    if pose is not None and data is not None:
+        raise InputError("simulate takes a pose or a measurement table, not both", remedy="leave out --pose or DATA")
+    if field and pose is None:
+        raise InputError(
+            "--field",
+            value="a measurement table",
+            allowed="one pose and load",
+            remedy="give --pose, as in --pose q2_deg=5, and --load if it is not 650 N downward",
+        )
+    if field and out is None:
+        raise InputError("--field writes files and has no folder for them", remedy="give --out DIR")
+    if scale is not None and not field:
+        raise InputError("--scale", value=scale, allowed="only with --field", remedy="add --field or leave it out")
+    if scale is not None and not 0.0 < scale < np.inf:
+        raise InputError("--scale", value=scale, allowed="greater than 0", remedy="1 draws motion at its true size")
+    if load is not None and pose is None:
+        raise InputError("--load", value=load, allowed="only with --pose: a measurement table has its own loads")
+    if unload_from is not None and pose is None:
+        raise InputError("--unload-from", value=unload_from, allowed="only with --pose: a table says its own phases")
+
+
+def field_of_pose(
+    given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, scale: float | None, folder: OutputFolder
+) -> dict[str, Any]:
+    """Fields and energy budget of one pose: see :func:`stiffarm.commands.simulate.field_results.write`."""
+    from stiffarm.commands.simulate import field_results
+
+    model = given.model.with_rigid_joints() if rigid_joints else given.model
+    say("fields of the deformed arm")
+    with folder.timed("fields"):
+        arm = field_results.deformed_arm(given.description, model, q, wrench, scale=scale)
+        return field_results.write(arm, model, folder, rigid_joints)
+
+
+def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
+    """Simulated against measured for every reading."""
+    model = given.model.with_rigid_joints() if rigid_joints else given.model
+    history = history_of(data)
+    d = steps.simulate(model, data, () if rigid_joints else given.effects, history)
+    notes = [] if rigid_joints else history_notes(given.effects, history)
+    for note in notes:
+        say(f"note: {note}")
+    marks = flagged(model.robot, d, "simulated readings")
+    rows: list[dict[str, Any]] = []
+    for i in range(data.n):
+        row: dict[str, Any] = {
+            "line": data.row_numbers[i],
+            "pose": data.pose[i],
+            "load_N": number(float(data.loads_N[i])),
+        }
+        for k in np.flatnonzero(data.used[i]):
+            row[f"{NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
+            row[f"{NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
+        rows.append(row | marks[i])
+    error = (d - data.displacement) * 1e3
+    return _head(given, model, rigid_joints) | {
+        "notes": [*data.notes, *notes],
+        "rms_mm": _rms(error[:, :3][data.used[:, :3]]),
+        "rms_mrad": _rms(error[:, 3:][data.used[:, 3:]]),
+        "readings": rows,
+    }
+
+
+def _rms(error: Array) -> float | None:
+    return number(float(np.sqrt(np.mean(error**2)))) if error.size else None
+
+
+def show(result: dict[str, Any]) -> None:
+    """Tables for people."""
+    if result.get("effects"):
+        say(f"with effects: {', '.join(result['effects'])}")
+    if result["joints_without_spring"] and not result["rigid_joints"]:
+        say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid (calibrate first?)")
+    if result["links"] == NO_LINKS:
+        say(f"note: {NO_LINKS} (`stiffarm import` makes links of a URDF's meshes)")
+    if "readings" in result:
+        columns = list(dict.fromkeys(key for row in result["readings"] for key in row))
+        rms = [f"{result[k]:.3f} {k.removeprefix('rms_')}" for k in ("rms_mm", "rms_mrad") if result[k] is not None]
+        show_table(
+            f"{result['robot']}: measured and simulated (RMS difference {' and '.join(rms)})",
+            columns,
+            [["-" if row.get(c) is None else str(row[c]) for c in columns] for row in result["readings"]],
+        )
+        return
+    show_table(
+        f"{result['robot']}: displacement of the tool point",
+        ["part", *NAMES],
+        [[name, *(f"{part[n]:+.4f}" for n in NAMES)] for name, part in result["by_part"].items()]
+        + [["total", *(f"{result['displacement'][n]:+.4f}" for n in NAMES)]],
+    )
+    if "field" in result:
+        _show_field(result["field"])
+    k = result["stiffness_N_per_mm"]
+    say("stiffness along the force: " + ("none (no force, or a rigid model)" if k is None else f"{k:.1f} N/mm"))
+
+
+def _show_field(found: dict[str, Any]) -> None:
+    for message in found["messages"]:
+        say(f"note: {message}")
+    largest = found["budget"]["parts"][0]
+    say(f"{largest['part']} gives most: {100.0 * largest['share']:.1f} % of the strain energy")
+    stress, part = found["largest_von_mises_MPa"], found["largest_von_mises_in"]
+    say(f"largest von Mises stress: {stress:.3g} MPa in {part} (peaks at ends and kinks grow with a finer mesh)")
+    say(f"written: {', '.join(found['files'])}; motion drawn {found['scale_factor']:g} times")

@@ -1,0 +1,125 @@
+"""The command `verify`: a program replayed in its cell before the cell moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from machining.cell import read_cell
+from machining.verification import Demands, Verification, verify
+from robots import InputError, content_hash
+from robots.files.csv_text import columns_text, records_text
+from stiffarm.commands.verify.inputs import read_arm, read_program
+from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
+from stiffarm.commands.verify.words import offence_words, sentence, value_words
+from stiffarm.session.console import EXIT_OTHER, emit_json, progress, say, show_table, user_errors
+from stiffarm.session.options import Debug, Json, ModelArg, Out, folder_if
+from stiffarm.session.outputs import OutputFolder
+
+# Offences shown on the screen.
+SHOWN = 12
+
+
+def verify_command(
+    model: ModelArg,
+    program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="neutral program, JSON or CSV")],
+    cell: Annotated[Path, typer.Option("--cell", metavar="CELL.toml", help="cell file: tool, part, fixtures, axes")],
+    interpolation: Annotated[
+        str,
+        typer.Option(
+            "--interpolation",
+            help="between points: joint (all axes even), linear (straight lines of the tool) or mixed (cutting linear)",
+        ),
+    ] = "joint",
+    safety: Annotated[
+        float | None, typer.Option("--safety", metavar="MM", help="distance to keep; default: the cell's", min=0.0)
+    ] = None,
+    resolution: Annotated[
+        float, typer.Option("--resolution", metavar="MM", help="motion below which moves are not divided further")
+    ] = 1.0,
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", metavar="MM", help="that the tip may leave points and straight lines")
+    ] = 0.1,
+    smoothing: Annotated[
+        float, typer.Option("--smoothing", metavar="MS", help="time over which the controller blends corners")
+    ] = 50.0,
+    singular: Annotated[
+        float, typer.Option("--singular", help="least distance from singularities, 0 to 1", min=0.0)
+    ] = Demands.singular_least,
+    jump: Annotated[float, typer.Option("--jump", metavar="DEG", help="largest joint step without tool motion")] = 20.0,
+    out: Out = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Look for collisions, limits, speeds, singularities, branch jumps and deviations before the cell moves.
+
+    Exit code 0: no offence (warnings may be left); 1: offences, the first one is named; 2: bad input. Writes
+    report.html, replay.html, verification.json, offences.csv and moves.csv into --out.
+    """
+    with user_errors(debug):
+        demands = Demands(
+            interpolation=_interpolation(interpolation),  # type: ignore[arg-type]
+            safety=None if safety is None else safety * 1e-3,
+            resolution=resolution * 1e-3,
+            tolerance=tolerance * 1e-3,
+            smoothing=smoothing * 1e-3,
+            singular_least=singular,
+            jump=float(np.radians(jump)),
+        )
+        description, arm = read_arm(model)
+        given = read_program(program, arm.robot, read_cell(cell))
+        files: dict[str, Path | str] = {"model": content_hash(description), "program": program, "cell": cell}
+        with folder_if(out, files) as folder:
+            with progress("moves checked") as bar:
+                found = verify(given.program, arm, demands, nc_lines=given.lines, progress=bar)
+            content = payload(found)
+            if folder is not None:
+                _write(folder, found, description.title.split(" (")[0], content)
+        if as_json:
+            emit_json(content)
+        else:
+            _show(found)
+            if out is not None:
+                say(f"written: {out / 'report.html'}, replay.html, verification.json, offences.csv, moves.csv")
+        if not found.clean:
+            say(f"stiffarm: this program must not run: {sentence(found.errors[0])}")
+            raise typer.Exit(EXIT_OTHER)
+
+
+def _interpolation(text: str) -> str:
+    if text not in ("joint", "linear", "mixed"):
+        raise InputError("--interpolation", value=text, allowed="joint, linear, mixed", remedy="choose one of them")
+    return text
+
+
+def _write(folder: OutputFolder, found: Verification, title: str, content: dict[str, Any]) -> None:
+    from stiffarm.commands.verify.replay import replay_page
+    from stiffarm.commands.verify.report import write_report
+
+    folder.write_json("verification.json", content)
+    folder.write_text("offences.csv", records_text(offence_rows(found)))
+    folder.write_text("moves.csv", columns_text(move_columns(found)))
+    source = found.program.motions.source
+    folder.write_text("replay.html", replay_page(found, f"{title}, {source}" if source else title))
+    write_report(found, title, folder)
+
+
+def _show(found: Verification) -> None:
+    least = float(found.swept.distance.min())
+    near = "bodies overlap" if least < 0.0 else f"least distance {least * 1e3:.3g} mm"
+    if least >= found.swept.within:
+        near = f"all bodies over {found.swept.within * 1e3:g} mm apart"
+    say(f"{found.program.n} moves, {len(found.errors)} offences; {near}")
+    if found.offences:
+        rows = [
+            [str(o.line), str(o.moves), f"{o.kind} ({o.severity})", offence_words(o), value_words(o)]
+            for o in found.offences[:SHOWN]
+        ]
+        show_table("offences in the order of the program", ["line", "moves", "kind", "what", "value"], rows)
+        if len(found.offences) > SHOWN:
+            say(f"and {len(found.offences) - SHOWN} more")
+    for text in found.not_looked_at:
+        say(f"not looked at: {text}")

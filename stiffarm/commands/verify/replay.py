@@ -1,0 +1,122 @@
+"""replay.html: a program in its cell as one page that opens without a network, with its offences on a timeline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from machining.verification import Offence, Verification
+from stiffarm.commands.verify.bodies import body_surfaces
+from stiffarm.commands.verify.words import offence_words, value_words
+from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
+
+Array = NDArray[np.float64]
+
+# Points kept of a long program: 60 bytes each in the file.
+MOST_POINTS = 40_000
+# Triangles of all bodies together: 30 bytes each.
+MOST_TRIANGLES = 60_000
+MOST_OFFENCES = 500
+
+
+def replay_page(found: Verification, title: str) -> str:
+    """The page as HTML text; what comes from files is escaped."""
+    return render_page(
+        "replay.html.j2", replay_data(found), ("page_matrices.js",), title=title, verdict=_verdict(found)
+    )
+
+
+def _verdict(found: Verification) -> str:
+    n = len(found.errors)
+    return "no offence found" if not n else f"{n} offence{'s' if n > 1 else ''}"
+
+
+def replay_data(found: Verification) -> dict[str, Any]:
+    """Everything that the page shows: kinematics, bodies, points, offences; arrays as base64, little end first."""
+    program, scene = found.program, found.scene
+    kept = kept_points(found)
+    robot, cell = program.robot, program.cell
+    surfaces = body_surfaces(scene, MOST_TRIANGLES // max(1, len(scene.members)))
+    distance = np.minimum(found.swept.distance, found.swept.within)
+    time = np.cumsum(found.timing.time + program.motions.dwell)
+    timed = bool(np.isfinite(time).all())
+    return {
+        "chain": chain_data(robot),
+        "cell": {
+            "base": column_matrix(cell.T_world_base0),
+            "part": column_matrix(cell.T_world_part0),
+            "tool": column_matrix(cell.tool.T_flange_tool),
+            "rails": [axis.direction.tolist() for axis in cell.linear_axes],
+            "table": None
+            if cell.turntable is None
+            else {"point": cell.turntable.point.tolist(), "axis": cell.turntable.axis.tolist()},
+            "floor": cell.floor,
+        },
+        "frames": scene.arm.count,
+        "bodies": [
+            {
+                "name": body.name,
+                "kind": body.kind,
+                "frame": int(body.frame),
+                "v": packed(body.vertices, "<f4"),
+                "t": packed(body.triangles, "<u4"),
+            }
+            for body in surfaces
+        ],
+        "axes": [
+            {"name": name, "linear": bool(linear), "lower": _bound(low), "upper": _bound(high)}
+            for name, linear, low, high in zip(
+                found.axes.names, found.axes.linear, found.axes.lower, found.axes.upper, strict=True
+            )
+        ],
+        "n": len(kept),
+        "moves": program.n,
+        "values": packed(found.courses.points[kept], "<f4"),
+        "tips": packed(found.courses.reached[kept, :3, 3], "<f4"),
+        "move": packed(kept, "<i4"),
+        "line": packed(program.motions.line[kept], "<i4"),
+        "rapid": packed(program.motions.rapid[kept], "<u1"),
+        "feed": packed(program.motions.feed[kept] * 6e4, "<f4"),
+        "clearance": packed(_least_between(distance, kept) * 1e3, "<f4"),
+        "horizon": found.swept.within * 1e3,
+        "time": packed(time[kept], "<f8") if timed else None,
+        "offences": [_offence(o) for o in found.offences[:MOST_OFFENCES]],
+        "note": "between points all axes are shown moving evenly" if found.courses.straight.any() else "",
+        "left_out": len(found.offences) - min(len(found.offences), MOST_OFFENCES),
+    }
+
+
+def kept_points(found: Verification, most: int = MOST_POINTS) -> NDArray[np.int64]:
+    """Numbers of the points that the page holds: all, or of a long program some, with those at offences."""
+    n = found.program.n
+    if n <= most:
+        return np.arange(n)
+    marked = np.array([[o.move - 1, o.move, o.last] for o in found.offences[:MOST_OFFENCES]], dtype=np.int64)
+    even = np.round(np.linspace(0, n - 1, most - min(most // 2, marked.size))).astype(np.int64)
+    return np.unique(np.clip(np.concatenate([even, marked.ravel()]), 0, n - 1))
+
+
+def _least_between(values: Array, kept: NDArray[np.int64]) -> Array:
+    """Least value of all moves that lead from one kept point to the next."""
+    first = np.concatenate([[0], kept[:-1] + 1])
+    return np.asarray(np.minimum.reduceat(values, first))
+
+
+def _offence(offence: Offence) -> dict[str, Any]:
+    return {
+        "kind": str(offence.kind),
+        "severity": str(offence.severity),
+        "move": offence.move,
+        "last": offence.last,
+        "at": offence.at,
+        "line": offence.line,
+        "words": offence_words(offence),
+        "value": value_words(offence),
+        "bodies": list(offence.bodies or ()),
+    }
+
+
+def _bound(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,1 @@
+"""How reports and pictures look; knows no command."""

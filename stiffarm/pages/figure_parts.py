@@ -1,0 +1,94 @@
+"""What the figures have in common: colours and markers of series, notes, legends, titles, axes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from robots import InputError
+from stiffarm.pages.style import OKABE_ITO
+
+Array = NDArray[np.float64]
+
+SERIES: Final = tuple(OKABE_ITO[c] for c in ("blue", "vermillion", "green", "purple", "orange", "sky"))
+MARKERS: Final = "osD^vP"
+# Values after a jump by more than this factor leave a linear axis; their number is written instead.
+_JUMP = 3.0
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def joint_colour(name: str, position: int = 0) -> str:
+    """Return one colour for a joint in every figure, by the number in its name, else by ``position``."""
+    digits = re.findall(r"\d+", name)
+    # Joint 2 gets the first colour: on most arms it is the one that matters.
+    return SERIES[((int(digits[-1]) if digits else position) - 2) % len(SERIES)]
+
+
+def note(ax: Axes, text: str, xy: tuple[float, float], offset: tuple[float, float] = (0, 0), **look: Any) -> None:
+    """Write beside a point, ``offset`` in points of type, centred unless ``look`` says otherwise."""
+    ax.annotate(text, xy, offset, textcoords="offset points", **{"ha": "center", "va": "center", "size": 9.0, **look})
+
+
+def above(ax: Axes, handles: Sequence[Any], columns: int) -> None:
+    """Put the legend above the axes, where it hides no data."""
+    look: dict[str, Any] = {"columnspacing": 1.4, "handlelength": 1.6, "borderaxespad": 0.3}
+    ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, **look)
+
+
+def title(figure: Figure, text: str) -> None:
+    """Write the title of a figure at its top left."""
+    figure.suptitle(text, x=0.01, ha="left", size=11.5, weight="bold")
+
+
+def paler(colour: str) -> str:
+    """Return a colour mixed with white; unlike a transparent one it hides the grid behind it."""
+    red, green, blue = (0.42 * part + 0.58 for part in to_rgb(colour))
+    return to_hex((red, green, blue))
+
+
+def axis_limit(values: Array) -> float:
+    """End of a linear axis of magnitudes: the largest, or the last one before a jump to a few far larger."""
+    ordered = np.sort(values)
+    for i in range(int(0.6 * len(ordered)), len(ordered) - 1):
+        if ordered[i] > 0.0 and ordered[i + 1] > _JUMP * ordered[i]:
+            return float(ordered[i])
+    return float(ordered[-1]) if ordered.size and ordered[-1] > 0.0 else 1.0
+
+
+def same_length(what: str, values: Array, poses: Sequence[str]) -> None:
+    """Raise InputError unless there is one value (n,) a pose, and a pose at all."""
+    if values.shape != (len(poses),) or not len(poses):
+        allowed = f"({len(poses)},), one value a pose, n >= 1"
+        raise InputError(what, value=f"shape {values.shape}", allowed=allowed)
+
+
+def angle_label(name: str) -> str:
+    """Return the axis label of a joint coordinate: ``q2 (deg)`` for ``q2_deg``."""
+    return f"{name.removesuffix('_deg')} (deg)"
+
+
+def power_of_ten(value: float) -> str:
+    """Write a positive number as ``10⁵`` or ``2·10⁵``: without mathtext, which no figure of ours uses."""
+    exponent = int(np.floor(np.log10(value) + 1e-9))
+    lead, power = f"{value / 10.0**exponent:.3g}", "10" + str(exponent).translate(_RAISED)
+    return power if lead == "1" else f"{lead}·{power}"
+
+
+def log_ticks(axis: Axis, write: Callable[[float], str] = power_of_ten) -> None:
+    """Label a logarithmic axis whose limits are set: powers of ten, with 2 and 5 between them if these are few.
+
+    Matplotlib's own labels are mathtext.
+    """
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 300.0 * low else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda v, _: write(float(v))))
+    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,1 @@
+"""What every command does first and last: inputs, options, messages, output folders."""

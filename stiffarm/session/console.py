@@ -1,0 +1,128 @@
+"""What a user sees: messages and progress on stderr, one JSON object on stdout, exit codes."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from robots import InputError
+from robots.errors import one_line
+from robots.files.reading import recording
+from stiffarm.session.interruption import EXIT_STOPPED, stoppable
+from stiffarm.session.json_text import json_text
+from stiffarm.session.streams import CLOSED, silence
+
+EXIT_BAD_INPUT = 2
+EXIT_OTHER = 1
+
+# Colons stand in ranges and paths: none of them is a picture.
+stderr = Console(stderr=True, highlight=False, emoji=False)
+
+
+def say(message: str) -> None:
+    """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal."""
+    _print(Text(one_line(message)), soft_wrap=True)
+
+
+def say_error(error: InputError) -> None:
+    """An error, on stderr: one line, or one for each fault."""
+    for line in f"stiffarm: {error}".split("\n"):
+        say(line)
+
+
+def _print(content: Text | Table, *, soft_wrap: bool = False) -> None:
+    try:
+        stderr.print(content, soft_wrap=soft_wrap)
+    except OSError:  # a full disk, a reader that has gone: the results and the exit code still count
+        silence(sys.stderr.fileno())
+
+
+def emit_json(content: Mapping[str, Any]) -> None:
+    """Put one JSON object on stdout."""
+    text = json_text(content)
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        # Python would try to write the rest again at exit, and complain about that itself.
+        silence(sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # the reader has had enough, as in `| head`
+            raise typer.Exit(EXIT_OTHER) from None
+        raise
+
+
+def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
+    """A table for people, on stderr. Names and labels come from files: they are no markup."""
+    table = Table(title=Text(one_line(title)), title_justify="left", title_style="bold")
+    for i, column in enumerate(columns):
+        table.add_column(Text(one_line(column)), justify="left" if i == 0 else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(one_line(cell)) for cell in row))
+    _print(table)
+
+
+@contextmanager
+def progress(description: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar with a count and the time left; call it with (done, total). Only a terminal sees it."""
+    bar = Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=stderr,
+        transient=True,
+        disable=not stderr.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(one_line(description), total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def user_errors(debug: bool) -> Iterator[None]:
+    """Turn errors into one clear message and the agreed exit code; with ``debug`` a traceback too.
+
+    Every input file of the command is read once in here, and its hash kept for run.json.
+    """
+    with stoppable(), recording():
+        try:
+            _check_stdout()
+            yield
+        except InputError as error:
+            if debug:
+                traceback.print_exc()
+            say_error(error)
+            raise typer.Exit(EXIT_BAD_INPUT) from None
+        except KeyboardInterrupt:  # only where Ctrl-C is not ours to handle
+            say("stiffarm: stopped by the user; no half-written files are left")
+            raise typer.Exit(EXIT_STOPPED) from None
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception as error:  # the last line of defence: a user never sees a traceback unasked
+            if debug:
+                raise
+            say(f"stiffarm: {_unforeseen(error)}")
+            raise typer.Exit(EXIT_OTHER) from None
+
+
+def _check_stdout() -> None:
+    """Refuse to work for an answer that nobody will get."""
+    if "stdout" in CLOSED and "--json" in sys.argv[1:]:
+        raise InputError(
+            "stdout is closed, where the answer belongs (--json)", remedy="redirect it to a file, or leave --json out"
+        )
+
+
+def _unforeseen(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"the system refused: {error}. To fix it: check free space and access rights, then run again"
+    return f"internal error: {type(error).__name__}: {error} (run again with --debug and report it)"

@@ -1,0 +1,95 @@
+"""What every command asks of a measurement table before it takes it: signs, and the units for this class of arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Measurements, read_measurements
+from doe.tables.units_check import check_units
+from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
+from robots import InputError
+from stiffarm.session.console import say
+from stiffarm.session.inputs import ModelInput
+
+Array = NDArray[np.float64]
+
+FEWEST, LISTED = 3, 10
+# A reading against its load by less than this (m/N) is noise about zero; arms give 20 times as much and more.
+STILL = 2e-8
+
+
+def check_readings(given: ModelInput, data: Measurements, *, confirm_units: bool = False) -> None:
+    """Refuse a table that no arm like this gives as it is typed; remark on readings against their load.
+
+    ``confirm_units``: the user has checked the units; what looks like others is remarked on.
+
+    Raises
+    ------
+    InputError
+        Most readings move against their load, look like other units, or are beyond small displacements.
+    """
+    refuse_against_load(data)
+    notes = check_units(given.description, given.model, data, confirm_units=confirm_units)
+    refuse_large(given, data)
+    for remark in (against_load(data), *notes):
+        if remark is not None:
+            say(f"note: {remark}")
+
+
+def read_held_out(given: ModelInput, file: Path, *, confirm_units: bool = False) -> Measurements:
+    """Read a table held out, with remarks and checks as any other."""
+    if not file.is_file():
+        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
+    data = read_measurements(file, given.robot)
+    for note in data.notes:
+        say(f"note: {data.source}: {note}")
+    check_readings(given, data, confirm_units=confirm_units)
+    return data
+
+
+def refuse_against_load(data: Measurements) -> None:
+    """Raise InputError if most readings move against their load.
+
+    Only readings in every direction that is loaded tell: the work of the load is known there. A passive arm never
+    moves against a load as a whole, so a calibration would drive every spring to its rigid end and look calm.
+    """
+    work, _, _ = _work(data)
+    against = int((work < 0.0).sum())
+    if len(work) >= FEWEST and 2 * against > len(work):
+        raise InputError(
+            f"{data.source}: {against} of {len(work)} readings move against the load",
+            allowed="deflections along the load, as those of every passive arm",
+            remedy="check the sign of the load and reading columns (a downward load has fz_N < 0 and gives dz_mm < 0)",
+        )
+
+
+def refuse_large(given: ModelInput, data: Measurements) -> None:
+    """Raise InputError if most readings are beyond small displacements: nothing linear can be told from them."""
+    turned = turn(given.robot, data.displacement)
+    if len(turned) and np.median(turned) > LIMIT:
+        middle = np.argsort(turned)[len(turned) // 2 :][:1]
+        refuse_beyond(given.robot, data.displacement[middle], f"{data.source}, row {data.row_numbers[middle[0]]}")
+
+
+def against_load(data: Measurements) -> str | None:
+    """A remark on readings that move against their load by more than a gauge's noise would; None if none do.
+
+    Few of them may be slips of the pen; a calibration gives them little weight if it can.
+    """
+    work, force, told = _work(data)
+    odd = np.flatnonzero(told)[(work < 0.0) & (np.abs(work) >= STILL * force**2)]
+    if not odd.size:
+        return None
+    rows = ", ".join(str(data.row_numbers[i]) for i in odd[:LISTED]) + (" ..." if odd.size > LISTED else "")
+    return f"{data.source}: {odd.size} of {len(work)} readings move against their load: the sign? Rows {rows}"
+
+
+def _work(data: Measurements) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Force times displacement (k,), force (k,) and which (n,) of the readings had their loaded directions all read."""
+    force = data.wrench[:, :3]
+    work = np.where(force != 0.0, force * data.displacement[:, :3], 0.0).sum(axis=1)
+    told = (force != 0.0).any(axis=1) & np.isfinite(work) & (work != 0.0)
+    return work[told], data.loads_N[told], told

@@ -1,0 +1,112 @@
+"""From the arrays of a finished store to a map, and figures of it taken block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.maps.blocks import Engine
+from surrogate.maps.data import Field, MapData
+from surrogate.maps.store import MapStore
+
+Array = NDArray[np.float64]
+
+# Rows looked at at once.
+ROWS = 1 << 17
+# Above this many points a median is that of evenly spaced points.
+EXACT_MEDIAN = 2_000_000
+
+
+def map_data(engine: Engine, store: MapStore, metadata: Mapping[str, str] | None = None) -> MapData:
+    """The map of a store that has all its blocks; its arrays are memory maps of the store's files.
+
+    Raises
+    ------
+    InputError
+        Blocks are missing.
+    """
+    arrays: Mapping[str, NDArray[np.generic]] = store.finished()
+    fields = {
+        kind.name: Field(_numbers(arrays[kind.name]), kind.unit, kind.label, engine.quantities.categories(kind.name))
+        for kind in engine.quantities.kinds
+    }
+    reached = arrays["reached"]
+    assert reached.dtype == np.bool_  # noqa: S101 - the store has seen to it
+    return MapData(
+        layout=engine.grid.layout,
+        points=_numbers(arrays["points"]),
+        q=_numbers(arrays["q"]),
+        reached=reached.view(np.bool_),
+        coordinates=engine.quantities.model.robot.coordinates,
+        fields=fields,
+        parts=engine.quantities.parts if "shares" in arrays else (),
+        shares=_numbers(arrays["shares"]) if "shares" in arrays else None,
+        metadata=dict(metadata or {}),
+    )
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Of one field over the points where it has a value: least, median and greatest, and the rows of the ends.
+
+    ``median_of``: points that the median was taken of; it is exact where that is ``count``.
+    """
+
+    count: int
+    least: float
+    median: float
+    greatest: float
+    row_of_least: int
+    row_of_greatest: int
+    median_of: int
+
+
+def figures(values: Array) -> Figures | None:
+    """Figures of values (n,), a block at a time; None if all are NaN."""
+    n = len(values)
+    count, low, high, at_low, at_high = 0, np.inf, -np.inf, -1, -1
+    for rows in _row_blocks(n):
+        part = np.asarray(values[rows])
+        there = np.flatnonzero(np.isfinite(part))
+        if not len(there):
+            continue
+        count += len(there)
+        least, most = there[part[there].argmin()], there[part[there].argmax()]
+        if part[least] < low:
+            low, at_low = float(part[least]), rows.start + int(least)
+        if part[most] > high:
+            high, at_high = float(part[most]), rows.start + int(most)
+    if not count:
+        return None
+    sample = np.asarray(values[:: max(1, -(-n // EXACT_MEDIAN))])
+    sample = sample[np.isfinite(sample)]
+    median = float(np.median(sample)) if len(sample) else float("nan")
+    return Figures(count, low, median, high, at_low, at_high, len(sample))
+
+
+def counts(values: Array, categories: int) -> NDArray[np.int64]:
+    """How many points (categories,) have each whole number 0, 1, ..."""
+    out = np.zeros(categories, dtype=np.int64)
+    for rows in _row_blocks(len(values)):
+        part = np.asarray(values[rows])
+        out += np.bincount(part[part >= 0.0].astype(np.int64), minlength=categories)[:categories]
+    return out
+
+
+def number_true(flags: NDArray[np.bool_]) -> int:
+    """How many of flags (n,) are set, a block at a time."""
+    return sum(int(np.count_nonzero(flags[rows])) for rows in _row_blocks(len(flags)))
+
+
+def _row_blocks(n: int) -> Iterator[slice]:
+    for start in range(0, n, ROWS):
+        yield slice(start, min(start + ROWS, n))
+
+
+def _numbers(array: NDArray[np.generic]) -> Array:
+    # Shares are kept in single precision; who reads them need not care.
+    numbers: Array = array  # type: ignore[assignment]
+    return numbers

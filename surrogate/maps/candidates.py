@@ -1,0 +1,287 @@
+"""Candidate poses at points: all branches at sampled orientations, the best of them, and these improved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import Robot, forward_kinematics, inverse_kinematics
+from robots.inverse.axis_lines import axis_lines
+from surrogate.maps.orientation import tool_rotations
+from surrogate.maps.self_motion import brought_back, improve
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Merit = Callable[[Array], Array]
+
+# Targets a call of the inverse kinematics: bounds its memory, not the result.
+TARGETS = 40_000
+# Turns (rad) of gamma below which its search ends: the merit then changes by less than 1e-6 of itself.
+FINEST = 5e-4
+# Rounds of that search at most.
+ROUNDS = 30
+# Rounds in which all peaks of a sample climb, how many of them climb on, and with what share of the first step.
+EARLY_ROUNDS, KEPT, LATE_ROUNDS, LATE_STEP = 7, 3, 40, 0.5
+# Stands for a merit without end.
+MOST = 1e300
+# Poses nearer to each other than this (rad, all joints together) lie on one peak.
+APART_RAD = 0.5
+# Corrections that bring a pose from far beyond its limits to them, and how many poses of a point are given them.
+FAR_CORRECTIONS, RESCUED = 40, 8
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Poses at m points: ``q`` (m, dof) rad, NaN where there is none; ``sure`` (m,): all branches were looked at."""
+
+    q: Array
+    sure: Bools
+
+    @property
+    def reached(self) -> Bools:
+        """Points (m,) with a pose."""
+        return np.asarray(np.isfinite(self.q).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """What a rule needs of a robot.
+
+    ``T_flange_tool`` (4, 4) m; ``merit``: poses (n, dof) rad -> (n,), large is good, infinite where nothing gives way,
+    NaN where a pose does not count; ``last_is_free``: joint 6 changes
+    neither the tool point nor the merit, see :func:`last_joint_is_free`.
+    """
+
+    robot: Robot
+    T_flange_tool: Array
+    merit: Merit
+    last_is_free: bool = False
+
+    def poses(
+        self, points: Array, R: Array, generator: np.random.Generator | None, sign: float = 1.0
+    ) -> tuple[Array, Array, Bools]:
+        """All poses that bring the tool to points (k, 3) m with rotations R (k, 3, 3).
+
+        Returns
+        -------
+        ``q`` (k, b, dof) rad; ``merit`` (k, b) times ``sign``, -inf where the pose cannot be taken; ``sure`` (k,)
+        """
+        T = np.zeros((len(points), 4, 4))
+        T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = R, points, 1.0
+        found = inverse_kinematics(self.robot, T, T_flange_tool=self.T_flange_tool, generator=generator)
+        q, valid = found.q, found.valid
+        if self.last_is_free:
+            q = q.copy()
+            q[..., -1] = np.where(found.reached, self.robot.limits[-1].mean(), np.nan)
+            valid = self.robot.reachable(q.reshape(-1, self.robot.dof)).reshape(valid.shape)
+        merit = np.full(valid.shape, -np.inf)
+        if valid.any():
+            merit[valid] = self.signed(q[valid], sign)
+        return q, merit, found.sure
+
+    def signed(self, q: Array, sign: float) -> Array:
+        """Merit (n,) times ``sign``: finite, but -inf where a pose does not count."""
+        value = self.merit(q)
+        return np.where(np.isnan(value), -np.inf, sign * np.clip(value, -MOST, MOST))
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """The s best poses of m points: q (m, s, dof), merit (m, s) with its sign, -inf where none; sure (m,)."""
+
+    q: Array
+    merit: Array
+    sure: Bools
+
+    def joined(self, other: Peaks, rows: NDArray[np.intp]) -> Peaks:
+        """With further peaks at some of the points, ``rows``."""
+        q, merit = (
+            np.full((len(self.q), *a.shape[1:]), fill) for a, fill in ((other.q, np.nan), (other.merit, -np.inf))
+        )
+        q[rows], merit[rows] = other.q, other.merit
+        return Peaks(np.concatenate([self.q, q], axis=1), np.concatenate([self.merit, merit], axis=1), self.sure)
+
+    def chosen(self) -> Chosen:
+        """The best pose of each point."""
+        rows, best = np.arange(len(self.q)), self.merit.argmax(axis=1)
+        found = self.merit[rows, best] > -np.inf
+        return Chosen(np.where(found[:, None], self.q[rows, best], np.nan), self.sure)
+
+
+def best_of_sample(
+    arm: Arm,
+    points: Array,
+    R: Array,
+    sign: float,
+    starts: int,
+    apart: float,
+    generator: np.random.Generator | None,
+) -> Peaks:
+    """The best of rotations R (r, 3, 3) at points (m, 3); ``starts`` of them, ``apart`` rad or of other branches."""
+    m, r, dof = len(points), len(R), arm.robot.dof
+    out = Peaks(
+        np.full((m, starts, dof), np.nan),
+        np.full((m, starts), -np.inf),
+        np.ones(m, dtype=np.bool_),
+    )
+    near, lost = np.flatnonzero(_within(arm, points)), list[tuple[NDArray[np.intp], Array]]()
+    size = max(1, TARGETS // r)
+    for rows in (near[i : i + size] for i in range(0, len(near), size)):
+        k = len(rows)
+        q, merit, sure = arm.poses(np.repeat(points[rows], r, axis=0), np.tile(R, (k, 1, 1)), generator, sign)
+        b = merit.shape[1]
+        q, left = q.reshape(k, r * b, dof), merit.reshape(k, r, b).copy()
+        each = np.arange(k)
+        out.sure[rows] = sure.reshape(k, r).all(axis=1)
+        if starts > 1:
+            none = np.flatnonzero(~np.isfinite(left.reshape(k, -1)).any(axis=1))
+            lost.append((rows[none], _nearest_to_limits(arm.robot, q[none])))
+        for s in range(starts):
+            flat = left.reshape(k, -1)
+            best = flat.argmax(axis=1)
+            found = flat[each, best] > -np.inf
+            out.merit[rows[found], s] = flat[each, best][found]
+            out.q[rows[found], s] = q[each, best][found]
+            at, branch = np.divmod(best, b)
+            if s + 1 < starts:
+                # Turn between two rotations: 1 + 2 cos(angle) is the trace of R_a^T R_b; tilts only where 6 is free.
+                if arm.last_is_free:
+                    cosine = R[at][:, :, 2] @ R[:, :, 2].T
+                else:
+                    cosine = 0.5 * (np.einsum("kij,rij->kr", R[at], R) - 1.0)
+                k_at, r_at = np.nonzero(cosine > np.cos(apart))
+                left[k_at, r_at, branch[k_at]] = -np.inf
+    if lost:
+        _rescue(arm, points, sign, np.concatenate([n for n, _ in lost]), np.concatenate([q for _, q in lost]), out)
+    return out
+
+
+def _nearest_to_limits(robot: Robot, q: Array) -> Array:
+    """Of poses q (k, c, dof) that break limits the few (k, s, dof) that do so least, NaN where there are fewer."""
+    low, high = robot.limits.T
+    over = np.maximum(q - high, 0.0) + np.maximum(low - q, 0.0)
+    far = np.where(np.isfinite(q).all(axis=2), over.max(axis=2), np.inf)
+    return np.take_along_axis(q, np.argsort(far, axis=1)[:, :RESCUED, None], axis=1)
+
+
+def _rescue(arm: Arm, points: Array, sign: float, rows: NDArray[np.intp], q: Array, out: Peaks) -> None:
+    """Bring poses q (k, s, dof) within limits, for points ``rows`` (k,) at which no sampled pose keeps them.
+
+    At the rim of reach few orientations are left, and a sample meets none of them.
+    """
+    at, start = np.nonzero(np.isfinite(q).all(axis=2))
+    size = max(1, TARGETS // 4)
+    for i in range(0, len(at), size):
+        which, column = at[i : i + size], start[i : i + size]
+        tool = arm.T_flange_tool[:3, 3]
+        found, kept = brought_back(
+            arm.robot, q[which, column], points[rows[which]], tool, arm.last_is_free, corrections=FAR_CORRECTIONS
+        )
+        if kept.any():
+            place = rows[which[kept]], column[kept]
+            out.q[place], out.merit[place] = found[kept], arm.signed(found[kept], sign)
+
+
+def best_of_starts(arm: Arm, points: Array, sign: float, starts: int, random: int) -> Peaks:
+    """The best poses at points (m, 3) that ``random`` poses come to when the tool point is brought there.
+
+    For arms whose inverse kinematics is no closed form, and for any number of joints; always the same random poses.
+    """
+    robot, dof, tool = arm.robot, arm.robot.dof, arm.T_flange_tool[:3, 3]
+    m = len(points)
+    out = Peaks(np.full((m, starts, dof), np.nan), np.full((m, starts), -np.inf), np.zeros(m, dtype=np.bool_))
+    low, high = robot.limits.T
+    from_here = np.random.default_rng(0).uniform(low, high, (random, dof))
+    near = np.flatnonzero(_within(arm, points))
+    size = max(1, TARGETS // random)
+    for rows in (near[i : i + size] for i in range(0, len(near), size)):
+        k = len(rows)
+        trial = np.repeat(from_here, k, axis=0)
+        q, kept = brought_back(robot, trial, points[rows], tool, arm.last_is_free, corrections=FAR_CORRECTIONS)
+        flat = np.full(len(q), -np.inf)
+        if kept.any():
+            flat[kept] = arm.signed(q[kept], sign)
+        q, merit = q.reshape(random, k, dof).swapaxes(0, 1), flat.reshape(random, k).T.copy()
+        each = np.arange(k)
+        for s in range(starts):
+            best = merit.argmax(axis=1)
+            found = merit[each, best] > -np.inf
+            out.merit[rows[found], s] = merit[each, best][found]
+            out.q[rows[found], s] = q[each, best][found]
+            merit[np.linalg.norm(q - q[each, best][:, None], axis=2) < APART_RAD] = -np.inf
+    return out
+
+
+def _within(arm: Arm, points: Array) -> Bools:
+    """Points no farther from joint 1 than the arm with its tool is long; the others need no look."""
+    lines = axis_lines(arm.robot)
+    longest = lines.length + np.linalg.norm(arm.T_flange_tool[:3, 3])
+    return np.asarray(np.linalg.norm(points - lines.point[0], axis=1) <= longest * (1.0 + 1e-9))
+
+
+def refined(arm: Arm, peaks: Peaks, sign: float, step: float) -> Peaks:
+    """Improve peaks by self-motions of the arm, from which joint limits do not keep it.
+
+    All of them a little way first, rad ``step`` to begin with; then the best few of each point as far as it goes.
+    """
+    early = _climbed(arm, peaks, sign, step, EARLY_ROUNDS)
+    best = np.argsort(-early.merit, axis=1, kind="stable")[:, :KEPT]
+    kept = Peaks(
+        np.take_along_axis(early.q, best[..., None], axis=1), np.take_along_axis(early.merit, best, axis=1), peaks.sure
+    )
+    return _climbed(arm, kept, sign, LATE_STEP * step, LATE_ROUNDS)
+
+
+def _climbed(arm: Arm, peaks: Peaks, sign: float, step: float, rounds: int) -> Peaks:
+    q, merit = peaks.q.reshape(-1, arm.robot.dof).copy(), peaks.merit.ravel().copy()
+    there = np.flatnonzero(np.isfinite(merit))
+    q[there], merit[there] = improve(
+        arm.robot,
+        lambda poses: arm.signed(poses, sign),
+        q[there],
+        merit[there],
+        arm.T_flange_tool[:3, 3],
+        step=step,
+        rounds=rounds,
+        hold_last=arm.last_is_free,
+    )
+    return Peaks(q.reshape(peaks.q.shape), merit.reshape(peaks.merit.shape), peaks.sure)
+
+
+def refined_gamma(
+    arm: Arm, points: Array, tool_axis: Array, gammas: Array, peaks: Peaks, generator: np.random.Generator | None
+) -> Peaks:
+    """Improve gamma about the best of a sample, between the first and the last angle or over the full turn."""
+    q, merit = peaks.q[:, 0].copy(), peaks.merit[:, 0].copy()
+    there = np.flatnonzero(np.isfinite(merit))
+    R = forward_kinematics(arm.robot, q[there]).R_flange @ arm.T_flange_tool[:3, :3]
+    inside = tool_rotations(tool_axis, [0.0])[0].T @ R
+    # A positive gamma turns the tool's x towards minus its y.
+    gamma = np.full(len(points), np.nan)
+    gamma[there] = np.arctan2(-inside[:, 1, 0], inside[:, 0, 0])
+    sample = np.sort(gammas)
+    step = float(np.diff(sample).max())
+    low, high = sample[0], sample[-1]
+    closed = high - low > 2.0 * np.pi - 1.5 * step
+    size = np.full(len(points), 0.5 * step)
+    for _ in range(ROUNDS):
+        rows = there[size[there] > FINEST]
+        if not len(rows):
+            break
+        for some in np.array_split(rows, -(-2 * len(rows) // TARGETS)):
+            trial = gamma[some] + size[some] * np.array([[-1.0], [1.0]])
+            if not closed:
+                trial = np.clip(low + np.mod(trial - low + step, 2.0 * np.pi) - step, low, high)
+            R = tool_rotations(tool_axis, trial.ravel())
+            found, value, _ = arm.poses(np.tile(points[some], (2, 1)), R, generator)
+            branch, each = value.argmax(axis=1), np.arange(2 * len(some))
+            value, found = value[each, branch].reshape(2, -1), found[each, branch].reshape(2, len(some), -1)
+            best, column = value.argmax(axis=0), np.arange(len(some))
+            better = value[best, column] > merit[some]
+            for old, new in ((q, found), (merit, value), (gamma, trial)):
+                old[some[better]] = new[best, column][better]
+            size[some[~better]] *= 0.5
+    return Peaks(q[:, None], merit[:, None], peaks.sure)

@@ -1,0 +1,201 @@
+"""Where a map's points are: joint sweeps, slices, boxes and cylinders, worked out for blocks of rows only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots import InputError, Robot, forward_kinematics, tool_position
+from surrogate.maps.data import Axis, Layout
+
+Array = NDArray[np.float64]
+
+# Points of a map at most: their numbers must fit an index, and a disk.
+MOST_POINTS = 2_000_000_000
+# Points along the longest axis by default: some seconds for a slice, a minute or two for a box.
+ALONG_SLICE, ALONG_BOX = 40, 25
+# Degrees from one angle of a cylinder to the next by default.
+TURN_deg = 15.0
+# Share by which steps of one axis may differ: rounding of decimals.
+UNEVEN = 1e-6
+PLANES: Mapping[str, tuple[str, str, str]] = {"xz": ("z", "x", "y"), "yz": ("z", "y", "x"), "xy": ("y", "x", "z")}
+
+
+@dataclass(frozen=True, eq=False)
+class MapGrid:
+    """A layout with what its axes leave open.
+
+    ``held``: of a slice the third coordinate in mm ('y': 0.0). Joint coordinates that no axis names stand at 0.
+    """
+
+    layout: Layout
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def cartesian(self) -> bool:
+        """Whether points are given and poses are sought, not the other way round."""
+        return self.layout.kind != "joints"
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What the tool point gets to: ``lower``, ``upper`` (3,) m, and ``radius`` m from axis 1's base, all as sampled."""
+
+    lower: Array
+    upper: Array
+    radius: float
+
+    @property
+    def words(self) -> str:
+        """For messages, in mm."""
+        ends = zip("xyz", 1e3 * self.lower, 1e3 * self.upper, strict=True)
+        return ", ".join(f"{name} {low:.0f} to {high:.0f} mm" for name, low, high in ends)
+
+
+def joint_layout(
+    robot: Robot, swept: Sequence[str], points: int, layers_deg: Mapping[str, Sequence[float]] | None = None
+) -> MapGrid:
+    """Sweep coordinates over their limits, ``points`` values each; one more coordinate may have values as layers.
+
+    Poses that the robot cannot take are points of the layout all the same: they are told when they are evaluated.
+
+    Raises
+    ------
+    InputError
+        Fewer than two points, no coordinate or more than three, an unknown one, or one named twice.
+    """
+    if points < 2 or not 1 <= len(swept) <= 3:
+        raise InputError(
+            "map sweep",
+            value=f"{len(swept)} coordinates with {points} points",
+            allowed="1 to 3 coordinates with 2 points or more",
+        )
+    layers = {name: list(values) for name, values in (layers_deg or {}).items() if len(values)}
+    names = [*layers, *swept]
+    if len(set(names)) < len(names) or len(layers) > 1:
+        raise InputError("coordinates of a map sweep", value=", ".join(names), allowed="each once, one with layers")
+    axes = [Axis(name, "deg", _finite(name, values)) for name, values in layers.items()]
+    for name in swept:
+        low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
+        axes.append(Axis(name, "deg", np.linspace(low, high, points)))
+    for name in layers:
+        robot.coordinate_index(name)
+    return _checked(MapGrid(Layout("joints", tuple(axes), len(layers))))
+
+
+def slice_layout(plane: str, across_mm: ArrayLike, up_mm: ArrayLike, at_mm: float = 0.0) -> MapGrid:
+    """A plane of the base frame: 'xz' and 'yz' stand, 'xy' lies at z = ``at_mm``.
+
+    ``across_mm``: values of the plane's first letter, which runs fastest; ``up_mm``: of its second. Evenly spaced.
+
+    Raises
+    ------
+    InputError
+        No such plane, or values that do not ascend in even steps.
+    """
+    if plane not in PLANES:
+        raise InputError("plane of a slice", value=plane, allowed=", ".join(PLANES))
+    slow, fast, third = PLANES[plane]
+    axes = (Axis(slow, "mm", _even(slow, up_mm)), Axis(fast, "mm", _even(fast, across_mm)))
+    return _checked(MapGrid(Layout("slice", axes), {third: float(_finite(third, [at_mm])[0])}))
+
+
+def box_layout(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike) -> MapGrid:
+    """A box along the base's axes; x runs fastest. Errors as :func:`slice_layout`."""
+    axes = tuple(Axis(name, "mm", _even(name, values)) for name, values in zip("zyx", (z_mm, y_mm, x_mm), strict=True))
+    return _checked(MapGrid(Layout("box", axes)))
+
+
+def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> MapGrid:
+    """Part of a cylinder about the base's z axis; phi counts from x. r runs fastest.
+
+    Raises
+    ------
+    InputError
+        Values that do not ascend in even steps, a negative radius, more than a turn.
+    """
+    r, phi, z = _even("r", r_mm), _even("phi", phi_deg), _even("z", z_mm)
+    if r[0] < 0.0:
+        raise InputError("radius of a cylinder", value=float(r[0]), allowed="0 mm or more")
+    if phi[-1] - phi[0] > 360.0 * (1.0 + UNEVEN):
+        raise InputError("angles phi of a cylinder", value=f"{phi[0]:g} to {phi[-1]:g} deg", allowed="at most one turn")
+    return _checked(MapGrid(Layout("cylinder", (Axis("z", "mm", z), Axis("phi", "deg", phi), Axis("r", "mm", r)))))
+
+
+def points_of(grid: MapGrid, rows: slice) -> Array:
+    """Tool points (m, 3) m, base frame, of some rows of a Cartesian layout."""
+    numbers = grid.layout.indices(rows)
+    value = {axis.name: axis.values[i] for axis, i in zip(grid.layout.axes, numbers, strict=True)}
+    value |= {name: np.full(len(numbers[0]), held) for name, held in grid.held.items()}
+    if "r" in value:
+        phi = np.radians(value["phi"])
+        value |= {"x": value["r"] * np.cos(phi), "y": value["r"] * np.sin(phi)}
+    return 1e-3 * np.column_stack([value["x"], value["y"], value["z"]])
+
+
+def poses_of(grid: MapGrid, robot: Robot, rows: slice) -> Array:
+    """Poses (m, dof) rad of some rows of a joint layout, beyond limits or not."""
+    numbers = grid.layout.indices(rows)
+    q = np.zeros((len(numbers[0]), robot.dof))
+    for axis, i in zip(grid.layout.axes, numbers, strict=True):
+        q[:, robot.coordinate_index(axis.name)] = np.radians(axis.values[i])
+    return q
+
+
+def reach_of(robot: Robot, point: Array | None = None, *, samples: int = 20_000) -> Reach:
+    """How far the tool point gets, from random poses; some of their joints stand at an end or the middle.
+
+    ``point`` (3,) m in the flange frame instead of the robot's tool point. The true reach is a little more.
+
+    Raises
+    ------
+    InputError
+        No pose that keeps the couplings was drawn.
+    """
+    generator = np.random.default_rng(0)
+    low, high = robot.limits.T
+    q = generator.uniform(low, high, (samples, robot.dof))
+    kind = generator.integers(0, 8, q.shape)
+    q = np.select([kind == 0, kind == 1, kind == 2], [low, high, np.clip(0.0, low, high)], q)
+    q = q[robot.reachable(q)]
+    if not len(q):
+        raise InputError(f"reach of {robot.name}", value="no pose keeps the limits", remedy="check its couplings")
+    tips = tool_position(robot, forward_kinematics(robot, q), point)
+    return Reach(tips.min(axis=0), tips.max(axis=0), float(np.hypot(tips[:, 0], tips[:, 1]).max()))
+
+
+def step_for(length_mm: float, count: int) -> float:
+    """A round step in mm that gives ``count`` points or somewhat more along a length."""
+    wanted = max(length_mm, 1e-6) / count
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(s * power for s in (1.0, 2.0, 2.5, 5.0) if s * power <= wanted * (1.0 + 1e-9)))
+
+
+def range_for(low_mm: float, high_mm: float, step_mm: float) -> Array:
+    """Values (n,) mm in whole steps that hold a range."""
+    first, last = np.floor(low_mm / step_mm), np.ceil(high_mm / step_mm)
+    return step_mm * np.arange(first, max(last, first + 1) + 1)
+
+
+def _finite(name: str, values: ArrayLike) -> Array:
+    v = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if v.ndim != 1 or not len(v) or not np.isfinite(v).all():
+        raise InputError(f"values of {name}", value=f"shape {v.shape}", allowed="finite numbers, one or more")
+    return v
+
+
+def _even(name: str, values: ArrayLike) -> Array:
+    v = _finite(name, values)
+    gap = np.diff(v)
+    if len(v) > 1 and (not (gap > 0.0).all() or np.ptp(gap) > UNEVEN * gap.mean() * len(gap)):
+        raise InputError(f"values of {name}", allowed="ascending, evenly spaced", remedy="give them as FROM:TO:STEP")
+    return v
+
+
+def _checked(grid: MapGrid) -> MapGrid:
+    if grid.layout.n > MOST_POINTS:
+        raise InputError("points of the map", value=grid.layout.n, allowed=f"up to {MOST_POINTS}")
+    return grid

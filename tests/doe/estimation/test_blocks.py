@@ -1,0 +1,62 @@
+"""Covariances in blocks against the whole matrix."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain_problems import linear
+
+from doe.estimation.blocks import Blocks
+
+# Blocks of 1, 2, 3 and 6 readings, in no order.
+POSE = np.array([3, 0, 3, 1, 3, 2, 1, 3, 2, 3, 2, 3])
+
+
+@pytest.fixture
+def blocks() -> Blocks:
+    return Blocks.of(linear(np.ones((len(POSE), 1)), np.zeros(len(POSE)), POSE))
+
+
+def _noise(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(0.1, 3.0, len(POSE)), rng.normal(size=(len(POSE), 2)) * [1.0, 4.0]
+
+
+def _whole(blocks: Blocks, variance: np.ndarray, common: np.ndarray) -> np.ndarray:
+    return np.asarray(np.diag(variance) + (common @ common.T) * (blocks.number[:, None] == blocks.number))
+
+
+@pytest.mark.parametrize("which", ["both", "first", "second", "none"])
+def test_inverse_root_and_determinant_are_those_of_the_whole_matrix(blocks: Blocks, which: str) -> None:
+    variance, common = _noise(1)
+    common = common * {"both": [1.0, 1.0], "first": [1.0, 0.0], "second": [0.0, 1.0], "none": [0.0, 0.0]}[which]
+    V = _whole(blocks, variance, common)
+    of = blocks.covariance(variance, common)
+    x = np.random.default_rng(2).normal(size=(len(POSE), 3))
+    # Rounding times the condition number, some 1e3.
+    np.testing.assert_allclose(of.solve(x), np.linalg.solve(V, x), rtol=1e-10, atol=1e-12)
+    assert of.log_det == pytest.approx(np.linalg.slogdet(V)[1], rel=1e-12)
+    white = of.whiten(x)
+    np.testing.assert_allclose(white.T @ white, x.T @ np.linalg.solve(V, x), rtol=1e-10, atol=1e-12)
+    same, log_det = blocks.whiten(variance, common, x)
+    np.testing.assert_array_equal(same, white)
+    assert log_det == of.log_det
+
+
+def test_blocks_are_poses_and_components(blocks: Blocks) -> None:
+    assert len(blocks) == 4
+    assert blocks.most == 6
+    x = np.random.default_rng(3).normal(size=(len(POSE), 2, 5))
+    sums = blocks.add(x)
+    for k in range(4):
+        (number,) = set(blocks.number[k == POSE])
+        np.testing.assert_allclose(sums[number], x[k == POSE].sum(axis=0), rtol=1e-14, atol=1e-14)
+
+
+def test_a_common_part_far_above_the_white_one_loses_little(blocks: Blocks) -> None:
+    variance, common = _noise(4)
+    common = 100.0 * common
+    V = _whole(blocks, variance, common)
+    x = blocks.covariance(variance, common).solve(V)
+    # Both columns at some 100 standard deviations: the 2 x 2 determinant of a single reading keeps eight digits or so.
+    np.testing.assert_allclose(x, np.eye(len(POSE)), atol=1e-6)

@@ -1,0 +1,324 @@
+"""Uncertainty of surface errors and of their difference: exact covariance against models drawn at random."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cutting_cases import SOFT, STIFF, postures, wall_force, wall_task
+from numpy.typing import NDArray
+
+import fem
+import robots
+from doe.certainty.uncertainty import ParameterEstimate, certainty
+from doe.estimation.estimate import Estimate, estimate
+from doe.estimation.noise import Noise
+from doe.estimation.problem import Problem
+from doe.model_file.applied import apply_estimates
+from fem.free.model import FreeModel, LoadedPoses
+from fem.free.parameters import parameter
+from machining import translational
+from machining.cutting import (
+    ConstantForce,
+    PartShares,
+    SurfaceError,
+    ToolBending,
+    assumed_uncertainty,
+    calibrated_uncertainty,
+    compare,
+    surface_error,
+)
+from machining.cutting.spread import covariance
+from machining.task import Task
+from robots import InputError
+
+Array = NDArray[np.float64]
+
+F = np.array([40.0, 60.0, -20.0])
+# A standard deviation from n draws is known to 1/sqrt(2 n): 1.1 % here; four times that is allowed.
+DRAWS, WITHIN = 4000, 0.045
+
+
+def pair(model: fem.ArmModel, task: Task, force: object, **options: object) -> tuple[SurfaceError, SurfaceError]:
+    out = [surface_error(model, task, postures(model, task, g), force, **options) for g in (SOFT, STIFF)]  # type: ignore[arg-type]
+    return out[0], out[1]
+
+
+def drawn_errors(model: fem.ArmModel, task: Task, rng: np.random.Generator, sd: float) -> tuple[Array, Array]:
+    """Errors (DRAWS, n) of both postures, from models whose springs are drawn, and forces drawn with them."""
+    q = [postures(model, task, g) for g in (SOFT, STIFF)]
+    spring = [j.name for j in model.joints]
+    c = np.array([float(j.axial.compliance(q[0][:1])[0]) for j in model.joints])
+    # Deflection is linear in compliances: one model for each spring alone.
+    alone = [
+        model.with_springs({n: 1.0 / c[i] if n == name else np.inf for i, n in enumerate(spring)}) for name in spring
+    ]
+    factor = 1.0 + sd * rng.standard_normal((DRAWS, len(c)))
+    force = F * (1.0 + 0.1 * rng.standard_normal((DRAWS, 3)))
+    by_spring = [np.stack([translational(m, p, task.tip)[:, 1] for m in alone]) for p in q]  # (j, n, 3), row y
+    errors = [np.einsum("cj,jna,ca->cn", factor, C, force) for C in by_spring]
+    return errors[0], errors[1]
+
+
+def test_shares_of_the_parts_add_up_to_the_compliance(kr60: fem.ArmModel) -> None:
+    task = wall_task()
+    q = postures(kr60, task, SOFT)
+    for model in (kr60, fem.build_model(robots.load_description("kr60-3"))):
+        u = assumed_uncertainty(model)
+        D = u.influence(model, q, task.tip)
+        np.testing.assert_allclose(D.sum(axis=1), translational(model, q, task.tip), rtol=1e-11, atol=1e-18)
+        assert "15 % of each part, independent, assumed" in u.note
+    assert set(u.names) > {"j1", "j6"}
+    assert len(u.names) > 6  # the links too
+
+
+def test_shares_of_a_parallelogram_too(poses) -> None:  # type: ignore[no-untyped-def]
+    model = fem.build_model(robots.load_description("xr701"))
+    q = poses(model.robot, 6, np.random.default_rng(1))
+    D = assumed_uncertainty(model).influence(model, q, np.array([0.1, 0.0, 0.3]))
+    np.testing.assert_allclose(
+        D.sum(axis=1), translational(model, q, np.array([0.1, 0.0, 0.3])), rtol=1e-10, atol=1e-18
+    )
+
+
+def test_the_standard_deviation_is_that_of_drawn_models(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    task = wall_task()
+    before, after = pair(kr60, task, ConstantForce(F))
+    drawn = drawn_errors(kr60, task, rng, 0.15)
+    for exact, sample in zip((before, after), drawn, strict=True):
+        np.testing.assert_allclose(exact.sd, sample.std(axis=0), rtol=WITHIN)
+        np.testing.assert_allclose(exact.normal, sample.mean(axis=0), rtol=0, atol=4.0 * exact.sd.max() / DRAWS**0.5)
+        inside = np.mean((sample > exact.band[0]) & (sample < exact.band[1]), axis=0)
+        # 95 % to the scatter of 4000 draws, and a little for the product, which is not quite normal.
+        np.testing.assert_allclose(inside, 0.95, atol=0.02)
+
+
+def test_the_difference_is_known_better_than_its_parts(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    task = wall_task()
+    before, after = pair(kr60, task, ConstantForce(F))
+    c = compare(before, after, rng)
+    drawn = drawn_errors(kr60, task, rng, 0.15)
+    np.testing.assert_allclose(c.sd, (drawn[0] - drawn[1]).std(axis=0), rtol=WITHIN)
+    # Same springs, same force: less than if the two were independent.
+    assert (c.sd < 0.9 * np.hypot(before.sd, after.sd)).all()
+    ratio = np.sqrt((drawn[0] ** 2) @ before.weight) / np.sqrt((drawn[1] ** 2) @ after.weight)
+    change = c.changes["rms"]
+    low, high = np.quantile(ratio, [0.025, 0.975])
+    # Ends of intervals by two samples of 4000: some 5 % of the half-width.
+    assert change.factor.low == pytest.approx(low, abs=0.08 * (high - low))
+    assert change.factor.high == pytest.approx(high, abs=0.08 * (high - low))
+    assert change.verdict == "smaller"
+    assert "falls from" in change.sentence
+    assert "assumed" in c.sentence
+
+
+def test_covariance_of_points_and_linear_statistic(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    task = wall_task()
+    e, _ = pair(kr60, task, wall_force())
+    V = e.covariance()
+    np.testing.assert_allclose(np.sqrt(np.diag(V)), e.sd, rtol=1e-9)
+    sample = e.sample(e.uncertain.draws(DRAWS, rng))
+    np.testing.assert_allclose(np.sqrt(e.weight @ V @ e.weight), (sample @ e.weight).std(), rtol=WITHIN)
+    mean = e.estimated(rng)["mean"]
+    assert mean.high - mean.low == pytest.approx(2 * 1.96 * np.sqrt(e.weight @ V @ e.weight), rel=0.08)
+
+
+def test_parts_of_the_uncertainty(kr60: fem.ArmModel) -> None:
+    """Springs and force add as squares, but for the product of the two, which is of fourth order."""
+    task = wall_task()
+    e, _ = pair(kr60, task, wall_force())
+    assert (e.sd**2 >= e.sd_stiffness**2 + e.sd_force**2).all()
+    np.testing.assert_allclose(e.sd**2, e.sd_stiffness**2 + e.sd_force**2, rtol=0.02)
+    sure, _ = pair(kr60, task, wall_force(relative_sd=0.0), stiffness=assumed_uncertainty(kr60, 0.0))
+    np.testing.assert_array_equal(sure.sd, 0.0)
+
+
+def test_one_factor_common_to_all_cancels_in_the_ratio(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    """A force known in direction but not in size: the ratio is exact, and so is the verdict."""
+    task = wall_task()
+    force = ConstantForce(F, covariance=np.outer(0.3 * F, 0.3 * F))
+    c = compare(*pair(kr60, task, force, stiffness=assumed_uncertainty(kr60, 0.0)), rng)
+    rms = c.changes["rms"]
+    assert rms.factor.low == pytest.approx(rms.factor.value, rel=1e-9)
+    assert rms.factor.high == pytest.approx(rms.factor.value, rel=1e-9)
+    assert rms.before.high > 1.5 * rms.before.value
+
+
+def test_no_change_cannot_be_told(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    task = wall_task()
+    e, _ = pair(kr60, task, wall_force())
+    same = compare(e, e, rng).changes["rms"]
+    assert (same.factor.low, same.factor.value, same.factor.high) == (1.0, 1.0, 1.0)
+    assert same.verdict == "cannot tell"
+    assert "cannot be told" in same.sentence
+    back = compare(*pair(kr60, task, wall_force())[::-1], rng).changes["rms"]
+    assert back.verdict == "larger"
+    assert "grows" in back.sentence
+    assert "nan" not in back.sentence
+
+
+def test_a_rigid_arm_has_no_error(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    task = wall_task()
+    q = postures(kr60, task, SOFT)
+    none = PartShares((), np.zeros(0), "nothing gives way")
+    e = surface_error(kr60.with_rigid_joints(), task, q, ConstantForce(F), stiffness=none)
+    change = compare(e, e, rng).changes["rms"]
+    assert change.verdict == "no error"
+    assert change.sentence == "No RMS surface error: nothing gives way under this force."
+
+
+def test_unlike_things_are_not_compared(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    task = wall_task()
+    e, a = pair(kr60, task, wall_force())
+    up = replace(wall_force(), engagement=replace(wall_force().engagement, entry=0.0, exit=0.6, wall="left"))
+    other = [
+        pair(kr60, task, wall_force(relative_sd=0.2))[1],
+        pair(kr60, task, wall_force(), stiffness=assumed_uncertainty(kr60, 0.1))[1],
+        pair(kr60, task, up)[1],
+        pair(kr60, task, wall_force(), tool=ToolBending(0.04, 0.008, 6e11))[1],
+    ]
+    for one in other:
+        with pytest.raises(InputError, match="model, force or their uncertainties differ"):
+            compare(e, one, rng)
+    with pytest.raises(InputError, match="paths differ"):
+        compare(e, pair(kr60, wall_task(6), wall_force())[1], rng)
+    assert compare(e, a, rng).changes["worst"].verdict == "smaller"
+
+
+def test_the_tool_s_uncertainty_is_common(kr60: fem.ArmModel) -> None:
+    task = wall_task()
+    force = ConstantForce(F, relative_sd=0.0)
+    options = {"stiffness": assumed_uncertainty(kr60, 0.0), "tool": ToolBending(0.04, 0.008, 6e11, 0.2)}
+    e, a = pair(kr60, task, force, **options)
+    expected = 0.2 * options["tool"].compliance * F[1]  # type: ignore[attr-defined]
+    np.testing.assert_allclose(e.sd, expected, rtol=1e-9)
+    form = e.form - a.form
+    # It is the same in both postures, so nothing of it is left in the difference.
+    np.testing.assert_allclose(covariance(e.uncertain, form, form), 0.0, atol=(1e-6 * expected) ** 2)
+
+
+def calibration(
+    model: fem.ArmModel, rng: np.random.Generator, names: tuple[str, ...], poses: int = 15, aside: float = 0.1
+) -> Estimate:
+    """Made-up readings with a noise of 20 um at random poses, ``aside`` m off the last axis, and what they give."""
+    low, high = model.robot.limits.T
+    q = np.repeat(rng.uniform(0.8 * low, 0.8 * high, (poses, 6)), 2, axis=0)
+    wrench = np.hstack([rng.uniform(-400.0, 400.0, (2 * poses, 3)), np.zeros((2 * poses, 3))])
+    at = LoadedPoses(q, wrench, np.tile([aside, 0.0, 0.1], (2 * poses, 1)))
+    free = FreeModel(model, tuple(parameter(model, n) for n in names), at)
+    row, component = np.repeat(np.arange(2 * poses), 3), np.tile(np.arange(3), 2 * poses)
+    value = free.evaluate(free.start)[0][row, component] + 2e-5 * rng.standard_normal(6 * poses)
+    labels, pose = tuple(f"P{k}" for k in range(poses)), row // 2
+    group = np.arange(6 * poses)
+    p = Problem(free, value, row, component, pose, labels, group, np.full(6 * poses, np.nan))
+    return estimate(p, (2e-5, 2e-5), fixed_noise=Noise((2e-5, 2e-5)), robust=False)
+
+
+SPRINGS = tuple(f"j{k}.stiffness" for k in range(1, 7))
+
+
+KNOWN = {"base.rx": 3e6, "base.ry": 2e6, "j3.rx": 2e6}
+
+
+def calibrated(model: fem.ArmModel, e: Estimate) -> fem.ArmModel:
+    return model.with_springs(dict(zip((f"j{k}" for k in range(1, 7)), 1.0 / e.u, strict=False)))
+
+
+def test_a_calibration_s_covariance_is_carried_to_the_error(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    found = calibration(kr60, rng, SPRINGS)
+    sure = certainty(found, profiles=False)
+    model, task = calibrated(kr60, found), wall_task(4)
+    u = calibrated_uncertainty(found, sure)
+    q = postures(model, task, SOFT)
+    e = surface_error(model, task, q, ConstantForce(F, relative_sd=0.0), stiffness=u)
+    np.testing.assert_allclose(e.normal, (translational(model, q, task.tip) @ F)[:, 1], rtol=1e-10)
+    # Models drawn from the calibration's own covariance; it had 84 spare readings, so Student's t is 1.5 % wider.
+    drawn = rng.multivariate_normal(found.u, sure.covariance, DRAWS)
+    alone = [
+        translational(kr60.with_springs({f"j{i}": 1.0 if i == k else np.inf for i in range(1, 7)}), q, task.tip)
+        for k in range(1, 7)
+    ]
+    errors = drawn @ np.stack([(C @ F)[:, 1] for C in alone])
+    np.testing.assert_allclose(e.sd, errors.std(axis=0), rtol=WITHIN + 0.02)
+    assert "calibration (6 numbers)" in u.note
+
+
+def test_a_calibration_knows_the_springs_jointly(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    """Two springs that the readings confuse: each poorly known, their effect at such poses well."""
+    found = calibration(kr60, rng, SPRINGS)
+    u = calibrated_uncertainty(found, certainty(found, profiles=False))
+    off = u.covariance - np.diag(np.diag(u.covariance))
+    assert np.abs(off).max() > 0.0
+    model, task = calibrated(kr60, found), wall_task(4)
+    q = postures(model, task, SOFT)
+    joint = surface_error(model, task, q, ConstantForce(F), stiffness=u)
+    apart = surface_error(
+        model, task, q, ConstantForce(F), stiffness=replace(u, covariance=np.diag(np.diag(u.covariance)))
+    )
+    assert not np.allclose(joint.sd_stiffness, apart.sd_stiffness, rtol=1e-3)
+
+
+def test_links_base_and_bearings_of_a_calibration(rng: np.random.Generator) -> None:
+    """The model written back into the description and built again is the one that the covariance is of."""
+    description = robots.load_description("kr60-3")
+    model = fem.build_model(description)
+    names = ("j2.stiffness", "j3.stiffness", f"{model.links[1].name}.modulus", "base.rx", "base.ry", "j3.rx")
+    start = apply_estimates(
+        description,
+        [ParameterEstimate(parameter(model, n), v, (v, v), 0.0, "determined", np.inf) for n, v in KNOWN.items()],
+    )
+    found = calibration(fem.build_model(start), rng, names)
+    sure = certainty(found, profiles=False)
+    used = fem.build_model(apply_estimates(start, sure.estimates))
+    u = calibrated_uncertainty(found, sure)
+    task = wall_task(3)
+    q = postures(used, task, SOFT)
+    e = surface_error(used, task, q, ConstantForce(F, relative_sd=0.0), stiffness=u)
+    # By hand: one number after the other a little off, models built anew.
+    slopes = []
+    for k, one in enumerate(sure.estimates):
+        step = 1e-3 * found.u[k]
+        moved = replace(one, value=one.parameter.outer(float(found.u[k] + step)))
+        there = fem.build_model(apply_estimates(start, [*sure.estimates[:k], moved, *sure.estimates[k + 1 :]]))
+        slopes.append(((translational(there, q, task.tip) - translational(used, q, task.tip)) @ F)[:, 1] / step)
+    J = np.stack(slopes, axis=1)
+    sd = np.sqrt(np.einsum("nj,jk,nk->n", J, u.covariance, J))
+    # Written with six digits or more, over a step of 1e-3.
+    np.testing.assert_allclose(e.sd, sd, rtol=1e-3)
+
+
+def test_a_calibration_of_another_model_is_refused(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    found = calibration(kr60, rng, SPRINGS)
+    u = calibrated_uncertainty(found, certainty(found, profiles=False))
+    task = wall_task(3)
+    with pytest.raises(InputError, match="another model"):
+        surface_error(kr60, task, postures(kr60, task, SOFT), ConstantForce(F), stiffness=u)
+
+
+def test_what_readings_do_not_determine_is_named(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    # A force on the last axis does not turn joint 6.
+    found = calibration(kr60, rng, SPRINGS, aside=0.0)
+    sure = certainty(found, profiles=False)
+    with pytest.raises(InputError, match=r"no standard deviation of j6\.stiffness"):
+        calibrated_uncertainty(found, sure)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"relative_sd": 0.6}, "0 to 0.33"),
+        ({"relative_sd": -0.1}, "0 to 0.33"),
+        ({"relative_sd": np.nan}, "0 to 0.33"),
+        ({"by_part": {"j9": 0.1}}, "j9"),
+    ],
+)
+def test_bad_shares_are_named(kr60: fem.ArmModel, options: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        assumed_uncertainty(kr60, **options)  # type: ignore[arg-type]
+
+
+def test_shares_by_part_are_said(kr60: fem.ArmModel) -> None:
+    u = assumed_uncertainty(kr60, 0.1, {"j2": 0.05})
+    assert u.sd.tolist() == [0.1, 0.05, 0.1, 0.1, 0.1, 0.1]
+    assert u.note.endswith("10 % of each part, independent, as stated; but j2 5 %")

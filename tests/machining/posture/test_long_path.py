@@ -1,0 +1,145 @@
+"""Long paths: gamma at knots loses next to nothing, and every single point keeps the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from posture_cases import ALONG_Y, dome, dome_task, part, spindle
+
+import fem
+from machining.posture.drive import Drive
+from machining.posture.long_path import follow_gamma, optimise_long_path
+from machining.posture.path import course_at, optimise_path
+from machining.posture.points import GammaRange
+from machining.stiffness.objective import Objective
+from machining.task import Task, ToolPath, tool_path
+from robots import InputError, forward_kinematics
+
+Array = NDArray[np.float64]
+SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
+
+
+def test_with_a_knot_at_every_point_it_is_the_search_of_short_paths(kr60: fem.ArmModel) -> None:
+    task, gammas, drive = dome_task(8, 0.2), GammaRange(count=24), Drive(speed=SPEED)
+    short = optimise_path(kr60, task, gammas=gammas, drive=drive, passes=2).course
+    long = optimise_long_path(kr60, task, gammas=gammas, drive=drive, passes=2)
+    np.testing.assert_array_equal(long.knots, np.arange(8))
+    # Ends of the path count half as much in the mean over knots, so the courses need not be the same.
+    assert long.course.mean == pytest.approx(short.mean, rel=1e-3)
+
+
+def test_few_knots_lose_next_to_nothing_and_every_point_keeps_the_limits(kr60: fem.ArmModel) -> None:
+    task, gammas, drive = dome_task(400, 0.5, feed=0.05), GammaRange(count=36), Drive(speed=SPEED)
+    short = optimise_path(kr60, task, gammas=gammas, drive=drive, passes=2).course
+    found = optimise_long_path(kr60, task, gammas=gammas, drive=drive, knots=40, passes=3)
+    course, robot = found.course, kr60.robot
+    assert len(found.knots) <= 40
+    assert course.mean > 0.999 * short.mean
+    assert course.smoothness.undrivable == ()
+    assert robot.reachable(course.q).all()
+    speed = np.abs(np.diff(course.q, axis=0)) / task.path.times[:, None]
+    assert (speed <= SPEED * (1.0 + 1e-8)).all()
+    frames = forward_kinematics(robot, course.q)
+    tip = frames.p_flange + frames.R_flange @ spindle()[:3, 3]
+    np.testing.assert_allclose(tip, task.path.points + task.T_base_part[:3, 3], atol=1e-12)
+
+
+def test_knots_crowd_where_the_tool_turns(kr60: fem.ArmModel) -> None:
+    u = np.linspace(0.0, 1.0, 200)
+    tilt = 0.5 * np.clip(10.0 * (u - 0.5), 0.0, 1.0)
+    axes = np.stack([np.sin(tilt), 0.0 * u, np.cos(tilt)], axis=1)
+    path = tool_path(np.stack([0.2 * u, 0.0 * u, 0.0 * u], axis=1), axes)
+    task = Task(path, spindle(), part(), ALONG_Y)
+    found = optimise_long_path(kr60, task, gammas=GammaRange(-0.5, 0.5, 11), knots=30)
+    turning = ((found.knots >= 100) & (found.knots < 120)).sum()
+    # A tenth of the way, but more than half of what counts.
+    assert turning > 0.4 * len(found.knots)
+
+
+def test_gamma_given_is_followed(kr60: fem.ArmModel) -> None:
+    task = dome_task(50, 0.3)
+    followed = follow_gamma(kr60, task, 0.3, drive=Drive(speed=SPEED))
+    np.testing.assert_array_equal(followed.gamma, 0.3)
+    np.testing.assert_allclose(followed.q, course_at(kr60, task, 0.3, drive=Drive(speed=SPEED)).q, atol=1e-12)
+    varied = follow_gamma(kr60, task, np.linspace(0.0, 0.4, 50))
+    np.testing.assert_allclose(varied.gamma, np.linspace(0.0, 0.4, 50))
+
+
+def test_rapid_moves_may_be_long(kr60: fem.ArmModel) -> None:
+    """Two patches far apart: no joint may step so far while milling, but it may on the move between them."""
+    near = dome(20, 0.1)
+    shift = np.array([-0.3, 0.9, 0.1])
+    path = ToolPath(
+        np.vstack([near.points, near.points + shift]),
+        np.vstack([near.normals, near.normals]),
+        np.vstack([near.axes, near.axes]),
+        np.full(40, np.nan),
+    )
+    task, gammas = Task(path, spindle(), part(1.2, -0.4, 0.6), ALONG_Y), GammaRange(count=24)
+    with pytest.raises(InputError, match="between points 19 and 20"):
+        optimise_long_path(kr60, task, gammas=gammas)
+    free = np.zeros(39, dtype=np.bool_)
+    free[19] = True
+    course = optimise_long_path(kr60, task, gammas=gammas, free=free).course
+    assert course.smoothness.undrivable == ()
+    step = np.abs(np.diff(course.q, axis=0)).max(axis=1)
+    assert step[19] > np.radians(20.0)
+    assert np.delete(step, 19).max() < np.radians(20.0)
+    with pytest.raises(InputError, match="free segments"):
+        optimise_long_path(kr60, task, gammas=gammas, free=free[:5])
+
+
+def test_the_tool_may_turn_on_the_spot_but_not_stand_still(kr60: fem.ArmModel) -> None:
+    tilt = np.linspace(0.0, 0.2, 5)
+    axes = np.stack([np.sin(tilt), 0.0 * tilt, np.cos(tilt)], axis=1)
+    on_the_spot = tool_path(np.zeros((5, 3)), axes, feed=0.1)
+    assert np.isnan(on_the_spot.times).all()
+    course = optimise_long_path(kr60, Task(on_the_spot, spindle(), part()), gammas=GammaRange(count=24)).course
+    assert course.smoothness.undrivable == ()
+    with pytest.raises(InputError, match="repeats"):
+        tool_path(np.zeros((2, 3)), [0.0, 0.0, 1.0])
+
+
+def test_a_force_at_each_point_goes_with_its_point(kr60: fem.ArmModel) -> None:
+    """Reversing the path and its forces reverses the course."""
+    task, gammas = dome_task(60, 0.3), GammaRange(-0.6, 0.6, 13)
+    force = np.stack([np.linspace(50.0, 200.0, 60), np.full(60, 80.0), np.linspace(-100.0, 90.0, 60)], axis=1)
+    there = optimise_long_path(kr60, task, Objective("displacement", force), gammas, knots=60)
+    path = task.path
+    back = replace(task, path=ToolPath(path.points[::-1], path.normals[::-1], path.axes[::-1], path.feed))
+    reversed_ = optimise_long_path(kr60, back, Objective("displacement", force[::-1]), gammas, knots=60)
+    assert reversed_.course.mean == pytest.approx(there.course.mean, rel=1e-4)
+
+
+def test_branch_and_turns_near_given_postures_are_taken(kr60: fem.ArmModel) -> None:
+    """The wrist flipped all along: as stiff to rounding, but asked for."""
+    task = dome_task(30, 0.2)
+    plain = follow_gamma(kr60, task, 0.3)
+    flipped = plain.q.copy()
+    flipped[:, 3] += -np.pi if flipped[0, 3] > 0.0 else np.pi
+    flipped[:, 4] *= -1.0
+    # One turn for all points: the angle passes zero.
+    flipped[:, 5] += -np.pi if flipped[0, 5] > 0.0 else np.pi
+    found = follow_gamma(kr60, task, 0.3, near=flipped + 0.01)
+    np.testing.assert_allclose(found.q, flipped, atol=1e-9)
+    assert (found.branch != plain.branch).all()
+
+
+def test_clearance_may_depend_on_the_path_point(kr60: fem.ArmModel) -> None:
+    """Something stands in the way of the usual posture in the middle of the path only."""
+    task, gammas = dome_task(60, 0.3), GammaRange(count=36)
+    free = optimise_long_path(kr60, task, gammas=gammas, knots=20).course
+    blocked = np.zeros(60, dtype=np.bool_)
+    blocked[25:35] = True
+
+    def clearance(q: Array, point: NDArray[np.int64]) -> Array:
+        near = np.abs(np.sin(0.5 * (q - free.q[point]))).max(axis=1)
+        return np.where(blocked[point], near, 1.0)
+
+    drive = Drive(clearance_at=clearance, clearance_least=0.05, clearance_zone=0.1)
+    found = optimise_long_path(kr60, task, gammas=gammas, drive=drive, knots=20).course
+    assert clearance(found.q, np.arange(60)).min() >= 0.05
+    assert clearance(free.q, np.arange(60)).min() < 1e-9

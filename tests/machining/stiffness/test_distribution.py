@@ -1,0 +1,299 @@
+"""Distributions over grids: against brute force, statistics in closed form, best gamma, regions, out of reach."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from posture_cases import spindle
+
+import fem
+from machining import Objective, Task, stiffness_index, tool_path
+from machining.stiffness.distribution import Distribution, best_gamma, distribution, why_not_reached
+from machining.stiffness.grid import Grid, box_grid, grid_task, in_box, in_polygon, nearest_to, plane_grid
+from machining.sweep_parts import sweep_parts
+from robots import InputError, inverse_kinematics
+
+Array = NDArray[np.float64]
+
+NAN = np.nan
+# Points x angles; the last point is reached by none, the second not by the third angle.
+VALUE = np.array([[4.0, 1.0, 6.0], [2.0, 3.0, NAN], [6.0, 2.0, 9.0], [NAN, NAN, NAN]])
+
+
+def found(quantity: str = "k_fs", value: Array = VALUE) -> Distribution:
+    force = np.array([0.0, 0.0, 1.0]) if "displacement" in quantity else None
+    return Distribution(Objective(quantity, force), np.radians([-30.0, 0.0, 30.0]), value)
+
+
+def part_frame(turn: float, x: float = 1.1, y: float = 0.1, z: float = 0.6) -> Array:
+    """Turned about base z, then tilted about its own x by 0.2 rad."""
+    c, s, ct, st = np.cos(turn), np.sin(turn), np.cos(0.2), np.sin(0.2)
+    T = np.eye(4)
+    T[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ [[1.0, 0, 0], [0, ct, -st], [0, st, ct]]
+    T[:3, 3] = c * x - s * y, s * x + c * y, z
+    return T
+
+
+# --- values -----------------------------------------------------------------------------------------------------
+
+
+def test_every_value_is_the_best_branch_of_a_direct_inverse(kr60: fem.ArmModel) -> None:
+    grid, T = box_grid([-0.3, 0.0, 0.3], [-0.5, 0.0, 0.5], [0.0, 0.4]), part_frame(0.3)
+    normal, axis, gamma = np.array([0.1, 0.2, 1.0]), np.array([0.0, -0.2, 1.0]), np.radians([-120.0, 10.0, 75.0])
+    made = distribution(kr60, grid_task(grid, spindle(), T, normal=normal, axis=axis), None, gamma)
+    up = axis / np.linalg.norm(axis)
+    # The part's x axis is across the tool axis: gamma counts from it.
+    side = np.cross(up, [1.0, 0.0, 0.0])
+    for i, p in enumerate(grid.points):
+        for j, g in enumerate(gamma):
+            x = np.cos(g) * np.array([1.0, 0.0, 0.0]) + np.sin(g) * side
+            target = np.eye(4)
+            target[:3, :3] = T[:3, :3] @ np.stack([x, np.cross(-up, x), -up], axis=1)
+            target[:3, 3] = T[:3, :3] @ p + T[:3, 3]
+            solved = inverse_kinematics(kr60.robot, target[None], T_flange_tool=spindle())
+            q = solved.q[0][solved.valid[0]]
+            if not len(q):
+                assert np.isnan(made.value[i, j])
+                continue
+            k = stiffness_index(kr60, q, T[:3, :3] @ normal, spindle()[:3, 3])
+            # The same formulas in another order: rounding, larger next to a singularity.
+            np.testing.assert_allclose(made.value[i, j], k.max(), rtol=1e-8)
+    assert 0.0 < made.reached.mean() < 1.0
+    assert made.sure
+
+
+def test_turning_the_part_about_axis_1_changes_nothing(kr60: fem.ArmModel) -> None:
+    """Axis 1 of this arm turns through more than a whole turn, and stands along base z."""
+    grid, gamma = box_grid([-0.2, 0.2], [-0.2, 0.0, 0.2], 0.0), np.radians([-60.0, 0.0, 60.0])
+    one, other = (
+        distribution(kr60, grid_task(grid, spindle(), part_frame(turn)), None, gamma).value for turn in (0.0, 2.0)
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-9)
+    assert np.isfinite(one).any()
+
+
+def test_a_whole_turn_of_gamma_changes_nothing(kr60: fem.ArmModel) -> None:
+    task = grid_task(box_grid([0.9, 1.1], [-0.2, 0.2], 0.6), spindle())
+    made = distribution(kr60, task, None, np.array([0.4, 0.4 + 2.0 * np.pi, 0.4 - 2.0 * np.pi]))
+    np.testing.assert_allclose(made.value, np.tile(made.value[:, :1], 3), rtol=1e-9)
+
+
+def test_parts_of_a_sweep_make_the_whole(kr60: fem.ArmModel) -> None:
+    """Also with a force of its own at each point, and the reference of gamma that the whole path has."""
+    axes = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.9, 0.0, 0.5], [0.9, 0.0, 0.5], [0.0, 0.9, 1.0]])
+    path = tool_path(np.linspace([0.9, -0.2, 0.6], [1.1, 0.2, 0.6], 5), [0.0, 0.0, 1.0], axes)
+    task = Task(path, spindle(), np.eye(4))
+    force = np.arange(15.0).reshape(5, 3) + 1.0
+    gamma, seen = np.radians([-50.0, 20.0]), []
+    whole = next(sweep_parts(kr60, task, Objective("nspi", force), gamma))[2]
+    parts = list(
+        sweep_parts(
+            kr60,
+            task,
+            Objective("nspi", force),
+            gamma,
+            targets=4,
+            progress=lambda done, total: seen.append((done, total)),
+        )
+    )
+    assert [rows for rows, _, _ in parts] == [slice(0, 2), slice(2, 4), slice(4, 5)]
+    assert seen == [(2, 5), (4, 5), (5, 5)]
+    np.testing.assert_allclose(np.concatenate([s.value for _, _, s in parts]), whole.value, rtol=1e-12)
+    assert whole.valid.any()
+
+
+@pytest.mark.parametrize("gamma", [np.zeros(0), np.zeros((2, 2)), np.array([np.nan])])
+def test_angles_that_are_none_are_refused(kr60: fem.ArmModel, gamma: Array) -> None:
+    with pytest.raises(InputError, match="gamma"):
+        distribution(kr60, grid_task(box_grid([0.9, 1.1], [-0.2, 0.2], 0.6), spindle()), None, gamma)
+
+
+def test_a_map_too_large_to_hold_is_refused(kr60: fem.ArmModel) -> None:
+    grid = box_grid(np.linspace(0.0, 1.0, 300), np.linspace(0.0, 1.0, 300), 0.6)
+    with pytest.raises(InputError, match="90000 points x 360 angles"):
+        distribution(kr60, grid_task(grid, spindle()), None, np.linspace(0.0, 6.0, 360))
+
+
+def test_a_grid_out_of_reach_has_no_values_and_says_why(kr60: fem.ArmModel) -> None:
+    task = grid_task(box_grid([8.0, 8.1], [0.0, 0.1], 0.6), spindle())
+    made = distribution(kr60, task, None, [0.0])
+    assert np.isnan(made.value).all()
+    assert "100 % of the branches out of reach: the wrist centre is farther" in why_not_reached(kr60, task, [0.0])
+    assert np.isnan(made.statistics().mean).all()
+    assert np.isnan(made.statistics().peak_to_valley).all()
+    assert made.statistics().points.tolist() == [0]
+
+
+# --- statistics -------------------------------------------------------------------------------------------------
+
+
+def test_statistics_over_the_points_that_each_gamma_reaches() -> None:
+    s = found().statistics()
+    np.testing.assert_allclose(s.mean, [4.0, 2.0, 7.5])
+    # Deviations 0, -2, 2; -1, 1, 0; -1.5, 1.5.
+    np.testing.assert_allclose(s.standard_deviation, [np.sqrt(8 / 3), np.sqrt(2 / 3), 1.5])
+    np.testing.assert_allclose(s.smallest, [2.0, 1.0, 6.0])
+    np.testing.assert_allclose(s.peak_to_valley, [4.0, 2.0, 3.0])
+    np.testing.assert_allclose(s.share, [0.75, 0.75, 0.5])
+    assert s.points.tolist() == [3, 3, 2]
+
+
+def test_statistics_over_the_points_that_every_gamma_reaches() -> None:
+    s = found(value=VALUE[:3]).statistics("common")
+    np.testing.assert_allclose(s.mean, [5.0, 1.5, 7.5])
+    np.testing.assert_allclose(s.standard_deviation, [1.0, 0.5, 1.5])
+    np.testing.assert_allclose(s.peak_to_valley, [2.0, 1.0, 3.0])
+    np.testing.assert_allclose(s.share, [1.0, 1.0, 2 / 3])
+    assert s.points.tolist() == [2, 2, 2]
+    np.testing.assert_array_equal(found().common, [True, False, True, False])
+    none = found(value=np.array([[1.0, NAN, 2.0], [NAN, 1.0, 1.0]])).statistics("common")
+    assert none.points.tolist() == [0, 0, 0]
+    assert np.isnan([none.mean, none.standard_deviation, none.smallest, none.peak_to_valley]).all()
+
+
+@pytest.mark.parametrize("bad", [VALUE[0], np.full((2, 3), np.inf), np.zeros((0, 3))])
+def test_values_that_do_not_fit_are_refused(bad: Array) -> None:
+    with pytest.raises(InputError, match="distribution"):
+        found(value=bad)
+
+
+# --- best gamma -------------------------------------------------------------------------------------------------
+
+
+def test_the_best_of_each_point() -> None:
+    best = found().best_at_points()
+    assert best.column.tolist() == [2, 1, 2, -1]
+    np.testing.assert_allclose(best.value, [6.0, 3.0, 9.0, NAN])
+    np.testing.assert_allclose(np.degrees(best.gamma), [30.0, 0.0, 30.0, NAN])
+    least = found("displacement").best_at_points()
+    assert least.column.tolist() == [1, 0, 1, -1]
+    np.testing.assert_allclose(least.value, [1.0, 2.0, 2.0, NAN])
+
+
+@pytest.mark.parametrize("quantity", ["k_fs", "displacement"])
+@pytest.mark.parametrize("aim", ["mean", "worst"])
+def test_the_best_gamma_of_a_region_by_brute_force(quantity: str, aim: Any, rng: np.random.Generator) -> None:
+    for _ in range(30):
+        value = np.where(rng.uniform(size=(6, 5)) < 0.1, NAN, rng.uniform(1.0, 2.0, (6, 5)))
+        inside = rng.uniform(size=6) < 0.6
+        inside[0] = True
+        minimised = quantity == "displacement"
+        worst: Any = max if minimised else min
+        scores = {
+            j: (np.mean if aim == "mean" else worst)(value[inside, j].tolist())
+            for j in range(5)
+            if np.isfinite(value[inside, j]).all()
+        }
+        made = Distribution(found(quantity).objective, np.arange(5.0), value)
+        if not scores:
+            with pytest.raises(InputError, match="no gamma reaches all of it"):
+                best_gamma(made, inside, aim=aim)
+            continue
+        expected = (min if minimised else max)(scores, key=lambda j: scores[j])
+        choice = best_gamma(made, inside, aim=aim)
+        assert (choice.column, choice.gamma) == (expected, float(expected))
+        np.testing.assert_allclose(choice.value, scores[expected])
+        assert set(np.flatnonzero(np.isfinite(choice.score))) == set(scores)
+
+
+def test_a_gamma_that_loses_points_wins_only_if_asked() -> None:
+    inside = np.array([True, True, True, False])
+    assert best_gamma(found(), inside).column == 0
+    assert best_gamma(found(), inside, partly=True).column == 2
+    with pytest.raises(InputError, match="at most 75 % of it, at -30 deg"):
+        best_gamma(found())
+    with pytest.raises(InputError, match="no gamma reaches any point of it"):
+        best_gamma(found(), ~inside, partly=True)
+
+
+def test_of_equally_good_angles_the_first_is_taken() -> None:
+    value = np.array([[3.0, 3.0 * (1.0 + 1e-13), 2.0]])
+    assert best_gamma(found(value=value)).column == 0
+    assert found(value=value).best_at_points().column.tolist() == [0]
+    assert found(value=value * [1.0, 1.001, 1.0]).best_at_points().column.tolist() == [1]
+
+
+@pytest.mark.parametrize("bad", [np.zeros(4, dtype=bool), np.ones(3, dtype=bool), np.ones(4)])
+def test_regions_that_do_not_fit_are_refused(bad: NDArray[Any]) -> None:
+    with pytest.raises(InputError, match="region"):
+        best_gamma(found(), bad)
+
+
+# --- grids and regions ------------------------------------------------------------------------------------------
+
+
+def test_points_of_a_box_and_of_a_plane() -> None:
+    box = box_grid([0.0, 0.1], 0.5, [1.0, 1.2, 1.4])
+    assert box.counts == (2, 3)
+    expected = [[x, 0.5, z] for x in (0.0, 0.1) for z in (1.0, 1.2, 1.4)]
+    np.testing.assert_allclose(box.points, expected)
+    plane = plane_grid([0.0, 0.5, 1.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.1, 0.2], (2, 3))
+    np.testing.assert_allclose(plane.points, expected)
+    np.testing.assert_allclose(plane.numbers_of(expected), [[i, j] for i in (0, 1) for j in (0, 1, 2)], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: box_grid([0.0, 0.1, 0.3], [0.0, 1.0], 0.0), "x of the grid"),
+        (lambda: box_grid([0.1, 0.0], [0.0, 1.0], 0.0), "ascending"),
+        (lambda: box_grid([0.0, 0.1], 0.0, 0.0), "at least two"),
+        (lambda: box_grid([0.0, np.nan], [0.0, 1.0], 0.0), "finite"),
+        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [1.0, 1.0, 0], 0.1, (2, 2)), "perpendicular"),
+        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 0, 0], 0.1, (2, 2)), "length"),
+        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 1, 0], 0.1, (2, 1)), "2 or more"),
+        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 1, 0], 0.1, (2000, 2000)), "2000000 in all"),
+        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 1, 0], 1e-9, (2, 2)), "step"),
+        (lambda: Grid(np.zeros(2), np.eye(3)[:2], (2, 2)), "origin"),
+    ],
+)
+def test_grids_that_make_no_sense_are_refused(make: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+SQUARE = box_grid(np.linspace(0.0, 1.0, 11), np.linspace(0.0, 1.0, 11), [0.2, 0.4])
+
+
+def test_a_box_takes_its_rim_in() -> None:
+    inside = in_box(SQUARE, [0.3, -np.inf, 0.4], [0.7, 0.1, 0.4])
+    expected = {(x, y, 4) for x in (3, 4, 5, 6, 7) for y in (0, 1)}
+    assert {tuple(p) for p in np.round(10 * SQUARE.points[inside]).astype(int).tolist()} == expected
+    with pytest.raises(InputError, match="no point of the grid inside"):
+        in_box(SQUARE, [0.31, 0.0, 0.0], [0.39, 1.0, 1.0])
+    with pytest.raises(InputError, match="box"):
+        in_box(SQUARE, [1.0, 0.0, 0.0], [0.0, 1.0, 1.0])
+
+
+def test_a_polygon_with_a_notch_goes_through_all_layers() -> None:
+    """An L: what its notch cuts out is outside, its rim and inner corner are in; either way round."""
+    corners = np.array([[0, 0], [8, 0], [8, 3], [3, 3], [3, 8], [0, 8]]) / 10.0
+    corners = np.column_stack([corners, np.zeros(6)])
+    p = np.round(10.0 * SQUARE.points).astype(int)
+    expected = (p[:, 0] <= 8) & (p[:, 1] <= 8) & ((p[:, 0] <= 3) | (p[:, 1] <= 3))
+    np.testing.assert_array_equal(in_polygon(SQUARE, corners), expected)
+    np.testing.assert_array_equal(in_polygon(SQUARE, corners[::-1]), expected)
+
+
+def test_a_polygon_against_half_planes(rng: np.random.Generator) -> None:
+    for _ in range(20):
+        a, b, c = rng.uniform(-0.2, 1.2, (3, 2))
+        x, y = SQUARE.points[:, :2].T
+        sides = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((a, b), (b, c), (c, a))]
+        expected = np.all(np.array(sides) > 0, axis=0) | np.all(np.array(sides) < 0, axis=0)
+        corners = np.column_stack([[a, b, c], rng.uniform(size=3)])
+        if expected.any():
+            np.testing.assert_array_equal(in_polygon(SQUARE, corners), expected)
+        else:
+            with pytest.raises(InputError, match="polygon"):
+                in_polygon(SQUARE, corners)
+
+
+def test_points_take_the_nearest_grid_points() -> None:
+    inside = nearest_to(SQUARE, [[0.12, 0.04, 0.2], [0.1, 0.0, 0.22], [1.0, 1.0, 0.4]])
+    np.testing.assert_allclose(SQUARE.points[inside], [[0.1, 0.0, 0.2], [1.0, 1.0, 0.4]], atol=1e-12)
+    with pytest.raises(InputError, match="workpiece point 1"):
+        nearest_to(SQUARE, [[0.1, 0.1, 0.2], [1.4, 0.0, 0.2]])

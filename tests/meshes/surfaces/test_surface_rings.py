@@ -1,0 +1,112 @@
+"""Which nodes of a casing are held: at its ends, on its sides, beside its neighbours; and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from meshes.surfaces.remesh import remesh
+from meshes.surfaces.rings import Interface, Ring, choose_rings
+from robots import InputError
+
+SIZE_M = 0.03
+# An arm of 0.2 x 0.2 m section from z = -0.15 to 0.95 m; its joints turn about y, at z = 0 and 0.8 m.
+WIDTH_M, JOINTS_M = 0.2, (0.0, 0.8)
+Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def arm() -> tuple[np.ndarray, np.ndarray]:
+    box = trimesh.creation.box((WIDTH_M, WIDTH_M, 1.1)).apply_translation([0, 0, 0.4])
+    return remesh(np.asarray(box.vertices), np.asarray(box.faces), SIZE_M)
+
+
+def at(z: float, y: float = 0.0) -> np.ndarray:
+    return np.array([0.0, y, z])
+
+
+def plate(y: float, z: float) -> np.ndarray:
+    """Points of a neighbour's face, a disc of 0.12 m at right angles to y."""
+    angle, radius = np.meshgrid(np.linspace(0, 2 * np.pi, 60), np.linspace(0.0, 0.12, 9))
+    x, up = radius * np.cos(angle), radius * np.sin(angle)
+    return np.stack([x.ravel(), np.full(x.size, y), z + up.ravel()], axis=1)
+
+
+def rings_of(skin: tuple[np.ndarray, np.ndarray], **interfaces: Interface) -> dict[str, Ring]:
+    return choose_rings(interfaces, *skin, SIZE_M)[0]
+
+
+def test_a_joint_across_the_arm_is_held_on_the_side_that_its_neighbour_is_on(arm) -> None:
+    root = Interface(at(JOINTS_M[0]), Y, plate(0.11, JOINTS_M[0]))
+    tip = Interface(at(JOINTS_M[1]), -Y, plate(-0.115, JOINTS_M[1]))
+    rings = rings_of(arm, root=root, tip=tip)
+    for ring, side, z in ((rings["root"], 1.0, JOINTS_M[0]), (rings["tip"], -1.0, JOINTS_M[1])):
+        nodes = arm[0][ring.nodes]
+        # The face itself, and the nodes on its rim.
+        np.testing.assert_allclose(nodes[:, 1], side * WIDTH_M / 2, atol=0.5 * SIZE_M)
+        off = np.hypot(nodes[:, 0], nodes[:, 2] - z)
+        # The quarter of directions next to the width reaches b / cos(30 deg), sectors being 15 deg wide; half an
+        # element more takes in rims.
+        assert ring.radius == pytest.approx(off.max())
+        assert WIDTH_M / 2 <= ring.radius <= 1.16 * WIDTH_M / 2 + 0.5 * SIZE_M
+        assert np.abs(nodes.mean(axis=0) - [0, side * WIDTH_M / 2, z]).max() < 0.5 * SIZE_M
+
+
+def test_without_a_neighbour_the_side_nearest_to_the_joint_is_held_and_both_of_a_fork(arm) -> None:
+    rings = rings_of(arm, root=Interface(at(0.0, 0.25), Y), tip=Interface(at(0.8), Y))
+    assert set(np.sign(arm[0][rings["root"].nodes, 1])) == {1.0}
+    assert set(np.sign(arm[0][rings["tip"].nodes, 1])) == {1.0, -1.0}
+    assert "at +100 and -100 mm" in rings["tip"].words or "at -100 and +100 mm" in rings["tip"].words
+
+
+def test_a_joint_along_the_arm_has_its_whole_end(arm) -> None:
+    rings = rings_of(arm, root=Interface(at(-0.2), Z), tip=Interface(at(1.05), Z))
+    for name, z in (("root", -0.15), ("tip", 0.95)):
+        nodes = arm[0][rings[name].nodes]
+        np.testing.assert_allclose(nodes[:, 2], z, atol=0.5 * SIZE_M)
+        assert rings[name].radius == pytest.approx(WIDTH_M / np.sqrt(2))  # the corners are in
+        end = np.abs(arm[0][:, 2] - z) < 1e-9
+        assert set(np.flatnonzero(end)) <= set(rings[name].nodes)
+
+
+def test_a_foot_is_held_as_a_whole_and_a_given_radius_is_kept(arm) -> None:
+    whole = rings_of(arm, root=Interface(at(0.0, 0.1), Y, whole=True), tip=Interface(at(0.8), Z, radius=0.07))
+    side = np.abs(arm[0][:, 1] - WIDTH_M / 2) < 1e-9
+    assert set(np.flatnonzero(side)) <= set(whole["root"].nodes)
+    assert whole["tip"].radius <= 0.07
+
+
+def test_rings_that_meet_are_cut_and_that_is_said(arm) -> None:
+    near = {"root": Interface(at(0.3, 0.1), Y), "tip": Interface(at(0.42, 0.1), Y)}
+    rings, notes = choose_rings(near, *arm, SIZE_M)
+    assert not set(rings["root"].nodes) & set(rings["tip"].nodes)
+    assert all(ring.radius <= 0.45 * 0.12 + 1e-12 for ring in rings.values())
+    assert notes == ["rings of root and tip met: their radii were cut, see below"]
+    with pytest.raises(InputError, match="root and tip share nodes"):
+        rings_of(arm, root=Interface(at(0.3, 0.1), Y, radius=0.1), tip=Interface(at(0.42, 0.1), Y, radius=0.1))
+
+
+def test_a_ball_serves_where_no_flat_place_is_around_the_axis(arm) -> None:
+    # The axis runs along an edge of the arm: nothing faces along it but the ends, beside the axis.
+    edge = np.array([0.1, 0.1, 0.4])
+    rings = rings_of(arm, root=Interface(edge, Z), tip=Interface(at(0.8), Y))
+    assert rings["root"].words.startswith("ball")
+    assert np.linalg.norm(arm[0][rings["root"].nodes] - edge, axis=1).max() <= rings["root"].radius
+
+
+def test_no_ring_is_said_with_the_way_to_the_surface(arm) -> None:
+    far = Interface(np.array([1.0, 1.0, 0.4]), Z)
+    with pytest.raises(InputError, match=r"no ring found at interface root.*the nearest node is 1\.2"):
+        rings_of(arm, root=far, tip=Interface(at(0.8), Y))
+
+
+def test_the_choice_does_not_depend_on_the_order_of_nodes(arm) -> None:
+    nodes, faces = arm
+    order = np.random.default_rng(0).permutation(len(nodes))
+    place = np.argsort(order)
+    interfaces = {"root": Interface(at(0.0), Y, plate(0.11, 0.0)), "tip": Interface(at(1.0), Z)}
+    first, _ = choose_rings(interfaces, nodes, faces, SIZE_M)
+    second, _ = choose_rings(interfaces, nodes[order], place[faces], SIZE_M)
+    for name in interfaces:
+        assert set(first[name].nodes) == set(order[second[name].nodes])

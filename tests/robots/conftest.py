@@ -1,0 +1,1 @@
+"""Makes what lies beside it importable from the folders below."""

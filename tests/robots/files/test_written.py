@@ -1,0 +1,93 @@
+"""Files are there whole or not at all, on the disk before they bear their names, however the writing ends."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robots.files import unfinished, written
+from robots.files.written import is_draft, settle, write_whole, written_whole
+
+
+def test_a_file_appears_whole_and_replaces_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "a.vtu"
+    path.write_text("old")
+    with written_whole(path) as draft:
+        assert draft.parent == tmp_path
+        assert draft.suffix == ".vtu"
+        assert is_draft(draft.name)
+        draft.write_text("new")
+        assert path.read_text() == "old"
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a.vtu": "new"}
+    for content in ("ü\n", b"\0\xff"):
+        write_whole(path, content)
+        assert path.read_bytes() == (content.encode() if isinstance(content, str) else content)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+def test_an_error_while_it_is_written_leaves_the_file_before(tmp_path: Path, error: BaseException) -> None:
+    path = tmp_path / "a"
+    path.write_text("old")
+    with pytest.raises(type(error)), written_whole(path) as draft:  # noqa: PT012 - the block is what is tested
+        draft.write_text("half")
+        raise error
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a": "old"}
+
+
+def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+
+    def noted(name: str) -> Callable[..., Any]:
+        function = getattr(os, name)
+
+        def call(*args: Any) -> Any:
+            done.append(name)
+            return function(*args)
+
+        return call
+
+    for name in ("fsync", "replace"):
+        monkeypatch.setattr(os, name, noted(name))
+    write_whole(tmp_path / "a", "x")
+    assert done == ["fsync", "replace", "fsync"]  # the file, its name, the folder
+
+
+def test_a_disk_that_cannot_take_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(code: int) -> Callable[[int], None]:
+        def fsync(descriptor: int) -> None:
+            raise OSError(code, os.strerror(code))
+
+        return fsync
+
+    monkeypatch.setattr(os, "fsync", refuse(errno.EIO))
+    with pytest.raises(OSError, match="error"):
+        write_whole(tmp_path / "a", "x")
+    assert not list(tmp_path.iterdir())
+    # A system that has no such call for a folder is none that refuses.
+    monkeypatch.setattr(os, "fsync", refuse(errno.EINVAL))
+    settle(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        settle(tmp_path / "gone")
+
+
+def test_what_is_unfinished_is_put_away_where_the_process_stops(tmp_path: Path) -> None:
+    done: list[int] = []
+
+    def fail() -> None:
+        raise OSError("busy")
+
+    with written_whole(tmp_path / "a") as draft:
+        draft.write_text("half")
+        with unfinished.tidied_by(lambda: done.append(1)), unfinished.tidied_by(fail):
+            unfinished.tidy()
+        assert done == [1]
+        assert not draft.exists()
+        draft.write_text("whole")
+    unfinished.tidy()
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+    assert written.sha256_of(tmp_path / "a") == "5d5766cf2d78701614200418ee1450690d9af12c84d52545e4802f001ad53099"

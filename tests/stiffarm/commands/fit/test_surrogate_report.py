@@ -1,0 +1,288 @@
+"""report.html of a fit: the choice and its reason, the payload's numbers, bars that hold or do not, all escaped."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_runs import HOSTILE_TITLE, run_here
+from conftest import few_runs
+
+from fem import build_model
+from robots import InputError, load_description
+from stiffarm.commands.fit.figures.bars import (
+    JudgedBars,
+    chance,
+    error_bars_figure,
+    error_over_inputs_figure,
+    gathered,
+    parts,
+)
+from stiffarm.commands.fit.report import write_report
+from stiffarm.commands.fit.sections import comparison_section
+from stiffarm.commands.fit.words import choice_words, doubts, relative
+from stiffarm.session import payloads
+from stiffarm.session.outputs import OutputFolder
+from surrogate import Quantity, Trained, factored, query, save_surrogate, scope_of, task_of, train, training
+
+UNIFORM = 1500
+
+
+@contextmanager
+def fewer_runs() -> Iterator[None]:
+    """As few as the rest of these tests, and few for the matrices and the factored basis too."""
+    with few_runs(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "_MATRICES", 100)
+        patch.setattr(factored, "_FEWEST_RUNS", 300)
+        yield
+
+
+def learned(**more: Any) -> Trained:
+    """A KR 60 with rigid links, over two angles; the polynomial has more terms than there are runs."""
+    model = build_model(load_description("kr60-3"), links="rigid")
+    scope = scope_of(model.robot, "0" * 64, ("q2_deg", "q3_deg"))
+    rng = np.random.default_rng(0)
+    with fewer_runs():
+        return train(task_of(model, scope, rng, **more), rng, degree=12, runs=80)
+
+
+@pytest.fixture(scope="module")
+def trained() -> Trained:
+    """With a spring known to 10 % and one that the calibration left open."""
+
+    def gradients(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.full((len(q), 1), 0.1), np.full((len(q), 1), 0.02)
+
+    return learned(gradients=gradients, parameters=("j2.stiffness",), undetermined=("j5.stiffness",))
+
+
+def written(result: Trained, folder: Path, title: str = "Arm", **more: Any) -> str:
+    content = payloads.trained(result) | {"files": ["surrogate.json"]} | more
+    with OutputFolder(folder, ["stiffarm"], {}, 0) as out:
+        for one in result.surrogates:
+            save_surrogate(one, out.path(f"surrogate_{one.basis}.json"))
+        assert write_report(result, content, out, title=title, model="my arm.toml") == ["report.html"]
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(trained: Trained, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return written(trained, tmp_path_factory.mktemp("page") / "out", HOSTILE_TITLE)
+
+
+def rows(page: str, caption: str) -> list[list[str]]:
+    """Cells of the table with this caption (or summary)."""
+    after = page[page.index(caption) :]
+    body = re.search(r"<tbody>(.*?)</tbody>", after, re.DOTALL)
+    assert body is not None
+    lines = re.findall(r"<tr.*?</tr>", body.group(1), re.DOTALL)
+    return [[text(c) for c in re.findall(r"<td[^>]*>(.*?)</td>", x)] for x in lines]
+
+
+def text(page: str) -> str:
+    return html.unescape(re.sub(r"<[^>]+>", "", page)).replace("\u00a0", " ")
+
+
+def test_the_numbers_of_the_table_are_the_payloads(trained: Trained, page: str) -> None:
+    content = payloads.trained(trained)
+    table = rows(page, "Relative errors of the compliance on runs kept out")
+    assert [r[0] for r in table] == ["factored", "trigonometric", "polynomial"]
+    for row, s in zip(table, content["surrogates"], strict=False):
+        names = ("rms", "p95", "interior_max", "max")
+        shown = [relative(s[f"{n}_relative_error"]).replace("\u00a0", " ") for n in names]
+        assert row[:7] == [s["basis"], str(s["terms"]), str(s["runs_fitted"]), *shown]
+        assert row[8] == f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %"
+        assert row[9] == f"{s['condition_number']:.0e}"
+    six = content["surrogates"][0]["matrix_max_relative_error"]
+    assert [r[7] for r in table] == [relative(six), "–", "–"]
+    assert f"are over {UNIFORM} uniform poses" in page
+
+
+def test_the_basis_that_could_not_be_fitted_and_why(page: str) -> None:
+    assert rows(page, "Relative errors of the compliance")[2][:3] == ["polynomial", "not fitted", "–"]
+    assert "polynomial was not fitted: fit: the basis has 91 terms, but there are 80 runs" in text(page)
+
+
+def test_a_title_is_text_and_nothing_comes_from_elsewhere(page: str) -> None:
+    assert HOSTILE_TITLE in text(page)
+    for forbidden in ("<script", "http:", "https:", "<link", "<iframe", "url("):
+        assert forbidden not in page
+    sources = re.findall(r'src="([^"]{0,22})', page)
+    # Neither basis errs by a millionth here, so no picture tells where.
+    assert sources == ["data:image/png;base64,"] * 2
+    assert "Nowhere. Errors of factored and trigonometric are below a millionth" in page
+
+
+def test_why_in_one_sentence(trained: Trained) -> None:
+    first, second = trained.surrogates
+
+    def with_rms(a: float, b: float) -> Trained:
+        pair = (replace(s, errors=replace(s.errors, rms_relative=r)) for s, r in ((first, a), (second, b)))
+        return replace(trained, surrogates=tuple(pair))
+
+    assert "below a millionth are all alike, for no arm is known so well, and it knows all load" in choice_words(
+        with_rms(2e-9, 1e-9)
+    )
+    assert (
+        "it has the smallest RMS error on runs kept out, 0.1\u00a0%, against 2\u00a0% (trigonometric)"
+        in choice_words(with_rms(1e-3, 2e-2))
+    )
+    alone = replace(trained, surrogates=(first,))
+    assert "no other basis could be fitted" in choice_words(alone)
+    assert "it was asked for by name, and no other was tried" in choice_words(replace(alone, refused={}))
+
+
+def test_doubts_are_said_aloud(trained: Trained) -> None:
+    assert doubts(trained) == []
+    poor = replace(trained.surrogates[1], errors=replace(trained.best.errors, max_relative=0.3, coverage95=0.9))
+    rounds = ("trigonometric: 1.0e-08 is out of reach of its terms", "factored: 1.0e-08 is out of reach of its terms")
+    largest, bars, missed, direction = doubts(replace(trained, surrogates=(poor,), rounds=rounds))
+    assert "30\u00a0%" in largest
+    assert "hold 90.0\u00a0%" in bars
+    assert missed == "The accuracy asked for is missed: 1.0e-08 is out of reach of its terms"
+    assert "one load direction only, 0, 0, -1" in direction
+
+
+def test_shares_inside_by_width_of_the_bars(trained: Trained, page: str) -> None:
+    best = trained.best
+    Q, true = trained.held_out.Q[:UNIFORM], trained.held_out.value[:UNIFORM]
+    error, half = np.abs(trained.predicted[best.basis][:UNIFORM] / true - 1.0), best.bars.half_width(Q)
+    order = np.argsort(half, kind="stable").reshape(10, -1)
+    shares = [f"{100.0 * np.mean(error[i] <= half[i]):.1f} %" for i in order]
+    assert [r[4] for r in rows(page, "Error bars of the factored basis by their width")] == shares
+    assert f"Of 1500 uniform runs {100.0 * best.errors.coverage95:.1f} % lie inside" in text(page)
+
+
+def test_what_the_calibration_makes_of_it(page: str) -> None:
+    # 1.96 times 10 %, as everywhere.
+    assert "makes ± 20 % of the compliance at the median pose and ± 20 % at the 95th percentile" in text(page)
+    assert "j5.stiffness at 100 % of the poses. There an error bar is a lower bound" in text(page)
+
+
+def test_where_it_holds_and_what_was_fixed(trained: Trained, page: str) -> None:
+    best = trained.best
+    low, high = np.degrees(best.lower), np.degrees(best.upper)
+    expected = [[n[:2], f"{a:g}", f"{b:g}", "no"] for n, a, b in zip(best.inputs, low, high, strict=True)]
+    assert rows(page, "<caption>Inputs")[:2] == expected
+    fixed = {r[0]: r[2] for r in rows(page, "Fixed coordinates")}
+    assert fixed["q1"] == "0 %"
+    assert fixed["q5"] == relative(best.fixed_influence["q5_deg"]).replace("\u00a0", " ")
+    # Joint 5 stands at 0: the axes of joints 4 and 6 are one line in all poses.
+    assert "near singular: 100 % of the uniform poses" in text(page)
+
+
+def test_the_example_can_be_asked(trained: Trained, page: str) -> None:
+    commands = [r[1] for r in rows(page, "<caption>Commands")]
+    assert "stiffarm map 'my arm.toml' --surrogate surrogate.json --out map" in commands
+    assert "stiffarm query surrogate.json poses.csv --matrix" in commands
+    found = re.search(r"--pose q2_deg=(\S+),q3_deg=(\S+)$", commands[0])
+    assert found is not None
+    answer = query(trained.best, np.radians([[float(v) for v in found.groups()]]))
+    value = f"{answer.stiffness_N_per_mm[0]:.5g} N/mm"
+    assert f"The answer to the first: stiffness {value} ± 20 % of it (95 %)" in text(page)
+
+
+def test_what_is_wrong_is_said(trained: Trained, tmp_path: Path) -> None:
+    """Bars that are too narrow in some tenth, and a fit that is not positive at three runs."""
+    best, other = trained.surrogates
+    narrow = replace(best, bars=replace(best.bars, quantile=0.3 * best.bars.quantile))
+    wrong = trained.predicted["trigonometric"].copy()
+    wrong[:3] *= -1.0
+    predicted = {**trained.predicted, "trigonometric": wrong}
+    said = text(written(replace(trained, surrogates=(narrow, other), predicted=predicted), tmp_path / "out"))
+    assert re.search(r"In tenth \d+ they are too narrow, by more than chance", said)
+    assert "trigonometric gives no positive value at 3 runs, which are left out" in said
+    # Three runs do not move the 95th percentile.
+    assert "trigonometric: the largest error of the uniform runs, 200 %, is at q2" in said
+
+
+def test_an_index_has_its_own_name_and_unit(tmp_path: Path) -> None:
+    ratio = (Quantity("isotropy", "1", "isotropy, weakest / strongest"), lambda q: 1.5 + np.cos(3.0 * q[:, 1]))
+    result = learned(scalar=ratio)
+    said = text(written(result, tmp_path / "out"))
+    assert "Relative errors of the isotropy on runs kept out" in said
+    assert re.search(r"The answer to the first: isotropy \d", said)
+    assert "stiffarm map" not in said
+    assert "N/mm" not in said
+
+
+ROW = {
+    "method": "ours, factored", "what": "", "ours": True, "chosen": "", "runs_fitted": 80, "fit_s": 0.1,
+    "seconds_for_1e5_queries": 0.01, "interior_rms": 1e-5, "interior_worst": 1e-4, "interior_coverage": 0.95,
+    "boundary_rms": 1e-5, "boundary_worst": 2e-4, "boundary_coverage": None, "bytes": 1500, "messages": [],
+    "refused": None,
+}  # fmt: skip
+
+
+def test_other_methods(trained: Trained) -> None:
+    others = [
+        ROW | {"method": "kriging", "ours": False, "interior_rms": 0.02, "interior_coverage": None},
+        ROW | {"method": "boosting", "ours": False, "interior_rms": 0.3, "messages": ["slow"]},
+        ROW | {"method": "network", "ours": False, "refused": "not installed"},
+    ]
+    near, table, _, remarks = comparison_section([ROW, *others]).blocks
+    assert (
+        "kriging comes nearest of the other methods: RMS error 2\u00a0% on uniform runs, against 0.001\u00a0%"
+        in near.text
+    )
+    assert table.rows[0][:5] == ("ours, factored", "0.001\u00a0%", "0.01\u00a0%", "0.02\u00a0%", "95.0\u00a0%")
+    assert table.rows[1][4] == "–"
+    assert table.rows[3][1] == "not\u00a0fitted"
+    assert remarks.entries == ("network: not installed", "boosting: slow")
+
+
+def test_parts_and_widths_of_a_known_error() -> None:
+    """Errors of 0 to 1 evenly, bars of 0.95 everywhere: 95 % inside; the error grows along x."""
+    n = 18_000
+    error = (np.arange(n) + 0.5) / n
+    row = JudgedBars("x", error, np.full(n, 0.95))
+    assert row.inside == pytest.approx(0.95)
+    assert sum(p.runs for p in parts(row)) == n
+    x = np.concatenate([[0.0, 18.0], np.linspace(0.0, 17.0, n - 2)])
+    middle, median, high = gathered(x, error)
+    # The last of 18 widths holds two runs, which is too few.
+    np.testing.assert_allclose(middle, np.arange(17) + 0.5)
+    np.testing.assert_allclose(median, (np.arange(17) + 0.5) / 17.0, atol=2e-3)  # ten of 18 000 runs
+    np.testing.assert_allclose(high, (np.arange(17) + 0.95) / 17.0, atol=2e-3)
+    # Binomial, n = 1000: sqrt(0.95 * 0.05 / 1000) = 0.00689.
+    assert chance(1000) == pytest.approx(1.96 * 0.00689, rel=1e-3)
+
+
+def test_axes_have_labels_with_units() -> None:
+    rng = np.random.default_rng(0)
+    row = JudgedBars("x", np.abs(rng.normal(size=500)), np.full(500, 1.96))
+    left, right = error_bars_figure([row]).axes
+    assert left.get_xlabel() == "error / half-width of its 95 % bar (–)"
+    assert (left.get_ylabel(), right.get_ylabel()) == ("runs with a larger ratio (%)", "inside the bars (%)")
+    figure = error_over_inputs_figure([row], ("q2_deg", "q3real_deg", "q4_deg"), rng.uniform(size=(500, 3)))
+    assert [ax.get_xlabel() for ax in figure.axes] == ["q2 (deg)", "q3real (deg)", "q4 (deg)"]
+    assert figure.axes[0].get_ylabel() == "relative error (%)"
+
+
+@pytest.mark.parametrize(
+    "row", [JudgedBars("x", np.ones(3), np.ones(2)), JudgedBars("x", np.full(2, np.inf), np.ones(2))]
+)
+def test_figures_refuse_what_does_not_fit(row: JudgedBars) -> None:
+    with pytest.raises(InputError):
+        error_bars_figure([row])
+    with pytest.raises(InputError):
+        error_bars_figure([])
+
+
+def test_fit_writes_it_and_names_it(tmp_path: Path) -> None:
+    options = ("--inputs", "q2_deg,q3_deg", "--basis", "polynomial", "--degree", "3", "--runs", "200")
+    with fewer_runs():
+        outcome = run_here("fit", "kr60-3", *options, "--links", "rigid", "--json", "--out", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    assert outcome.json["files"] == ["surrogate.json", "report.html"]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    (s,) = outcome.json["surrogates"]
+    assert rows(page, "Relative errors of")[0][3] == relative(s["rms_relative_error"]).replace("\u00a0", " ")
+    assert page.count("data:image/png") == 3

@@ -1,0 +1,260 @@
+"""`map --quantity`: files read back, figures against the library, the workpiece, and bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from cli_runs import Command, Outcome, run_here, tree
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON, VTK_QUAD
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+import fem
+import robots
+from machining import Objective
+from machining.stiffness.distribution import best_gamma, distribution
+from machining.stiffness.grid import box_grid, grid_task, in_box
+from robots import InputError
+from stiffarm.commands.maps.index.request import parse_values, parse_workpiece, read_request
+from stiffarm.session.task_options import parse_frame
+
+GRID = ("--x", "-300:600:150", "--y", "600:1200:150", "--z", "486")
+TOOL = ("--tool", "200,0,80,0,90,0")
+QUICK = ("--links", "rigid", "--no-pictures", "--json")
+
+
+def a_map(cli: Command, *options: str, quantity: str = "k_fs") -> Outcome:
+    return cli("map", "kr60-3", "--quantity", quantity, *options, "--out", "out")
+
+
+def read(file: Path) -> tuple[Any, dict[str, np.ndarray[Any, Any]], dict[str, str]]:
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(file))
+    reader.Update()
+    grid = reader.GetOutput()
+    data, fields = grid.GetPointData(), grid.GetFieldData()
+    arrays = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
+    texts = {fields.GetArrayName(i): fields.GetAbstractArray(i).GetValue(0) for i in range(fields.GetNumberOfArrays())}
+    return grid, arrays, texts
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """A map with pictures, a part frame and a workpiece, and what went to stdout."""
+    out = tmp_path_factory.mktemp("map") / "out"
+    outcome = run_here(
+        "map", "kr60-3", "--quantity", "k_fs", *GRID, *TOOL, "--part", "0,0,100,0,0,10", "--gamma", "-180:180:60",
+        "--workpiece", "x=-150:150,y=750:900", "--show", "0,180", "--links", "rigid", "--json", "--out", str(out),
+    )  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    return out, outcome.json
+
+
+def test_all_figures_are_those_of_the_library(made: tuple[Path, Any]) -> None:
+    out, content = made
+    model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
+    grid = box_grid(np.arange(-0.3, 0.61, 0.15), np.arange(0.6, 1.21, 0.15), 0.486)
+    tool, part = parse_frame("200,0,80,0,90,0", "--tool"), parse_frame("0,0,100,0,0,10", "--part")
+    # The part is turned about base z: its normal is base z.
+    gamma = np.radians(np.arange(-180.0, 180.0, 60.0))
+    found = distribution(model, grid_task(grid, tool, part), Objective(), gamma)
+    table = pd.read_csv(out / "index_map.csv")
+    values = table.filter(regex="^k_fs_N_per_mm_gamma").to_numpy()
+    # Nine digits are written.
+    np.testing.assert_allclose(values, 1e-3 * found.value, rtol=1e-8)
+    np.testing.assert_allclose(table["best_k_fs_N_per_mm"], 1e-3 * found.best_at_points().value, rtol=1e-8)
+    places = grid.points @ part[:3, :3].T + part[:3, 3]
+    np.testing.assert_allclose(table[["x_mm", "y_mm", "z_mm"]], 1e3 * places, atol=1e-5)
+    statistics = pd.read_csv(out / "gamma_statistics.csv")
+    np.testing.assert_allclose(statistics["gamma_deg"], np.arange(-180.0, 180.0, 60.0))
+    for over in ("reached", "common"):
+        s = found.statistics(over)  # type: ignore[arg-type]
+        np.testing.assert_allclose(statistics[f"{over}_mean_k_fs_N_per_mm"], 1e-3 * s.mean, rtol=1e-8)
+        column = statistics[f"{over}_standard_deviation_k_fs_N_per_mm"]
+        np.testing.assert_allclose(column, 1e-3 * s.standard_deviation, rtol=1e-8)
+    inside = in_box(grid, [-0.15, 0.75, -np.inf], [0.15, 0.9, np.inf])
+    choice = best_gamma(found, inside)
+    assert content["best_gamma"]["gamma_deg"] == pytest.approx(np.degrees(choice.gamma))
+    assert content["best_gamma"]["value"] == pytest.approx(1e-3 * choice.value, rel=1e-5)
+    assert content["workpiece_points"] == inside.sum() == table["workpiece"].sum() == 6
+    # Something is out of reach, or the empty cells are not tested.
+    assert 0.5 < found.reached.mean() < 1.0
+
+
+def test_the_grid_is_readable_by_plain_vtk(made: tuple[Path, Any]) -> None:
+    out, content = made
+    grid, arrays, texts = read(out / "index_map.vtu")
+    table = pd.read_csv(out / "index_map.csv")
+    points = vtk_to_numpy(grid.GetPoints().GetData())
+    np.testing.assert_allclose(points, table[["x_mm", "y_mm", "z_mm"]], atol=1e-4)
+    assert grid.GetNumberOfPoints() == content["points"] == 35
+    assert (grid.GetNumberOfCells(), grid.GetCellType(0)) == (24, VTK_QUAD)
+    # Asked for 0 and 180 deg; 180 is the angle -180 of the full turn.
+    assert set(arrays) == {
+        "best_k_fs_N_per_mm", "best_gamma_deg", "k_fs_N_per_mm_gamma_-180_deg", "k_fs_N_per_mm_gamma_0_deg",
+        "share_of_gamma", "workpiece",
+    }  # fmt: skip
+    for name in ("best_k_fs_N_per_mm", "best_gamma_deg", "k_fs_N_per_mm_gamma_0_deg"):
+        np.testing.assert_allclose(arrays[name], table[name], rtol=1e-8)
+    values = table.filter(regex="^k_fs_N_per_mm_gamma").to_numpy()
+    np.testing.assert_allclose(arrays["share_of_gamma"], np.isfinite(values).mean(axis=1))
+    # Both: the whole of the first cell lies within the grid's first row and column.
+    corners = [grid.GetCell(0).GetPointId(i) for i in range(4)]
+    np.testing.assert_allclose(np.ptp(points[corners, :2], axis=0).max(), 150.0, rtol=0.3)
+    assert texts["robot"] == "kr60-3"
+    assert texts["tool_on_flange"] == "200, 0, 80 mm; 0, 90, 0 deg"
+    assert texts["part_in_base"] == "0, 0, 100 mm; 0, 0, 10 deg"
+    assert texts["normal"] == texts["tool_axis"] == "0 0 1"
+    assert texts["units"].startswith("points mm")
+    assert "collisions" in texts["not_looked_at"]
+    assert len(texts["model_hash"]) == 64
+
+
+def test_the_folder_has_every_file_that_is_named(made: tuple[Path, Any]) -> None:
+    out, content = made
+    pictures = {"index_map.png", "gamma_statistics.png"}
+    assert (
+        set(content["files"]) == {"index_map.vtu", "index_map.csv", "gamma_statistics.csv", "index_map.json"} | pictures
+    )
+    assert set(tree(out)) == {*content["files"], "run.json"}
+    assert json.loads((out / "index_map.json").read_text(encoding="utf-8")) == content
+    assert content["schema"] == "stiffarm-index-map/1"
+    assert (content["quantity"], content["unit"]) == ("k_fs", "N/mm")
+
+
+def test_a_box_has_hexahedra_and_a_number_has_no_unit(cli: Command, tmp_path: Path) -> None:
+    box = ("--x", "900:1100:100", "--y", "-100:100:200", "--z", "400:600:100")
+    outcome = a_map(cli, *box, *TOOL, "--gamma", "20", *QUICK, quantity="isotropy")
+    assert (outcome.code, outcome.json["unit"], outcome.json["counts"]) == (0, "1", [3, 2, 3])
+    grid, arrays, _ = read(tmp_path / "out" / "index_map.vtu")
+    assert (grid.GetNumberOfCells(), grid.GetCellType(0)) == (4, VTK_HEXAHEDRON)
+    np.testing.assert_array_equal(arrays["best_isotropy"], arrays["isotropy_gamma_20_deg"])
+    # Right-handed cells: volumes are positive.
+    assert "index_map.png" not in tree(tmp_path / "out")
+
+
+def test_normal_and_axis_are_in_base_axes(cli: Command) -> None:
+    """A part turned over by 90 deg about x, its grid turned back: the same points, and the same normal in base axes."""
+    plain = ("--x", "900:1100:100", "--y", "-100:100:100", "--z", "600")
+    turned = ("--part", "0,0,0,90,0,0", "--x", "900:1100:100", "--y", "600", "--z", "-100:100:100")
+    best = []
+    for options in (plain, turned):
+        tilted = ("--normal", "0.1,0,1", "--tool-axis", "0,0.2,1", "--gamma", "-180:180:10")
+        outcome = a_map(cli, *options, *TOOL, *tilted, *QUICK)
+        assert outcome.code == 0, outcome.err
+        best.append(outcome.json["best_of_each_point"])
+        assert outcome.json["normal"] == "0.1 0 1"
+    # Gamma counts from the part's x axis, which is base x in both.
+    assert best[0] == best[1]
+
+
+def test_displacements_need_a_force_and_are_small_where_good(cli: Command) -> None:
+    refused = a_map(cli, *GRID, *TOOL, *QUICK, quantity="displacement")
+    assert refused.code == 2
+    assert "force" in refused.err
+    options = ("--force", "0,0,-200", "--gamma", "0:90:90", "--aim", "worst", "--partly")
+    made = a_map(cli, *GRID, *TOOL, *options, *QUICK, quantity="displacement")
+    largest = {one["gamma_deg"]: one["reached"]["largest"] for one in made.json["by_gamma"]}
+    best = made.json["best_gamma"]
+    assert best["value"] == min(largest.values()) == largest[best["gamma_deg"]]
+    assert made.json["unit"] == "um"
+
+
+@pytest.mark.parametrize(("tool", "count"), [("0,0,250", 1), ("0,100,250", 0)])
+def test_a_tool_on_the_flange_axis_makes_gamma_meaningless_and_that_is_said(
+    cli: Command, tool: str, count: int
+) -> None:
+    outcome = a_map(cli, *GRID, "--tool", tool, "--gamma", "-180:180:60", *QUICK)
+    assert len(outcome.json["messages"]) == count
+
+
+def test_without_json_the_table_is_on_stderr(cli: Command) -> None:
+    outcome = a_map(cli, *GRID, *TOOL, "--gamma", "-180:0:15", "--links", "rigid", "--no-pictures")
+    assert (outcome.code, outcome.out) == (0, "")
+    assert "all 13 angles are in gamma_statistics.csv" in outcome.err
+    assert "no best gamma: region of 35 points: no gamma reaches all of it" in outcome.err.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--x", "9000:9100:50", "--y", "0:100:50", "--z", "0"), "no point of the grid can be reached at any gamma"),
+        (
+            ("--x", "0:4000:1000", "--y", "1000:1500:500", "--z", "486", *TOOL, "--workpiece", "x=3000:4000"),
+            "no point of the workpiece can be reached",
+        ),
+        ((*GRID, "--gamma", "10:10:5"), "--gamma"),
+        ((*GRID, "--gamma", "20:10:5"), "--gamma"),
+        ((*GRID, "--gamma", "a:b:c"), "--gamma"),
+        ((*GRID, "--normal", "0,0,0"), "--normal"),
+        ((*GRID, "--tool-axis", "0,0,0"), "--tool-axis"),
+        ((*GRID, "--tool", "1,2"), "--tool"),
+        ((*GRID, "--show", "7"), "--show"),
+        ((*GRID, "--show", "x"), "--show"),
+        ((*GRID, "--aim", "best"), "--aim"),
+        ((*GRID, "--workpiece", "q=1:2"), "--workpiece"),
+        ((*GRID, "--workpiece", "x=2:1"), "--workpiece"),
+        ((*GRID, "--workpiece", "0,0;1,1"), "polygon"),
+        ((*GRID, "--workpiece", "x=10:20"), "no point of the grid inside"),
+        (GRID[:4], "without --z"),
+        (("--x", "0:100:30", *GRID[2:]), "a whole number of steps"),
+        (("--x", "0:nan:30", *GRID[2:]), "--x"),
+        (("--x", "0:100:0", *GRID[2:]), "--x"),
+        (("--x", "0:1:1e-9", *GRID[2:]), "--x"),
+        ((*GRID, "--points", "3"), "--points with --quantity"),
+        ((*GRID, "--layers", "3"), "--layers with --quantity"),
+    ],
+)
+def test_bad_input_is_named_and_leaves_nothing(
+    cli: Command, tmp_path: Path, options: tuple[str, ...], words: str
+) -> None:
+    outcome = a_map(cli, *options, "--links", "rigid")
+    assert outcome.code == 2
+    assert words in outcome.err.replace("\n", " ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_quantity_is_refused_with_the_known_ones(cli: Command) -> None:
+    outcome = a_map(cli, *GRID, quantity="kfs")
+    assert outcome.code == 2
+    assert "k_fs, nspi, rayleigh" in outcome.err
+
+
+@pytest.mark.parametrize("option", [("--x", "0:1:1"), ("--gamma", "0"), ("--partly",), ("--part", "0,0,1")])
+def test_options_of_an_index_need_its_name(cli: Command, option: tuple[str, ...]) -> None:
+    outcome = cli("map", "kr60-3", *option, "--out", "out")
+    assert outcome.code == 2
+    assert f"{option[0]} without --quantity" in outcome.err
+
+
+# --- reading of options -----------------------------------------------------------------------------------------
+
+
+def test_values_of_an_axis() -> None:
+    np.testing.assert_allclose(parse_values("-600:600:400", "--x"), [-0.6, -0.2, 0.2, 0.6])
+    np.testing.assert_allclose(parse_values("0:0.3:0.1", "--x"), [0.0, 1e-4, 2e-4, 3e-4])
+    np.testing.assert_allclose(parse_values("486", "--z"), [0.486])
+
+
+def test_a_workpiece_by_box_and_by_corners() -> None:
+    grid = box_grid([0.0, 0.1, 0.2], 0.5, [0.0, 0.1, 0.2])
+    box = parse_workpiece(grid, "x=0:100, z=100:200")
+    # Corners lie along x and z, the grid's two axes.
+    np.testing.assert_array_equal(box, parse_workpiece(grid, "0,100;100,100;100,200;0,200"))
+    assert box.sum() == 4
+    with pytest.raises(InputError, match="workpiece"):
+        parse_workpiece(grid, "0,100;100;0,0")
+
+
+def test_one_gamma_is_a_fixed_one() -> None:
+    names = ("--tool", "--part", "--normal", "--tool-axis", "--force", "--workpiece", "--aim", "--partly", "--show")
+    options = {"--x": "0:100:50", "--y": "0:100:50", "--z": "0", "--quantity": "k_fs", "--gamma": "-30"}
+    asked = read_request(options | dict.fromkeys(names))
+    np.testing.assert_allclose(asked.gamma, [np.radians(-30.0)])
+    whole = read_request(options | dict.fromkeys(names) | {"--gamma": None})
+    assert len(whole.gamma) == 72

@@ -1,0 +1,301 @@
+"""`stiffarm map` over joints and space: its files agree with the model and with each other; bad input is named."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import oracles
+import pytest
+from cli_runs import ROOT, Command, run_here, tree
+from small_robot import write_urdf
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLUnstructuredGridReader
+
+from doe.certainty.parameter_uncertainty import parameter_uncertainty
+from doe.certainty.propagation import relative_sd
+from fem import build_model, compliance_budget, directional_stiffness
+from machining import stiffness_index
+from robots import InputError, forward_kinematics, load_description, tool_position
+from stiffarm import __version__
+from stiffarm.commands.maps.options import read_map_options
+from stiffarm.commands.maps.request import MapRequest, evaluate, grid_from, grid_table
+from stiffarm.session.inputs import read_model
+from surrogate.maps.blocks import Engine
+from surrogate.maps.cluster import REFUSED
+from surrogate.maps.layouts import cylinder_layout
+
+BARE = ("--no-pictures", "--json", "--out", "out")
+SMALL = ("--grid", "slice", "--x", "1000:2200:400", "--z", "400:1600:400")
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def table(path: Path) -> dict[str, list[str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def numbers(column: list[str]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([float(v) if v else np.nan for v in column])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A small slice of the xr701 with the stiffest pose at each point."""
+    out = tmp_path_factory.mktemp("slice") / "out"
+    outcome = run_here("map", "xr701", *SMALL, "--no-pictures", "--html", "--json", "--out", out)
+    assert outcome.code == 0, outcome.err
+    return out, outcome.json
+
+
+def test_the_table_of_a_slice_is_what_the_model_says(made: tuple[Path, dict[str, Any]]) -> None:
+    out, content = made
+    found = table(out / "map.csv")
+    model = build_model(load_description("xr701"))
+    stiffness = numbers(found["stiffness_N_per_mm"])
+    there = np.isfinite(stiffness)
+    assert there.sum() == content["points"] < content["grid_points"] == 16 == len(there)
+    q = np.radians(np.column_stack([numbers(found[name]) for name in model.robot.coordinates])[there])
+    assert model.robot.reachable(q).all()
+    p = np.column_stack([numbers(found[f"{name}_mm"]) for name in "xyz"])[there]
+    # The table has nine digits of angles up to 270 deg: 1e-6 deg on 2.5 m.
+    np.testing.assert_allclose(tool_position(model.robot, forward_kinematics(model.robot, q)) * 1e3, p, atol=1e-3)
+    np.testing.assert_allclose(stiffness[there], directional_stiffness(model, q) * 1e-3, rtol=1e-6)
+    k_fs = stiffness_index(model, q, np.array([0.0, 0.0, 1.0])) * 1e-3
+    np.testing.assert_allclose(numbers(found["k_fs_N_per_mm"])[there], k_fs, rtol=1e-6)
+    budget = compliance_budget(model, q, np.array([*DOWN, 0.0, 0.0, 0.0]))
+    assert [v for v in found["softest_part"] if v] == [budget.parts[i] for i in budget.share.argmax(axis=1)]
+    figures = content["quantities"]["stiffness_N_per_mm"]
+    np.testing.assert_allclose(
+        [figures["min"], figures["median"], figures["max"]],
+        [stiffness[there].min(), np.median(stiffness[there]), stiffness[there].max()],
+        rtol=1e-5,  # six digits
+    )
+    worst = content["quantities"]["stiffness_N_per_mm"]["least_at"]
+    assert stiffness[worst["row"]] == stiffness[there].min()
+    assert content["search_check"]["worst_shortfall_percent"] < 0.1
+
+
+def test_the_files_of_a_slice_say_the_same(made: tuple[Path, dict[str, Any]]) -> None:
+    out, content = made
+    assert set(tree(out)) == {"map.vti", "map.csv", "map.json", "map.html", "run.json"}
+    assert json.loads((out / "map.json").read_text(encoding="utf-8"))["quantities"] == content["quantities"]
+    reader = vtkXMLImageDataReader()
+    reader.SetFileName(str(out / "map.vti"))
+    reader.Update()
+    image = reader.GetOutput()
+    assert image.GetNumberOfPoints() == content["grid_points"]
+    array = vtk_to_numpy(image.GetPointData().GetArray("stiffness_N_per_mm"))
+    np.testing.assert_allclose(array, numbers(table(out / "map.csv")["stiffness_N_per_mm"]), rtol=1e-8)
+    assert "map.json" in content["files"]
+    assert "stiffness_N_per_mm" in (out / "map.html").read_text(encoding="utf-8")
+
+
+def test_the_joint_sweep_has_the_arrays_it_always_had_and_more(cli: Command, tmp_path: Path) -> None:
+    outcome = cli("map", "xr701", "--points", "3", "--layers", "-90,0", *BARE)
+    assert outcome.code == 0, outcome.err
+    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "run.json"}
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(tmp_path / "out" / "stiffness_map.vtu"))
+    reader.Update()
+    grid = reader.GetOutput()
+    data = grid.GetPointData()
+    arrays = {data.GetArrayName(i) for i in range(data.GetNumberOfArrays())}
+    joints = {"q1_deg", "q2_deg", "q3real_deg", "q4_deg", "q5_deg", "q6_deg"}
+    assert arrays > {"stiffness_N_per_mm", "worst_stiffness_N_per_mm", "softest_part", *joints}
+    found = outcome.json
+    assert grid.GetNumberOfPoints() == found["points"] < found["grid_points"] == 54
+    assert found["cells"] == sum(grid.GetCellType(i) == 12 for i in range(grid.GetNumberOfCells())) > 0
+    assert found["stiffness_N_per_mm"]["min"] == found["quantities"]["stiffness_N_per_mm"]["min"]
+
+
+def test_load_tool_and_quantities_are_those_asked_for(cli: Command, tmp_path: Path) -> None:
+    options = ("--direction", "0,1,0", "--tool", "50,0,120", "--values", "directions,stiffness", "--points", "2")
+    assert cli("map", "kr60-3", *options, *BARE).code == 0
+    found = table(tmp_path / "out" / "map.csv")
+    assert [n for n in found if "stiffness" in n or "direction" in n] == [
+        "stiffness_N_per_mm", "worst_direction_x", "worst_direction_y", "worst_direction_z",
+    ]  # fmt: skip
+    model = build_model(load_description("kr60-3"))
+    k = numbers(found["stiffness_N_per_mm"])
+    there = np.isfinite(k)
+    q = np.radians(np.column_stack([numbers(found[name]) for name in model.robot.coordinates])[there])
+    wanted = directional_stiffness(model, q, np.array([0.0, 1.0, 0.0]), np.array([0.05, 0.0, 0.12])) * 1e-3
+    np.testing.assert_allclose(k[there], wanted, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_stiffest_best_gamma_fixed_and_softest_are_in_that_order(cli: Command, tmp_path: Path) -> None:
+    k = {}
+    for pose in ("stiffest", "best-gamma", "fixed", "softest"):
+        options = ("--pose", pose, "--values", "stiffness", "--tool", "60,0,200,0,20,0")
+        outcome = cli("map", "kr60-3", "--links", "rigid", *SMALL, *options, "--no-pictures", "--out", pose)
+        assert outcome.code == 0, outcome.err
+        k[pose] = numbers(table(tmp_path / pose / "map.csv")["stiffness_N_per_mm"])
+    there = np.isfinite(k["fixed"])
+    assert there.any()
+    for better, worse in (("stiffest", "best-gamma"), ("best-gamma", "fixed"), ("fixed", "softest")):
+        assert (k[better][there] >= k[worse][there] * (1.0 - 1e-8)).all()
+
+
+def test_boxes_and_cylinders_of_a_default_size_hold_the_reach(cli: Command, tmp_path: Path) -> None:
+    given = read_model("kr60-3", "rigid", None)
+    for kind in ("box", "cylinder", "slice"):
+        asked = read_map_options(given, {"--grid": kind})
+        axes = {axis.name: axis.values for axis in asked.grid.layout.axes}
+        assert axes["z"][0] <= 1e3 * asked.reach.lower[2]
+        assert axes["z"][-1] >= 1e3 * asked.reach.upper[2]
+        assert max(len(v) for v in axes.values()) >= (40 if kind == "slice" else 25)
+        assert asked.grid.layout.n < 100_000
+    options = ("--grid", "cylinder", "--r", "1200:1600:400", "--z", "800", "--phi", "-90:90:90", "--pose", "fixed")
+    outcome = cli("map", "kr60-3", *options, "--format", "vtu,vtp", *BARE)
+    assert outcome.code == 0, outcome.err
+    assert {"map.vtu", "map.vtp"} <= set(tree(tmp_path / "out"))
+    k = numbers(table(tmp_path / "out" / "map.csv")["stiffness_N_per_mm"]).reshape(3, 2)
+    assert np.isfinite(k[:, 0]).all()
+
+
+def test_a_work_folder_is_gone_on_with(
+    cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    options = ("--points", "3", "--values", "stiffness", "--work", "work")
+    assert cli("map", "kr60-3", *options, *BARE).code == 0
+    first = (tmp_path / "out" / "map.csv").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(Engine, "block", lambda *_: pytest.fail("made a second time"))
+        assert cli("map", "kr60-3", *options, *BARE).code == 0
+    # What has changed in between is not told as a result: it is made again, and said.
+    values = np.load(tmp_path / "work" / "stiffness_N_per_mm.npy", mmap_mode="r+")
+    row = int(np.flatnonzero(np.isfinite(values))[0])
+    values[row] = 1234.5
+    values.flush()
+    assert cli("map", "kr60-3", *options, *BARE).code == 0
+    assert "1 of 1 blocks are damaged (0); they are made again" in caplog.text
+    assert (tmp_path / "out" / "map.csv").read_bytes() == first
+    other = cli("map", "kr60-3", "--points", "4", "--work", "work", *BARE)
+    assert other.code == 2
+    assert "of another map" in other.err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--grid", "cube"), "--grid: got 'cube'"),
+        (("--grid", "slice", "--plane", "zx"), "--plane"),
+        (("--grid", "slice", "--y", "0:100:50"), "--y with --plane xz"),
+        (("--grid", "slice", "--at", "left"), "--at"),
+        (("--grid", "box", "--at", "0"), "--at with --grid box"),
+        (("--grid", "box", "--r", "0:100:50"), "--r with --grid box"),
+        (("--grid", "cylinder", "--x", "0:100:50"), "--x with --grid cylinder"),
+        (("--grid", "cylinder", "--r", "-100:100:50"), "radius"),
+        (("--grid", "slice", "--points", "3"), "--points with --grid slice"),
+        (("--pose", "fixed"), "--pose with --grid joints"),
+        (("--grid", "slice", "--pose", "limp"), "--pose: got 'limp'"),
+        (("--grid", "slice", "--tool-axis", "0,0,1"), "--tool-axis with --pose stiffest"),
+        (("--grid", "slice", "--pose", "fixed", "--gamma", "0:90:30"), "--gamma with --pose fixed"),
+        (("--grid", "slice", "--pose", "best-gamma", "--gamma", "0"), "--gamma with --pose best-gamma"),
+        (("--grid", "slice", "--best-by", "beauty"), "--best-by"),
+        (("--grid", "slice", "--values", "stifness"), "--values"),
+        (("--values", "uncertainty"), "does not say how sure its numbers are"),
+        (("--format", "vti"), "--format vti with --grid joints"),
+        (("--format", "stl"), "--format"),
+        (("--direction", "0,0,0"), "--direction"),
+        (("--normal", "0,0,0"), "--normal"),
+        (("--grid", "slice", "--x", "0:100:33"), "a whole number of steps"),
+        (("--grid", "slice", "--x", "9000:9500:100", "--z", "0:500:100"), "within the reach of kr60-3"),
+        (("--grid", "slice", "--pose", "fixed", "--x", "9000:9500:100", "--z", "0:500:100"), "--pose stiffest"),
+        (("--grid", "slice", "--dask", "tcp://127.0.0.1:9", *SMALL[2:]), "does not answer"),
+        (("--quantity", "k_fs", "--grid", "box"), "--grid with --quantity"),
+        (("--quantity", "k_fs", "--html"), "--html with --quantity"),
+        (("--force", "1,0,0"), "--force without --quantity"),
+    ],
+)
+def test_bad_input_is_named_and_leaves_nothing(
+    cli: Command, tmp_path: Path, options: tuple[str, ...], words: str
+) -> None:
+    outcome = cli("map", "kr60-3", "--links", "rigid", *options, "--out", "out")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in " ".join(outcome.err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_models_that_such_a_map_cannot_be_made_of(cli: Command, tmp_path: Path) -> None:
+    urdf = write_urdf(tmp_path / "small.urdf")
+    four = cli("map", urdf, "--grid", "slice", "--out", "out")
+    assert four.code == 2
+    assert "nothing in this model gives way" in " ".join(four.err.split())
+    with pytest.raises(InputError, match=r"4 joints.*--grid joints"):
+        read_map_options(read_model(str(urdf), "rigid", None), {"--grid": "slice", "--pose": "fixed"})
+
+
+def test_a_calibrated_model_says_how_sure_its_stiffness_is(cli: Command, tmp_path: Path, calibrated: Path) -> None:
+    outcome = cli("map", calibrated / "model.toml", "--points", "2", "--layers", "30", *BARE)
+    assert outcome.code == 0, outcome.err
+    found = table(tmp_path / "out" / "map.csv")
+    description = load_description(calibrated / "model.toml")
+    percent, model = numbers(found["uncertainty_percent"]), read_model(str(calibrated / "model.toml"), None, None).model
+    there = np.isfinite(percent)
+    assert there.any()
+    q = np.radians(np.column_stack([numbers(found[name]) for name in model.robot.coordinates])[there])
+    known = parameter_uncertainty(description)
+    assert known is not None
+    np.testing.assert_allclose(percent[there], 100.0 * relative_sd(model, known, q, DOWN), rtol=1e-5)
+    assert {f["verdict"] for f in outcome.json["findings"]} <= {
+        "holds", "holds in part", "does not hold", "cannot be told",
+    }  # fmt: skip
+
+
+# --- what goes to a cluster ----------------------------------------------------------------------------------------
+
+
+def asked_for() -> MapRequest:
+    given = read_model("kr60-3", "rigid", None)
+    return read_map_options(given, {"--grid": "slice", "--pose": "fixed", "--x": "0:1500:300", "--z": "600"}).request
+
+
+def test_a_request_is_plain_text_and_comes_back_the_same() -> None:
+    asked = asked_for()
+    assert MapRequest.from_text(asked.text) == asked
+    assert asked.key != replace(asked, seed=1).key
+    grid = cylinder_layout([0.1, 0.4], [10.0, 20.0], [1.0 / 3.0])
+    back = grid_from(json.loads(json.dumps(grid_table(grid))))
+    for one, other in zip(back.layout.axes, grid.layout.axes, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+
+
+def test_a_worker_builds_the_model_from_the_text_and_makes_a_block() -> None:
+    asked = asked_for()
+    block = evaluate(asked.text, 0)
+    k, q = np.asarray(block["stiffness_N_per_mm"]), np.asarray(block["q"])
+    there = np.isfinite(k)
+    assert there.any()
+    model = build_model(load_description("kr60-3"), links="rigid")
+    np.testing.assert_allclose(k[there], directional_stiffness(model, q[there]) * 1e-3, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_cluster_writes_the_same_files(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = oracles.load("distributed")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    options = ("--grid", "slice", "--x", "1000:2200:300", "--z", "400:1600:300", "--no-pictures")
+    assert cli("map", "xr701", *options, "--out", "here").code == 0
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as made:
+        outcome = cli("map", "xr701", *options, "--out", "there", "--dask", made.scheduler_address)
+    assert outcome.code == 0, outcome.err
+    for name in ("map.csv", "map.vti"):
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"version": "0.0"}, f"allowed: {__version__}"), ({"model_hash": "0" * 64}, "hash"), ({"form": "x/2"}, "form")],
+)
+def test_a_worker_of_another_version_or_with_another_model_refuses(change: dict[str, str], words: str) -> None:
+    answer = evaluate(replace(asked_for(), **change).text, 0)
+    assert set(answer) == {REFUSED}
+    assert words in answer[REFUSED]

@@ -1,0 +1,346 @@
+"""The command `plan`: what it names, writes and says, and that its sheet goes back into `calibrate`."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runs import ROOT, Command, run_here, tree
+from figure_texts import texts
+
+from doe.certainty.uncertainty import ParameterEstimate
+from doe.planning.plan import Foresight
+from fem import build_model, deflection
+from fem.free.parameters import parameter
+from robots import load_description
+from stiffarm.commands.plan import words
+from stiffarm.commands.plan.figures import plan_figure
+from stiffarm.commands.plan.options import parse_directions, parse_read, parse_zone, usual_loads
+from stiffarm.commands.plan.step import Request, make_plan
+from stiffarm.session import inputs
+
+XR701 = inputs.read_model("xr701", None, None)
+DATA = inputs.read_data(XR701.robot, "xr701", None)
+SIX_AXIS = ROOT / "tests" / "robots" / "data" / "six_axis.urdf"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a small plan for the published data."""
+    folder = tmp_path_factory.mktemp("plan") / "out"
+    outcome = run_here("plan", "xr701", "--poses", "2", "--candidates", "300", "--repeats", "2", "--out", folder)
+    assert outcome.code == 0, outcome.err
+    return folder
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_six_poses_settle_what_nine_readings_cannot_tell(cli: Command) -> None:
+    outcome = cli("plan", "xr701", "--poses", "6", "--json")
+    assert outcome.code == 0, outcome.err
+    result = outcome.json
+    assert result["schema"] == "stiffarm-plan/1"
+    assert len(result["setups"]) == 6
+    assert result["loads_N"] == [150.0, 375.0, 650.0]
+    assert result["read"] == ["dz_mm"]
+    by_name = {p["name"]: p for p in result["parameters"]}
+    # Joints 1 and 6 turn about the load and about its line of action: no such reading moves with them.
+    assert list(by_name) == [f"j{k}.stiffness" for k in (2, 3, 4, 5)]
+    for name in ("j4.stiffness", "j5.stiffness"):
+        assert by_name[name]["status"] in ("one-sided", "at bound")
+        assert by_name[name]["shrink"] > 2.0
+    # Afterwards every one is known within a factor 1.5 (95 %).
+    assert all(math.exp(1.96 * p["sd_after"]) < 1.5 for p in result["parameters"])
+    assert result["held_deg"] == {"q1_deg": 0.0, "q6_deg": 0.0}
+    assert all(s["q1_deg"] == s["q6_deg"] == 0.0 for s in result["setups"])
+    robot = XR701.robot
+    q = np.radians([[s[name] for name in robot.coordinates] for s in result["setups"]])
+    assert robot.reachable(q).all()
+    assert result["value"] < result["random"]["median_value"]
+    assert result["random"]["setups_for_the_same"] > 6
+    said = " ".join(result["words"])
+    assert "j4.stiffness: known to ±" in said
+    assert "only ≥" in said
+    assert f"it takes about {result['random']['setups_for_the_same']} set-ups" in said
+
+
+def test_files_of_a_plan(written: Path) -> None:
+    assert {p.name for p in written.iterdir()} == {
+        "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png", "run.json",
+    }  # fmt: skip
+    plan = json.loads((written / "plan.json").read_text(encoding="utf-8"))
+    rows = rows_of(written / "measurement_sheet.csv")
+    assert len(rows) == 2 * 2 * 3
+    assert [row["step"] for row in rows] == [str(k) for k in range(1, 13)]
+    for setup in plan["setups"]:
+        mine = [row for row in rows if row["pose"] == setup["pose"]]
+        assert len(mine) == 6
+        for name in XR701.robot.coordinates:
+            # The table keeps 15 digits, the JSON 6.
+            assert float(mine[0][name]) == pytest.approx(setup[name], abs=1e-4)
+    html = (written / "measurement_sheet.html").read_text(encoding="utf-8")
+    assert html.count("data:image/png;base64,") == 2
+    assert "to expect at 650 N" in html
+    run = json.loads((written / "run.json").read_text(encoding="utf-8"))
+    assert run["seed"] == 0
+    assert set(run["inputs_sha256"]) == {"model", "data"}
+
+
+def test_a_sheet_partly_filled_in_goes_into_calibrate(written: Path, cli: Command, tmp_path: Path) -> None:
+    """Readings simulated with known springs come back as these springs; rows left empty are named and skipped."""
+    rows = rows_of(written / "measurement_sheet.csv")
+    truth = build_model(load_description("xr701")).with_springs({"j2": 8e5, "j3": 9e5})
+    for k, row in enumerate(rows):
+        if k in (3, 4, 11):
+            continue
+        q = np.radians([[float(row[name]) for name in XR701.robot.coordinates]])
+        load = np.array([0.0, 0.0, float(row["fz_N"]), 0.0, 0.0, 0.0])
+        row["dz_mm"] = f"{1e3 * deflection(truth, q, load)[0, 2]:.9f}"
+    filled = tmp_path / "filled.csv"
+    with filled.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    outcome = cli("calibrate", "xr701", filled, "--scheme", "global", "--joints", "j2,j3", "--json")
+    assert outcome.code == 0, outcome.err
+    assert "3 row(s) without any reading skipped: 5-6, 13" in outcome.err
+    found = json.dumps(outcome.json)
+    springs = {k: v for k, v in _numbers(outcome.json).items() if k in ("k2_Nm_per_rad", "k3_Nm_per_rad")}
+    # Readings to 1e-9 mm: the springs to some 1e-7.
+    assert springs == {"k2_Nm_per_rad": pytest.approx(8e5, rel=1e-5), "k3_Nm_per_rad": pytest.approx(9e5, rel=1e-5)}
+    assert "nan" not in found.lower()
+
+
+def _numbers(content: dict[str, object]) -> dict[str, float]:
+    return {k: v for k, v in content.items() if isinstance(v, float)}
+
+
+def test_new_labels_are_not_those_of_the_data(written: Path) -> None:
+    labelled = inputs.read_data(XR701.robot, "xr701", None)
+    object.__setattr__(labelled, "pose", ("N2", *labelled.pose[1:]))
+    planned = make_plan(XR701, labelled, Request(2, candidates=50))
+    assert planned.labels == ("N3", "N4")
+
+
+def test_a_first_campaign_of_a_robot_without_data(cli: Command) -> None:
+    outcome = cli("plan", "kr60-3", "--poses", "3", "--candidates", "200", "--directions", "+x,-z", "--read", "xz",
+                  "--json")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    result = outcome.json
+    assert result["data"] is None
+    # A quarter, half and all of 60 kg, rounded.
+    assert result["loads_N"] == [150.0, 290.0, 590.0]
+    assert "j1.stiffness" in [p["name"] for p in result["parameters"]]
+    assert all(p["status"] == "no readings" for p in result["parameters"])
+    assert "expected_at_largest_load" not in result["setups"][0]
+    assert any("no readings yet" in note for note in result["notes"])
+
+
+def test_a_urdf_needs_no_more_than_loads(cli: Command) -> None:
+    outcome = cli("plan", SIX_AXIS, "--poses", "3", "--candidates", "200", "--loads", "50,100", "--json")
+    assert outcome.code == 0, outcome.err
+    assert outcome.json["robot"] == "six_axis"
+
+
+@pytest.mark.parametrize("design", ["sobol", "latin", "factorial", "fractional"])
+def test_plain_designs(design: str) -> None:
+    planned = make_plan(XR701, DATA, Request(200 if design == "factorial" else 12, plain=True, design=design))  # type: ignore[arg-type]
+    q = planned.made.q
+    assert XR701.robot.reachable(q).all()
+    assert len(q) == 12 if design in ("sobol", "latin") else len(q) > 2
+    assert not len(planned.made.random)
+    assert not any("random" in sentence for sentence in planned.sentences)
+
+
+def test_drawn_poses_are_in_whole_degrees_and_not_wound_up() -> None:
+    planned = make_plan(inputs.read_model("kr60-3", None, None), None, Request(5, candidates=100))
+    degrees = np.degrees(planned.made.q)
+    np.testing.assert_allclose(degrees, np.round(degrees), atol=1e-9)
+    assert np.abs(degrees[:, 3]).max() <= 180.0
+
+
+def test_vary_and_hold_override_what_makes_no_difference() -> None:
+    planned = make_plan(XR701, DATA, Request(3, candidates=50, vary=("q1_deg", "q2_deg", "q3real_deg")))
+    assert len(np.unique(planned.made.q[:, 0])) > 1
+    assert set(planned.held_deg) == {"q4_deg", "q5_deg", "q6_deg"}
+    planned = make_plan(XR701, DATA, Request(3, candidates=50, hold_deg={"q1_deg": 30.0}))
+    np.testing.assert_allclose(np.degrees(planned.made.q[:, 0]), 30.0)
+
+
+def test_order_is_a_tour_or_random_on_request() -> None:
+    way = make_plan(XR701, DATA, Request(8, candidates=100))
+    drawn = make_plan(XR701, DATA, Request(8, candidates=100, random_order=True))
+    turns = [np.abs(np.diff(p.made.q, axis=0)).max(axis=1).sum() for p in (way, drawn)]
+    assert turns[0] < turns[1]
+    assert sorted(map(tuple, way.made.q)) == sorted(map(tuple, drawn.made.q))
+    assert "drift" in " ".join(drawn.notes)
+
+
+def test_same_seed_same_plan() -> None:
+    one, two, other = (make_plan(XR701, DATA, Request(3, candidates=100, seed=s)) for s in (1, 1, 2))
+    np.testing.assert_array_equal(one.made.q, two.made.q)
+    assert not np.array_equal(one.made.q, other.made.q)
+
+
+def test_no_pose_below_the_floor_or_in_a_box() -> None:
+    zone = parse_zone(XR701.description, "500", ["1000,-400,0:3000,400,1200"], None)
+    planned = make_plan(XR701, DATA, Request(4, candidates=100, zone=zone))
+    assert zone.free(XR701.robot, planned.made.q).all()
+    assert "above z = 500 mm; out of 1 box(es)" in " ".join(planned.notes)
+
+
+# --- words and figure ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("-z", [[0, 0, -1]]),
+        ("+x,-x,y", [[1, 0, 0], [-1, 0, 0], [0, 1, 0]]),
+        ("0,0,-1;3,0,-4", [[0, 0, -1], [0.6, 0, -0.8]]),
+        ("-z;0,2,0", [[0, 0, -1], [0, 1, 0]]),
+    ],
+)
+def test_directions(text: str, expected: list[list[float]]) -> None:
+    np.testing.assert_allclose(parse_directions(text), expected, atol=1e-12)
+
+
+def test_what_is_read() -> None:
+    assert parse_read("z") == (2,)
+    assert parse_read("XZ") == (0, 2)
+    assert parse_read("xyzr") == (0, 1, 2, 3, 4, 5)
+
+
+def test_usual_loads_are_those_of_the_data() -> None:
+    assert usual_loads(XR701.description, DATA).tolist() == [150.0, 375.0, 650.0]
+
+
+def test_direction_words() -> None:
+    assert words.direction_words(np.array([0.0, 0.0, -1.0])) == "down (−z)"
+    assert words.direction_words(np.array([0.6, 0.0, -0.8])) == "along (0.6, 0, −0.8) of the base"
+
+
+def _foresight(before: float, after: float, seen: bool = True) -> Foresight:
+    return Foresight(parameter(XR701.model, "j4.stiffness"), 5e4, before, after, seen)
+
+
+def _found(status: str, low: float, high: float) -> ParameterEstimate:
+    p = parameter(XR701.model, "j4.stiffness")
+    return ParameterEstimate(p, 5e4, (low, high), 1e-6, status, 20.0)  # type: ignore[arg-type]
+
+
+def test_sentences() -> None:
+    open_one = words.told(_foresight(0.2, 0.02), _found("one-sided", 5e4, math.inf))
+    assert open_one == (
+        "j4.stiffness: known to ± 4 % if it is as soft as the readings allow, 0.05·10⁶ N m/rad "
+        "(was: only ≥ 0.05·10⁶ N m/rad); 10 times narrower. "
+        "A stiffer one is told from a rigid one up to 1.3·10⁶ N m/rad"
+    )
+    known = words.told(_foresight(0.3, 0.15), _found("determined", 4e4, 7e4))
+    assert known == "j4.stiffness: known within a factor 1.34 (was: 0.04 to 0.07·10⁶ N m/rad); 2 times narrower"
+    assert "no reading of this plan moves with it" in words.told(_foresight(3.4, 3.4, False), None)
+    assert "still open" in words.told(_foresight(3.4, 3.0), None)
+
+
+@pytest.mark.parametrize("criterion", ["D", "A", "I"])
+def test_figure(criterion: str) -> None:
+    request = Request(3, candidates=60, criterion=criterion,  # type: ignore[arg-type]
+                      free=("j3.stiffness", "j4.stiffness", "j2.zero", "forearm.modulus"))  # fmt: skip
+    planned = make_plan(XR701, None, request)
+    figure = plan_figure(planned.made, planned.found, "$x_{")
+    seen = texts(figure)
+    for one in seen:  # nothing is cut off, but for a pixel
+        assert min(one.box.x0, one.box.y0) >= -1
+        assert max(one.box.x1 - figure.bbox.x1, one.box.y1 - figure.bbox.y1) <= 1
+    shown = [one.text for one in seen]
+    assert any("3 set-ups for $x_{" in text for text in shown)
+    assert any(text.startswith("j4.stiffness") for text in shown)
+    assert "this plan" in shown
+    assert len(figure.axes) == 2
+
+
+def test_figure_of_a_design_with_many_parameters_and_one_unseen() -> None:
+    free = tuple(f"j{j}.{row}" for j in range(1, 7) for row in ("tx", "ty", "tz", "rx", "rz"))
+    planned = make_plan(XR701, None, Request(4, plain=True, free=free))
+    shown = [seen.text for seen in texts(plan_figure(planned.made, planned.found, "xr701"))]
+    assert any("6 more parameters in plan.json" in text for text in shown)
+
+
+# --- bad input -------------------------------------------------------------------------------------
+
+BAD = {
+    "no task": ("", ("one of --poses N, --design-only N, --iso9283",)),
+    "two tasks": ("--poses 3 --iso9283", ("'--poses with --iso9283'",)),
+    "unknown parameter": ("--poses 3 --free j9.stiffness", ("'j9.stiffness'", "bar.stiffness")),
+    "parameter twice": ("--poses 3 --free j2.stiffness,j2.stiffness", ("each once",)),
+    "parameter under two names": ("--poses 3 --free j2.stiffness,j2.rz", ("j2.rz", "each number once")),
+    "wall": ("--poses 3 --free forearm.wall", ("forearm.modulus",)),
+    "nothing moves": ("--poses 3 --free j1.stiffness", ("no reading of this plan moves with j1.stiffness",)),
+    "floor too high": ("--poses 3 --floor-mm 9000", ("poses that xr701 can take: 0 of", "lower the floor")),
+    "floor text": ("--poses 3 --floor-mm high", ("--floor-mm: got 'high'", "none")),
+    "more set-ups than candidates": ("--poses 30 --candidates 10", ("--poses: got 30", "1 to 10")),
+    "direction twice": ("--poses 3 --directions +x,1,0,0", ("--directions",)),
+    "same direction": ("--poses 3 --directions +x;2,0,0", ("the first and the second are the same direction",)),
+    "contradictory sign": ("--poses 3 --directions +-x", ("'+-x'", "as in +x,-x,-z")),
+    "direction of length zero": ("--poses 3 --directions 0,0,0", ("length zero",)),
+    "direction NaN": ("--poses 3 --directions nan,0,1", ("--directions",)),
+    "read twice": ("--poses 3 --read zz", ("--read: got 'zz'",)),
+    "criterion": ("--poses 3 --criterion E", ("D, A, I",)),
+    "design": ("--poses 3 --design random", ("factorial, fractional, latin, sobol",)),
+    "factorial larger than asked": ("--design-only 3 --design factorial", ("72", "--vary")),
+    "box": ("--poses 3 --keep-out 1,2:3", ("two corners",)),
+    "flat box": ("--poses 3 --keep-out 0,0,0:1,1,0", ("a box with a volume",)),
+    "coordinate": ("--poses 3 --vary q9_deg", ("'q9_deg'", "q3real_deg")),
+    "hold": ("--poses 3 --hold q2_deg=90", ("--hold: q2_deg", "-35 to 45 deg")),
+    "hold and vary": ("--poses 3 --hold q1_deg=9 --vary q1_deg,q2_deg", ("both in --vary and in --hold",)),
+    "gauge": ("--poses 3 --gauge-mm 0", ("--gauge-mm: got 0.0",)),
+    "load": ("--poses 3 --loads 0", ("greater than 0 N",)),
+    "no load known": ("SIX_AXIS --poses 3", ("no payload is known", "--loads 150")),
+    "iso without a payload": ("SIX_AXIS --iso9283", ("no payload is known", "--rated-N 1300")),
+    "iso with a pose that cannot be taken": ("--iso9283 --pose q2_deg=80", ("cannot take it", "-35 to 45 deg")),
+    "iso with loads": ("--iso9283 --loads 100", ("--loads: not with --iso9283",)),
+    "iso with a rated load of zero": ("--iso9283 --rated-N 0", ("--rated-N: got 0.0",)),
+    "pose without iso": ("--poses 3 --pose q2_deg=5", ("--pose: only with --iso9283",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input(name: str, cli: Command, tmp_path: Path) -> None:
+    arguments, says = BAD[name]
+    words_given = arguments.split()
+    # The path is put in afterwards: it may hold blanks.
+    model = SIX_AXIS if words_given[:1] == ["SIX_AXIS"] else "xr701"
+    outcome = cli("plan", model, *(word for word in words_given if word != "SIX_AXIS"), "--out", "out")
+    assert outcome.code == 2, outcome.err
+    assert outcome.out == ""
+    messages = [line for line in outcome.err.splitlines() if line.startswith("stiffarm: ")]
+    assert len(messages) == 1
+    for part in says:
+        assert part in outcome.err
+    assert tree(tmp_path) == {}
+
+
+# --- ISO 9283 --------------------------------------------------------------------------------------
+
+
+def test_iso_sheet(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stiffarm.pages.pose_pictures.pose_pictures", lambda d, r, q, *_: [""] * len(q))
+    outcome = cli("plan", "xr701", "--iso9283", "--out", "out", "--json")
+    assert outcome.code == 0, outcome.err
+    result = outcome.json
+    # 132.5 kg x 9.81 m/s^2
+    assert result["rated_load_N"] == pytest.approx(1299.825, rel=1e-5)
+    rows = rows_of(tmp_path / "out" / "measurement_sheet.csv")
+    assert len(rows) == 180
+    assert {"dx_mm", "dy_mm", "dz_mm"} <= set(rows[0])
+    pose = ["q2_deg=5,q3real_deg=77.5", "q2_deg=10,q3real_deg=80"]
+    outcome = cli("plan", "xr701", "--iso9283", "--pose", pose[0], "--pose", pose[1], "--rated-N", "1000", "--json")
+    assert outcome.json["loads_N"] == [100.0 * k for k in range(1, 11)]
+    assert [p["q2_deg"] for p in outcome.json["poses"]] == [5.0, 10.0]

@@ -1,0 +1,216 @@
+"""Measurement sheets: rows in the order of measuring, a table that reads back, a page that is safe and whole."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runs import HOSTILE_TITLE
+
+from doe import read_measurements
+from doe.planning.pose_designs import Zone
+from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
+from stiffarm.commands.plan import iso9283
+from stiffarm.commands.plan.sheets import SetUp, Sheet, as_table, grid, readings, render_sheet, write_table
+from stiffarm.pages.pose_pictures import HEIGHT, WIDTH, pose_pictures
+
+ROBOT = load_robot("xr701")
+POSES = np.radians([[0.0, 5.0, 77.5, 0.0, -30.0, 0.0], [10.0, 20.0, 90.0, 45.0, 12.0, 0.0]])
+FORCES = (150.0, 375.0, 650.0)
+
+
+def sheet(**changes: object) -> Sheet:
+    setups = (
+        SetUp("N1", POSES[0], np.array([0.0, 0.0, -1.0]), FORCES, "roughly dz ≈ −1 mm"),
+        SetUp("N2", POSES[1], np.array([1.0, 0.0, 0.0]), FORCES),
+    )
+    plain = Sheet(ROBOT, "Sheet", setups, (2,), 2, False, (("robot", "xr701"),), ("Heed this.",))
+    return replace(plain, **changes)  # type: ignore[arg-type]
+
+
+class Page(HTMLParser):
+    """What a page refers to, which tags it leaves open, and its text."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.count: dict[str, int] = {}
+        self.references: list[str] = []
+        self.words: list[str] = []
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.count[tag] = self.count.get(tag, 0) + 1
+        self.references += [v or "" for k, v in attrs if k in ("src", "href")]
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def test_rows_come_in_the_order_of_measuring() -> None:
+    rows = readings(sheet())
+    assert [row.step for row in rows] == list(range(1, 13))
+    assert [row.setup.label for row in rows] == ["N1"] * 6 + ["N2"] * 6
+    assert [row.force for row in rows] == [*FORCES] * 4
+    assert [row.repeat for row in rows] == [1, 1, 1, 2, 2, 2] * 2
+    assert {row.phase for row in rows} == {None}
+
+
+def test_unloading_goes_down_the_same_steps() -> None:
+    rows = readings(sheet(unloading=True, repeats=1))
+    assert [row.force for row in rows[:5]] == [150.0, 375.0, 650.0, 375.0, 150.0]
+    assert [row.phase for row in rows[:5]] == ["loading"] * 3 + ["unloading"] * 2
+
+
+@pytest.mark.parametrize("components", [(2,), (0, 1, 2), (0, 1, 2, 3, 4, 5)])
+@pytest.mark.parametrize("unloading", [False, True])
+def test_a_filled_table_reads_back(components: tuple[int, ...], unloading: bool, tmp_path: Path) -> None:
+    one = sheet(components=components, unloading=unloading)
+    path = tmp_path / "sheet.csv"
+    write_table(one, path)
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    columns = [name for name in rows[0] if re.fullmatch(r"[dr][xyz]_m(m|rad)", name)]
+    assert len(columns) == len(components)
+    assert all(row[name] == "" for row in rows for name in columns)
+    for k, row in enumerate(rows):
+        row.update(dict.fromkeys(columns, f"{-0.01 * (k + 1):.2f}") if k % 3 else {})
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    back = read_measurements(path, ROBOT)
+    expected = as_table(one)
+    filled = np.arange(len(rows)) % 3 > 0
+    np.testing.assert_allclose(back.q, expected.q[filled], atol=1e-12)
+    np.testing.assert_allclose(back.wrench, expected.wrench[filled], atol=1e-12)
+    assert back.step.tolist() == expected.step[filled].tolist()
+    assert back.phase == tuple(np.array(expected.phase)[filled])
+    assert np.flatnonzero(back.used.any(axis=0)).tolist() == list(components)
+    assert f"{(~filled).sum()} row(s) without any reading skipped: 2, 5, 8" in " ".join(back.notes)
+
+
+def test_an_empty_table_says_what_to_do(tmp_path: Path) -> None:
+    write_table(sheet(), tmp_path / "sheet.csv")
+    with pytest.raises(InputError, match=r"no deflection was read, here or in any row.*fill in the readings"):
+        read_measurements(tmp_path / "sheet.csv", ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("changes", "columns", "lines"),
+    [
+        ({}, 2, 3),
+        ({"components": (0, 1, 2), "repeats": 3}, 9, 3),
+        ({"components": (0, 1, 2, 3, 4, 5), "repeats": 3}, 6, 9),
+        ({"unloading": True, "repeats": 1}, 1, 5),
+    ],
+)
+def test_there_is_a_box_for_every_reading(changes: dict[str, object], columns: int, lines: int) -> None:
+    one = sheet(**changes)
+    rows = readings(one)
+    mine = [row for row in rows if row.setup is one.setups[0]]
+    boxes = grid(one, mine)
+    assert len(boxes.columns) == columns
+    assert len(boxes.lines) == lines
+    assert sum(width for _, width in boxes.groups) in (0, columns)
+    steps = [step for _, line in boxes.lines for step in line]
+    assert sorted(steps) == sorted(row.step for row in mine for _ in one.components)
+    page = Page(render_sheet(one, ["", ""]))
+    assert page.open == []
+    assert page.count["small"] == len(rows) * len(one.components)
+
+
+def test_boxes_stand_beside_the_load_of_their_row() -> None:
+    one = sheet(unloading=True)
+    by_step = {row.step: row for row in readings(one)}
+    boxes = grid(one, [row for row in by_step.values() if row.setup.label == "N2"])
+    for name, steps in boxes.lines:
+        assert [by_step[step].repeat for step in steps] == [1, 2]
+        arrow = {"loading": "↑", "unloading": "↓"}
+        assert {f"{by_step[s].force:g} N {arrow[str(by_step[s].phase)]}" for s in steps} == {name}
+
+
+def test_the_page_is_safe_and_self_contained() -> None:
+    hostile = sheet(
+        title=HOSTILE_TITLE,
+        facts=(("robot", HOSTILE_TITLE),),
+        setups=(replace(sheet().setups[0], label="<b>&", hint=HOSTILE_TITLE),),
+    )
+    html = render_sheet(hostile, [base64.b64encode(b"picture").decode()])
+    page = Page(html)
+    assert page.open == []
+    assert "<script" not in html
+    assert "b" not in page.open
+    assert page.references == ["data:image/png;base64," + base64.b64encode(b"picture").decode()]
+    assert "://" not in html
+    text = " ".join(page.words)
+    assert HOSTILE_TITLE in text
+    for words in ("signature", "gauge", "date", "serial number", "down (−z)", "q3real (deg)", "77.5", "−30", "<b>&"):
+        assert words in text
+
+
+def test_a_second_direction_in_the_same_pose_is_said() -> None:
+    one = sheet()
+    twice = sheet(setups=(one.setups[0], replace(one.setups[1], q=POSES[0])))
+    assert "same pose as before" in render_sheet(twice, ["", ""])
+    assert "same pose as before" not in render_sheet(one, ["", ""])
+
+
+def test_pictures_show_the_arm_and_the_load() -> None:
+    description = load_description("kr60-3")
+    robot = load_robot("kr60-3")
+    q = np.radians([[0.0, -90.0, 90.0, 0.0, 0.0, 0.0]])
+    seen: list[tuple[int, int]] = []
+    (down,) = pose_pictures(description, robot, q, np.array([[0.0, 0.0, -1.0]]), lambda a, b: seen.append((a, b)))
+    (side,) = pose_pictures(description, robot, q, np.array([[1.0, 0.0, 0.0]]))
+    data = base64.b64decode(down)
+    assert data.startswith(b"\x89PNG")
+    assert (int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")) == (WIDTH, HEIGHT)
+    assert down != side
+    assert seen == [(1, 1)]
+
+
+# --- ISO 9283 --------------------------------------------------------------------------------------
+
+
+def test_the_iso_sheet_has_all_loads_and_directions() -> None:
+    one = iso9283.sheet(ROBOT, "xr701", POSES[:1], 1300.0, usual=True)
+    rows = readings(one)
+    assert len(rows) == 6 * 10 * 3
+    table = as_table(one)
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            mine = sign * table.wrench[:, axis] > 0.0
+            assert mine.sum() == 30
+            levels, counts = np.unique(np.round(np.abs(table.wrench[mine, axis]), 6), return_counts=True)
+            np.testing.assert_allclose(levels, 130.0 * np.arange(1, 11))
+            assert (counts == 3).all()
+            assert np.count_nonzero(table.wrench[mine]) == 30
+    assert one.components == (0, 1, 2)
+    text = " ".join(Page(render_sheet(one, [""] * 6)).words)
+    assert "ISO 9283:1998" in text
+    assert "to the right (−y)" in text
+
+
+@pytest.mark.parametrize("name", ["xr701", "kr60-3", "tx200"])
+def test_the_middle_of_the_workspace(name: str) -> None:
+    robot = load_robot(name)
+    q = iso9283.middle_pose(robot, Zone(0.0, (), 0.3))
+    assert robot.reachable(q[None]).all()
+    np.testing.assert_allclose(np.degrees(q), np.round(np.degrees(q)), atol=1e-9)
+    tool = tool_position(robot, forward_kinematics(robot, q[None]))[0]
+    assert abs(tool[1]) < 1e-9
+    # Well inside: in front of the base, off the floor.
+    assert tool[0] > 0.3
+    assert tool[2] > 0.3

@@ -1,0 +1,74 @@
+"""Readings held out of the whole chain: every variant predicts them, and the report says which does best."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runs import Command
+
+from doe import Measurements, read_measurements, write_measurements
+from fem import deflection
+from robots import InputError
+from stiffarm.commands.run import held_out
+from stiffarm.session import inputs, steps
+
+POSES = ((12.0, 60.0, 30.0, 40.0), (-20.0, 75.0, -60.0, -50.0))
+
+
+def _made_up(given: inputs.ModelInput, like: Measurements, springs: dict[str, float]) -> Measurements:
+    """Readings of dz at two other poses under 650 N, by the robot with these springs."""
+    q = np.zeros((2, 6))
+    q[:, 1:5] = np.radians(POSES)
+    wrench = np.tile([0.0, 0.0, -650.0, 0.0, 0.0, 0.0], (2, 1))
+    moved = np.full((2, 6), np.nan)
+    moved[:, 2] = deflection(given.model.with_springs(springs), q, wrench)[:, 2]
+    some = like.select(np.arange(like.n) < 2)
+    return replace(some, q=q, wrench=wrench, displacement=moved, pose=("H1", "H2"), source="held.csv")
+
+
+@pytest.fixture(scope="module")
+def given() -> inputs.ModelInput:
+    return inputs.read_model("xr701", None, None)
+
+
+def test_a_variant_predicts_what_it_would_do_itself(given: inputs.ModelInput, data_file: Path) -> None:
+    table = read_measurements(data_file, given.robot)
+    variant = steps.calibrate_constant(given, table, ("j2", "j3", "j4", "j5"), (650.0,))
+    assert variant.constant is not None
+    springs = {s.joint: s.stiffness for s in variant.constant.springs}
+    judged = held_out.judge([variant], _made_up(given, table, springs))
+    # Its own deflections: rounding.
+    assert judged.rms_mm[variant.name] < 1e-9
+    softer = held_out.judge([variant], _made_up(given, table, springs | {"j3": springs["j3"] / 2.0}))
+    assert softer.rms_mm[variant.name] > 0.1
+    assert held_out.payload(softer)["readings"] == 2
+    assert "constant, parallelogram predicts them best" in held_out.sentences(softer)[0]
+
+
+def test_poses_that_were_seen_are_refused(given: inputs.ModelInput, data_file: Path) -> None:
+    table = read_measurements(data_file, given.robot)
+    with pytest.raises(InputError, match="poses that are in"):
+        held_out.read(data_file, given, table)
+
+
+@pytest.mark.slow
+def test_the_whole_chain_judges_by_readings_held_out(
+    cli: Command, given: inputs.ModelInput, data_file: Path, tmp_path: Path
+) -> None:
+    table = read_measurements(data_file, given.robot)
+    held = _made_up(given, table, {"j2": 1.4e6, "j3": 8e5, "j4": 8e5, "j5": 1e9})
+    write_measurements(held, tmp_path / "held.csv", given.robot)
+    outcome = cli("run", "xr701", "--holdout", "held.csv", "--points", "3", "--out", "o")
+    assert outcome.code == 0, outcome.err
+    result = json.loads((tmp_path / "o" / "results.json").read_text(encoding="utf-8"))
+    rms = result["holdout"]["rms_mm"]
+    assert set(rms) == set(result["variants"])
+    # Made by constant springs close to the calibrated ones, on the load path the arm has.
+    assert min(rms, key=lambda name: rms[name]) == "constant, parallelogram"
+    page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
+    assert "held-out RMS (mm)" in page
+    assert "constant, parallelogram predicts them best" in page

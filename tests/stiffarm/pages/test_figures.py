@@ -1,0 +1,444 @@
+from __future__ import annotations
+
+import functools
+import itertools
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from figure_texts import Seen, texts
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+
+import robots
+from doe import Measurements, PoseEffects, SpringEstimate, SpringPoints, bundled_data, fit_law, read_measurements
+from robots import InputError
+from stiffarm.commands.fit.figures import effects as figures_surrogate
+from stiffarm.commands.fit.figures.effects import HeldOut
+from stiffarm.commands.run.figures import match as figures_match
+from stiffarm.commands.run.figures import readings as figures_data
+from stiffarm.commands.run.figures import springs as figures_springs
+from stiffarm.commands.run.figures.budget import budget_figure
+from stiffarm.commands.run.figures.match import VariantRow
+from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+from stiffarm.pages.figure_parts import MARKERS, SERIES, joint_colour, paler, power_of_ten
+from stiffarm.pages.style import save_png
+from surrogate.main_effects import main_effects
+
+# Some fifty pictures are drawn.
+pytestmark = pytest.mark.slow
+
+ROBOT = robots.load_robot("xr701")
+DATA = read_measurements(bundled_data("xr701"), ROBOT)
+POSES = ("3", "4", "5", "39", "40", "41", "75", "76", "77")
+MEASURED = DATA.displacement[DATA.loads_N == 650.0, 2] * 1e3
+INF, NAN = float("inf"), float("nan")
+# The report shows a figure 900 pixels wide; smaller type than this is hard to read there.
+SHOWN_WIDTH_PX, LEAST_TYPE_PX = 900.0, 9.0
+
+
+def effects(pose: str, *values: float) -> PoseEffects:
+    array = np.array(values)
+    return PoseEffects(pose, ("j2", "j3", "j4", "j5"), array, np.abs(array) / np.abs(array).sum(), np.zeros(16))
+
+
+def data() -> Figure:
+    doubts = (
+        figures_data.Doubt(("3", "4"), (375,), "outlier?"),
+        figures_data.Doubt(("39", "40"), (375, 650), "swapped?"),
+    )
+    return figures_data.data_figure(
+        DATA, excluded_loads_N=(150, 375), doubts=doubts, families=figures_data.wrist_families(DATA, ROBOT)
+    )
+
+
+def data_with_long_labels() -> Figure:
+    return figures_data.data_figure(replace(DATA, pose=tuple(f"corner {pose}" for pose in DATA.pose)))
+
+
+def match_with_long_labels() -> Figure:
+    return figures_match.match_figure([f"far corner {pose}" for pose in POSES], MEASURED, {"one": MEASURED + 0.1})
+
+
+def sensitivity() -> Figure:
+    study = {
+        "parallelogram": [effects("5", 2.33, 13.1, 0.0, 0.49), effects("41", 0.05, 12.8, 0.0, -0.5)],
+        "serial": [effects("5", 4.39, 13.1, 0.0, 0.49)],
+    }
+    return sensitivity_figure(study, (1e5, 1e6))
+
+
+def match(worst_mm: float = 0.1) -> Figure:
+    wave = 0.05 * np.sin(np.arange(9.0))
+    off = MEASURED - wave[::-1]
+    off[5] = MEASURED[5] - worst_mm
+    return figures_match.match_figure(POSES, MEASURED, {"one": MEASURED + wave, "two": off})
+
+
+ROWS = (VariantRow("constant", 4, 0.054, 0.074), VariantRow("staged", 12, 0.050, 1.049))
+
+
+def comparison() -> Figure:
+    return figures_match.comparison_figure(ROWS)
+
+
+SPRINGS = (
+    SpringEstimate("j2", 1.45e6, (0.94e6, 3.19e6), "determined"),
+    SpringEstimate("j3", 0.84e6, (0.05e6, INF), "one-sided"),
+    SpringEstimate("j4", 1e9, (0.36e6, INF), "at bound"),
+    SpringEstimate("j5", NAN, (NAN, NAN), "not identified"),
+)
+
+
+def springs() -> Figure:
+    spare = (SpringEstimate("j2", 1.5e6, (NAN, NAN), "determined"),)
+    return figures_springs.springs_figure({"parallelogram": SPRINGS, "serial": spare}, (1e5, 1e6))
+
+
+def rigid_joints() -> Figure:
+    poses, measured = ("5", "41", "77"), np.array([-2.05, -1.88, -2.14])
+    return figures_match.rigid_joint_figure(poses, measured, {"beam": measured / 20.0, "published": measured / 9300.0})
+
+
+def response_surfaces() -> Figure:
+    points = {}
+    for joint, name, angles in (("j2", "q2_deg", (-35, 5, 45)), ("j3", "q3real_deg", (40, 77.5, 115))):
+        stiffness = np.array([5e5, 8e5, 6e5])
+        points[joint] = SpringPoints(joint, (name,), np.radians([angles]).T, stiffness, ("calibrated",) * 3)
+    origin = ("calibrated", "calibrated", "mirrored", "mirrored", "held")
+    for joint, name, end in (("j5", "q5_deg", 100), ("j4", "q4_deg", 200)):
+        angles_deg = np.array([[-end, -35], [-end, 45], [end, -35], [end, 45], [0, 5]])
+        stiffness = np.array([2e3, 2e4, 2e3, 2e4, 1e6])
+        points[joint] = SpringPoints(joint, (name, "q2_deg"), np.radians(angles_deg), stiffness, origin)
+    laws = {joint: fit_law(ROBOT, p, 6, "test") for joint, p in points.items()}
+    return figures_springs.response_surface_figure(laws, points, ROBOT)
+
+
+def effects_of_angles() -> Figure:
+    q = np.array(list(itertools.product([-35.0, 5, 45], [40.0, 77.5, 115], [-200.0, 0, 200], [-100.0, 0, 100])))
+    stiffness = 300.0 + 200.0 * np.cos(np.radians(q)).sum(axis=1) ** 2
+    return figures_surrogate.main_effects_figure(
+        main_effects(q, stiffness, ("q2_deg", "q3real_deg", "q4_deg", "q5_deg"))
+    )
+
+
+def held_out(name: str, spread: float) -> HeldOut:
+    rng = np.random.default_rng(0)
+    true = np.exp(rng.uniform(np.log(200.0), np.log(2000.0), 500))
+    return HeldOut(name, true, true * np.exp(spread * rng.standard_normal(500)))
+
+
+def surrogate_quality() -> Figure:
+    return figures_surrogate.surrogate_quality_figure(
+        [held_out("polynomial, degree 6", 0.07), held_out("log", 0.05), held_out("exact", 1e-14)]
+    )
+
+
+def surrogate_quality_of_one() -> Figure:
+    return figures_surrogate.surrogate_quality_figure([held_out("polynomial", 0.07)])
+
+
+PARTS = {
+    "forearm": -0.05 * np.ones(9), "wrist": -1e-4 * np.ones(9), "j2": -np.linspace(0.5, 0.0, 9), "j4": np.zeros(9),
+    "j3": -np.linspace(0.9, 1.7, 9), "bar": -0.02 * np.ones(9), "j3 other directions": -0.06 * np.ones(9),
+}  # fmt: skip
+
+
+def budget() -> Figure:
+    return budget_figure(PARTS, POSES, MEASURED)
+
+
+FIGURES: dict[Callable[[], Figure], tuple[str, ...]] = {
+    data: ("(mm)", "(N)"),
+    data_with_long_labels: ("(mm)", "(N)"),
+    match_with_long_labels: ("(mm)",),
+    sensitivity: ("(mm)", "N m/rad"),
+    match: ("deflection |dz| (mm)", "measured (mm)"),
+    comparison: ("(mm)",),
+    springs: ("(N m/rad)", "10⁶ N m/rad"),
+    rigid_joints: ("(mm)",),
+    response_surfaces: ("stiffness (N m/rad)", "q2 (deg)", "q5 (deg)"),
+    effects_of_angles: ("q2 (deg)", "q3real (deg)", "(–)"),
+    surrogate_quality: ("true stiffness (N/mm)", "predicted stiffness (N/mm)", "(%)"),
+    surrogate_quality_of_one: ("true stiffness (N/mm)", "(%)"),
+    budget: ("(mm)", "(%)"),
+}
+every_figure = pytest.mark.parametrize("make", FIGURES, ids=lambda make: make.__name__)
+
+
+@functools.cache
+def drawn(make: Callable[[], Figure]) -> tuple[Figure, list[Seen]]:
+    """Draw once for the tests that only look."""
+    figure = make()
+    return figure, texts(figure)
+
+
+def words(figure: Figure) -> str:
+    return "\n".join(seen.text for seen in texts(figure))
+
+
+def label_of(ax: Axes) -> str:
+    return ax.get_xlabel()
+
+
+@every_figure
+def test_it_renders_without_a_warning_and_names_its_units(make: Callable[[], Figure], tmp_path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure, seen = make(), drawn(make)[1]
+        save_png(figure, tmp_path / "figure.png")
+    for unit in FIGURES[make]:
+        assert any(unit in one.text for one in seen)
+    image = plt.imread(tmp_path / "figure.png")
+    assert image[..., :3].std() > 0.05  # not a blank page: its standard deviation is 0
+    assert plt.get_fignums() == []
+
+
+@every_figure
+def test_every_axis_says_what_it_measures(make: Callable[[], Figure]) -> None:
+    """Each axis with numbers on it has a label with its unit, or shares that of its row or of the figure."""
+    figure, _ = drawn(make)
+    for ax in figure.axes:
+        for axis in (ax.xaxis, ax.yaxis, *([ax.zaxis] if isinstance(ax, Axes3D) else [])):
+            ticks = [label.get_text().lstrip("$−") for label in axis.get_ticklabels()]
+            names = any(text and not text[0].isdigit() for text in ticks) or axis.get_label_text().startswith("pose")
+            place = ax.get_subplotspec()
+            shared = axis is ax.yaxis and place is not None and place.colspan.start > 0
+            if any(ticks) and not names and not shared:
+                assert "(" in axis.get_label_text() + figure.get_supxlabel(), ticks
+
+
+@every_figure
+def test_nothing_is_cut_off(make: Callable[[], Figure]) -> None:
+    figure, seen = drawn(make)
+    for one in seen:
+        # One pixel: glyphs are placed on whole pixels.
+        assert min(one.box.x0, one.box.y0) >= -1, one
+        assert max(one.box.x1 - figure.bbox.x1, one.box.y1 - figure.bbox.y1) <= 1, one
+
+
+@every_figure
+def test_no_text_lies_on_another(make: Callable[[], Figure]) -> None:
+    # The box of a tilted text (labels of 3-D axes) is much larger than the text.
+    upright = [one for one in drawn(make)[1] if one.rotation % 90 == 0]
+    for one, other in itertools.combinations(upright, 2):
+        wide = min(one.box.x1, other.box.x1) - max(one.box.x0, other.box.x0)
+        high = min(one.box.y1, other.box.y1) - max(one.box.y0, other.box.y0)
+        # Boxes have empty margins of a few pixels above and below the glyphs at 150 dots an inch.
+        assert wide < 2 or high < 5, (one, other)
+
+
+@every_figure
+def test_type_can_be_read_in_the_report(make: Callable[[], Figure]) -> None:
+    figure, seen = drawn(make)
+    smallest = min(seen, key=lambda one: one.size)
+    assert smallest.size * SHOWN_WIDTH_PX / figure.get_figwidth() / 72.0 >= LEAST_TYPE_PX, smallest
+
+
+def test_data_in_doubt_are_hatched_and_unused_loads_pale() -> None:
+    bars = data().axes[0].patches
+    assert len(bars) == 27
+    hatched = [i for i, bar in enumerate(bars) if bar.get_hatch()]
+    # Poses 3, 4, 39, 40 are the bars 0, 1, 3, 4 of a load; 375 N is the second load, 650 N the third.
+    assert hatched == [9, 10, 12, 13, 21, 22]
+    full, pale = to_hex(bars[18].get_facecolor()), to_hex(bars[0].get_facecolor())
+    assert (full, pale) == (SERIES[0].lower(), paler(SERIES[0]))
+    assert bars[18].get_height() == pytest.approx(1.46, rel=1e-12)  # text -> m -> mm is exact to round-off
+
+
+def test_repeats_are_drawn_as_their_mean() -> None:
+    doubled = DATA.select(np.isin(np.array(DATA.pose), ["5"]) & (DATA.loads_N == 650.0))
+    twice = read_measurements(bundled_data("xr701"), ROBOT).select(
+        np.isin(np.array(DATA.pose), ["5", "41"]) & (DATA.loads_N == 650.0)
+    )
+    object.__setattr__(twice, "pose", ("5", "5"))
+    heights = [figures_data.data_figure(d).axes[0].patches[0].get_height() for d in (doubled, twice)]
+    assert heights == pytest.approx([2.05, (2.05 + 1.88) / 2], rel=1e-12)  # round-off of unit changes
+
+
+def test_a_small_effect_is_written_though_its_bar_cannot_be_seen() -> None:
+    seen = words(sensitivity())
+    for value in ("+13.1", "+0.05", "−0.5", "not studied"):
+        assert value in seen
+
+
+def test_match_axis_leaves_out_a_far_outlier_and_says_so() -> None:
+    near, far = match(0.1), match(3.0)
+    assert near.axes[1].get_ylim()[1] == pytest.approx(0.115)  # 1.15 times the largest residual
+    # The axis ends above the other residuals (0.05 mm), not at 3 mm.
+    assert far.axes[1].get_ylim()[1] < 0.1
+    assert "+3.00" in words(far)
+    assert "arrows leave the axis" in label_of(far.axes[1])
+    assert "arrows" not in label_of(near.axes[1])
+
+
+def test_match_residual_is_positive_where_the_model_is_too_soft() -> None:
+    figure = figures_match.match_figure(POSES, MEASURED, {"soft": 1.1 * MEASURED, "none": np.full(9, NAN)})
+    points = next(line for line in figure.axes[1].lines if line.get_marker() == MARKERS[0])
+    assert np.asarray(points.get_ydata()) == pytest.approx(0.1 * np.abs(MEASURED), rel=1e-9)  # round-off
+    assert "none: not predicted" in words(figure)
+
+
+def test_a_bar_far_longer_than_the_others_is_broken() -> None:
+    ax = comparison().axes[0]
+    assert ax.get_xlim()[1] < 0.1
+    assert "broken bars" in label_of(ax)
+    assert "1.049" in words(comparison())
+    even = figures_match.comparison_figure([ROWS[0], VariantRow("staged", 12, 0.05, NAN)])
+    assert "broken" not in label_of(even.axes[0])
+    assert "not predicted" in words(even)
+
+
+def test_what_a_spring_estimate_says() -> None:
+    seen = words(springs())
+    for text in (
+        "1.45 (0.940 to 3.19)", "0.840 (at least 0.0500)", "at least 0.360, rigid fits best", "not identified",
+        "1.50 (no spare reading)",
+    ):  # fmt: skip
+        assert text in seen
+    # A spring at its bound (1e9) must not stretch the axis: its value means nothing.
+    assert springs().axes[0].get_xlim()[1] < 1e7
+
+
+def test_factor_between_rigid_joints_and_measurement() -> None:
+    seen = words(rigid_joints())
+    assert seen.count("× 20") == 3
+    assert seen.count("× 9 300") == 3
+
+
+def test_surfaces_pass_through_their_points() -> None:
+    curve, _, surface, _ = drawn(response_surfaces)[0].axes
+    law = curve.lines[0]
+    assert curve.get_yscale() == "log"
+    # The law goes through its points (tested in doe); here: between curve samples 0.4 deg apart.
+    assert np.interp(5.0, law.get_xdata(), law.get_ydata()) == pytest.approx(8e5, rel=1e-3)
+    assert surface.name == "3d"
+    heights = np.concatenate([np.asarray(line.get_data_3d()[2]) for line in surface.lines])
+    assert np.sort(10**heights) == pytest.approx([2e3, 2e3, 2e4, 2e4, 1e6], rel=1e-9)  # round-off of log and power
+
+
+def test_relative_error_is_that_of_the_compliance() -> None:
+    row = HeldOut("x", np.array([100.0, 100.0]), np.array([50.0, 200.0]))
+    assert row.relative_error == pytest.approx([1.0, 0.5], rel=1e-15)  # exact in binary
+
+
+def test_a_surrogate_exact_to_round_off_is_named_not_drawn() -> None:
+    seen = words(surrogate_quality())
+    assert seen.count("(left of the axis)") == 1
+    assert "exact: RMS" in seen
+
+
+def test_budget_adds_up() -> None:
+    ax = budget().axes[0]
+    length = sum(bar.get_width() for bar in ax.patches if abs(bar.get_y() + 0.37) < 1e-9)
+    assert length == pytest.approx(-sum(values[0] for values in PARTS.values()), rel=1e-12)  # round-off
+    seen = words(budget())
+    assert "2 other parts, each below 2 %" in seen
+    assert "j4" not in seen  # it does not bend at all
+    assert f"{-sum(values[0] for values in PARTS.values()):.2f} mm" in seen
+
+
+def test_parts_that_work_against_the_sum_stand_left_of_zero() -> None:
+    ax = budget_figure({"j2": np.array([-1.2]), "j3": np.array([0.2])}, ["5"]).axes[0]
+    spans = np.array([(bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches])
+    assert spans == pytest.approx(np.array([(0.0, 1.2), (0.0, -0.2)]), abs=1e-15)  # round-off
+    assert ax.get_xlim()[0] < -0.2
+
+
+# Even numbers of dollars would be taken for mathematics; "_x}" is none that matplotlib could read.
+SIGNS = ("$x_$", "_y}$ & <b>$", "$10")
+
+
+def _relabelled() -> Measurements:
+    rows = DATA.select(np.isin(np.array(DATA.pose), POSES[:3]))
+    return replace(rows, pose=tuple(SIGNS[POSES.index(pose)] for pose in rows.pose))
+
+
+HOSTILE: dict[str, Callable[[], Figure]] = {
+    "data": lambda: figures_data.data_figure(
+        _relabelled(),
+        doubts=(figures_data.Doubt(SIGNS, (650,), " ".join(SIGNS)),),
+        families=dict(zip(SIGNS, SIGNS[::-1], strict=True)),
+    ),
+    "sensitivity": lambda: sensitivity_figure({sign: [effects(sign, 1.0, 2.0, 0.0, -1.0)] for sign in SIGNS}),
+    "match": lambda: figures_match.match_figure(
+        SIGNS, MEASURED[:3], dict.fromkeys(SIGNS, MEASURED[:3] + 0.1), heading=" ".join(SIGNS)
+    ),
+    "comparison": lambda: figures_match.comparison_figure([VariantRow(sign, 1, 0.1, 0.2) for sign in SIGNS]),
+    "springs": lambda: figures_springs.springs_figure({"a": [replace(SPRINGS[0], joint=sign) for sign in SIGNS]}),
+    "rigid joints": lambda: figures_match.rigid_joint_figure(SIGNS, MEASURED[:3], {SIGNS[0]: MEASURED[:3] / 20.0}),
+    "surrogate": lambda: figures_surrogate.surrogate_quality_figure([held_out(sign, 0.07) for sign in SIGNS]),
+    "main effects": lambda: figures_surrogate.main_effects_figure({s: (np.arange(3.0),) + (ONES,) * 3 for s in SIGNS}),
+    "budget": lambda: budget_figure({sign: np.arange(1.0, 4.0) for sign in SIGNS}, SIGNS),
+}
+ONES = np.ones(3)
+
+
+@pytest.mark.parametrize("make", HOSTILE.values(), ids=HOSTILE)
+def test_a_dollar_is_a_dollar(make: Callable[[], Figure], tmp_path: Path) -> None:
+    """Names come from files: what looks like mathtext in them is written as it stands, and stops no picture."""
+    figure = make()
+    save_png(figure, tmp_path / "figure.png")
+    seen = words(figure)
+    # A figure of one pose or series shows the first sign, the others all of them.
+    assert all(sign in seen for sign in SIGNS)
+
+
+@every_figure
+def test_no_figure_needs_mathtext(make: Callable[[], Figure]) -> None:
+    assert not [one for one in drawn(make)[1] if "$" in one.text or "\\" in one.text]
+
+
+def test_powers_of_ten_without_mathtext() -> None:
+    assert [power_of_ten(v) for v in (1e5, 2e5, 1.5e6, 1.0, 0.003)] == ["10⁵", "2·10⁵", "1.5·10⁶", "10⁰", "3·10⁻³"]
+
+
+def test_joints_keep_their_colour() -> None:
+    assert joint_colour("j3") == joint_colour("A3") == SERIES[1]
+    assert len({joint_colour(f"j{i}") for i in range(1, 7)}) == 6
+
+
+nan9 = np.full(9, NAN)
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: sensitivity_figure({}), "no effects"),
+        (lambda: figures_match.match_figure(POSES, MEASURED[:3], {}), "measured_mm"),
+        (lambda: figures_match.match_figure(POSES, MEASURED, {"short": MEASURED[:3]}), "short"),
+        (lambda: figures_match.match_figure(POSES, nan9, {}), "finite"),
+        (lambda: figures_match.comparison_figure([]), "no finite RMS"),
+        (lambda: figures_match.comparison_figure([VariantRow("x", 1, NAN, NAN)]), "no finite RMS"),
+        (lambda: figures_springs.springs_figure({}), "no springs"),
+        (lambda: figures_match.rigid_joint_figure(POSES, MEASURED, {}), "no model"),
+        (lambda: figures_match.rigid_joint_figure(POSES, MEASURED, {"rigid": np.zeros(9)}), "rigid"),
+        (lambda: figures_springs.response_surface_figure({}, {}, ROBOT), "no laws"),
+        (lambda: figures_surrogate.main_effects_figure({}), "no effects"),
+        (lambda: figures_surrogate.surrogate_quality_figure([]), "no surrogates"),
+        (lambda: figures_surrogate.surrogate_quality_figure([HeldOut("x", np.ones(2), np.ones(3))]), "one length"),
+        (
+            lambda: figures_surrogate.surrogate_quality_figure([HeldOut("x", np.ones(2), np.array([1.0, -1.0]))]),
+            "above 0",
+        ),
+        (lambda: budget_figure({}, POSES), "budget"),
+        (lambda: budget_figure({"j2": nan9}, POSES), "finite"),
+        (lambda: budget_figure({"j2": np.array([1.0]), "j3": np.array([-1.0])}, ["5"]), "does not deflect"),
+    ],
+)
+def test_bad_input_is_refused(make: Callable[[], Figure], names: str) -> None:
+    with pytest.raises(InputError, match=names):
+        make()
+
+
+def test_data_without_dz_are_refused() -> None:
+    blind = DATA.select(np.ones(DATA.n, dtype=np.bool_))
+    blind.displacement[:] = NAN
+    with pytest.raises(InputError, match="no dz_mm"):
+        figures_data.data_figure(blind)

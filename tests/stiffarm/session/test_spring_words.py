@@ -1,0 +1,88 @@
+"""A spring in words: its value, its interval, and at which bound it stands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.text import Annotation
+
+from doe import Equations, SpringEstimate, fit_constant
+from stiffarm.commands.run.figures.springs import springs_figure
+from stiffarm.session.payloads import estimate
+from stiffarm.session.spring_words import bound_of, mega, spring_text
+
+INF, NAN = float("inf"), float("nan")
+RIGID = SpringEstimate("j4", 1e9, (0.36e6, INF), "at bound")
+SOFT = SpringEstimate("j3", 1e3, (0.0, 0.02e6), "at bound")
+
+
+@pytest.mark.parametrize(
+    ("spring", "text"),
+    [
+        (SpringEstimate("j2", 1.45e6, (0.94e6, 3.19e6), "determined"), "1.45 (0.940 to 3.19)"),
+        (SpringEstimate("j2", 0.84e6, (0.05e6, INF), "one-sided"), "0.840 (at least 0.0500)"),
+        (RIGID, "at least 0.360, rigid fits best"),
+        (SOFT, "at most 0.0200, the soft bound (0.001) fits best"),
+        (SpringEstimate("j2", 1e9, (NAN, INF), "at bound"), "rigid fits best (no spare reading)"),
+        (SpringEstimate("j2", 1e3, (0.0, NAN), "at bound"), "the soft bound (0.001) fits best (no spare reading)"),
+        (SpringEstimate("j2", 1.5e6, (NAN, NAN), "determined"), "1.50 (no spare reading)"),
+        (SpringEstimate("j2", NAN, (NAN, NAN), "not identified"), "not identified"),
+    ],
+)
+def test_a_spring_in_words(spring: SpringEstimate, text: str) -> None:
+    assert spring_text(spring) == text
+
+
+@pytest.mark.parametrize(
+    ("deflection_mm", "bound", "spare"),
+    # The rest of the model alone bends 1 mm. Less was measured: the spring would have to be stiffer than rigid.
+    # 660 mm: softer than the softest spring (1e3 N m/rad), which 650 N at 1 m turn by 0.65 rad.
+    [(0.5, "rigid", True), (660.0, "soft", True), (0.5, "rigid", False), (660.0, "soft", False)],
+)
+def test_the_bound_is_the_one_the_fit_stands_at(deflection_mm: float, bound: str, spare: bool) -> None:
+    """By a fit of one spring under 650 N at 1 m, not by made-up estimates."""
+    n = 3 if spare else 1
+    # Scatter of a micrometre, so that there is an interval.
+    value = 1e-3 * (deflection_mm + 1e-3 * np.array([1.0, -1.0, 0.0])[:n])
+    system = Equations(
+        influence=np.full((n, 1), 650.0),
+        rest=np.full(n, 1e-3),
+        value=value,
+        sigma=np.full(n, 1e-5),
+        row=np.arange(n),
+        component=np.full(n, 2),
+        q=np.zeros((n, 1)),
+        pose=("a", "b", "c")[:n],
+    )
+    (spring,) = fit_constant(system, ("j1",), ("j1",), np.zeros(1), (1e5, 1e6)).springs
+    assert spring.status == "at bound"
+    assert bound_of(spring) == bound
+    assert {"rigid": "rigid fits best", "soft": "the soft bound"}[bound] in spring_text(spring)
+    assert estimate(spring)["bound"] == bound
+    assert estimate(spring)["k_Nm_per_rad"] is None
+
+
+def test_a_spring_with_a_value_is_at_no_bound() -> None:
+    spring = SpringEstimate("j2", 0.84e6, (0.05e6, INF), "one-sided")
+    assert bound_of(spring) is None
+    assert "bound" not in estimate(spring)
+
+
+def test_the_arrow_points_to_the_bound() -> None:
+    ax = springs_figure({"a": (RIGID, SOFT)}, (1e5, 1e6)).axes[0]
+    low, high = ax.get_xlim()
+    # Neither 0, where the soft interval ends, nor 1e9 stretches the axis.
+    assert (low, high) == pytest.approx((0.02e6 / 2.5, 1e6 * 2.5))
+    arrows = [a for a in ax.texts if isinstance(a, Annotation) and a.arrow_patch is not None]
+    tips = [(a.xy[0], a.xyann[0]) for a in arrows]
+    assert tips == [(high, 0.36e6), (low, 0.02e6)]
+
+
+def test_without_spare_readings_a_bound_has_no_arrow() -> None:
+    springs = (SpringEstimate("j2", 1e9, (NAN, INF), "at bound"), SpringEstimate("j3", 1e3, (0.0, NAN), "at bound"))
+    ax = springs_figure({"a": springs}).axes[0]
+    assert not [a for a in ax.texts if isinstance(a, Annotation) and a.arrow_patch is not None]
+
+
+def test_millions() -> None:
+    assert [mega(v) for v in (1.234e6, 1e9, 2345.0, NAN, INF)] == ["1.23", "rigid", "0.00234", "–", "rigid"]

@@ -1,0 +1,77 @@
+"""Arms of which a map's numbers are known: a planar one in closed form, a six-joint one with a single spring."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+import robots
+from robots.library.models import parse_description
+from surrogate.maps.blocks import Engine
+from surrogate.maps.candidates import Arm
+from surrogate.maps.layouts import MapGrid
+from surrogate.maps.poses import PoseRule, last_joint_is_free
+from surrogate.maps.quantities import Quantities
+
+Array = NDArray[np.float64]
+
+L1, L2, K1, K2 = 0.5, 0.4, 2e5, 1e5
+DOWN = np.array([0.0, 0.0, -1.0])
+
+_JOINT = """
+[[joint]]
+name = "{name}"
+coordinate = "q{number}_deg"
+limits = {{ value = [-180, 180], unit = "deg", source = "assumed" }}
+stiffness = {{ value = {k}, unit = "N m/rad", source = "assumed" }}
+frame = {{ xyz = {{ value = [{x}, 0, 0], unit = "m", source = "assumed" }}, axis = [0, 0, 1] }}
+"""
+
+
+@cache
+def planar() -> fem.ArmModel:
+    """Two rigid links in the xy plane with a spring in each joint."""
+    text = (
+        'schema = "stiffarm-model/1"\nname = "planar"\ntitle = "two links"\nsources = {}\n'
+        + _JOINT.format(name="j1", number=1, k=K1, x=0.0)
+        + _JOINT.format(name="j2", number=2, k=K2, x=L1)
+        + f'[flange]\nxyz = {{ value = [{L2}, 0, 0], unit = "m", source = "assumed" }}\n'
+    )
+    return fem.build_model(parse_description(text, "planar"), links="rigid")
+
+
+@cache
+def kr60() -> fem.ArmModel:
+    """Rigid links, the published joint stiffnesses."""
+    return fem.build_model(robots.load_description("kr60-3"), links="rigid")
+
+
+@cache
+def one_spring(k: float) -> fem.ArmModel:
+    """The KR 60 with nothing that gives way but joint 1."""
+    model = kr60().with_rigid_joints()
+    return model.with_springs({model.robot.joint_names[0]: k})
+
+
+def engine(
+    model: fem.ArmModel,
+    grid: MapGrid,
+    rule: PoseRule | None = None,
+    *,
+    wanted: tuple[str, ...] = ("stiffness",),
+    direction: Array = DOWN,
+    shares: bool = False,
+    tool: Array | None = None,
+) -> Engine:
+    """An engine by the model's own tool, the best pose by stiffness."""
+    T = model.robot.T_flange_tool if tool is None else tool
+    quantities = Quantities(
+        model, direction, wanted, k_fs=lambda C: 1.0 / np.linalg.norm(C[:, :, 2], axis=1), shares=shares, point=T[:3, 3]
+    )
+    if rule is None:
+        return Engine(grid, quantities)
+    free = last_joint_is_free(model.robot, T, lambda q: quantities.compliance(q)[:, :3, :3])
+    return Engine(grid, quantities, rule, Arm(model.robot, T, quantities.merit("stiffness"), free))

@@ -1,0 +1,367 @@
+import os
+import sys
+
+import numpy as np
+import pytest
+from map_file_cases import (
+    ODD_METADATA,
+    arrays_of,
+    box,
+    cylinder,
+    finished,
+    killed_while_it_writes,
+    mapped,
+    memory_and_seconds,
+    with_junk,
+)
+
+from robots import InputError
+from surrogate.maps import vtk_appended
+from surrogate.maps.data import Axis, Field, Layout, MapData
+from surrogate.maps.vtk_files import grid_cells, read_vtu
+from surrogate.maps.vtk_stream import write_vti, write_vtp, write_vtu
+
+WRITERS = {".vti": write_vti, ".vtu": write_vtu, ".vtp": write_vtp}
+# Between map and file stand one factor (m to mm, rad to deg, share to percent): round-off.
+ROUND_OFF = 1e-15
+
+
+def read(path):
+    """A data set as plain VTK reads it, without a word of complaint."""
+    from vtkmodules import vtkIOXML
+
+    kind = {".vti": "ImageData", ".vtu": "UnstructuredGrid", ".vtp": "PolyData"}[path.suffix]
+    reader = getattr(vtkIOXML, f"vtkXML{kind}Reader")()
+    complaints = []
+    reader.AddObserver("ErrorEvent", lambda *_: complaints.append("error"))
+    reader.AddObserver("WarningEvent", lambda *_: complaints.append("warning"))
+    assert reader.CanReadFile(str(path))
+    reader.SetFileName(str(path))
+    reader.Update()
+    assert reader.GetErrorCode() == 0
+    assert complaints == []
+    return reader.GetOutput()
+
+
+def point_arrays(grid):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    data = grid.GetPointData()
+    return {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
+
+
+def texts(grid):
+    data = grid.GetFieldData()
+    arrays = [data.GetAbstractArray(i) for i in range(data.GetNumberOfArrays())]
+    return {a.GetName(): [a.GetValue(k) for k in range(a.GetNumberOfValues())] for a in arrays}
+
+
+def with_holes(layout, seed=1):
+    return np.random.default_rng(seed).uniform(size=layout.n) < 0.9
+
+
+def volumes(path):
+    """Sizes of the cells (mm, mm^2 or mm^3), after VTK."""
+    import pyvista as pv
+
+    mesh = pv.read(path)
+    sizes = mesh.compute_cell_sizes(length=True, area=True, volume=True)
+    return mesh.celltypes, sizes["Length"] + sizes["Area"] + sizes["Volume"]
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_plain_vtk_reads_every_array_unit_and_text(tmp_path, suffix):
+    layout = box()
+    data = finished(layout, with_holes(layout), {"robot": "xr701", "load": "-Z"})
+    WRITERS[suffix](data, tmp_path / f"map{suffix}")
+    grid = read(tmp_path / f"map{suffix}")
+    keep = np.ones(layout.n, dtype=bool) if suffix == ".vti" else data.reached
+    points = np.array([grid.GetPoint(i) for i in range(grid.GetNumberOfPoints())])
+    np.testing.assert_allclose(points, data.points[keep] * 1e3, rtol=ROUND_OFF, atol=1e-12)
+    found, expected = point_arrays(grid), arrays_of(data)
+    assert list(found) == [*expected, *(["reached"] if suffix == ".vti" else [])]
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values[keep], rtol=2 * ROUND_OFF, err_msg=name)
+    assert found["softest_part"].dtype == np.int32
+    if suffix == ".vti":
+        np.testing.assert_array_equal(found["reached"], data.reached)
+    assert grid.GetPointData().GetScalars().GetName() == "stiffness_N_per_mm"
+
+    from vtkmodules.vtkCommonCore import vtkDataArray
+
+    units = {n: grid.GetPointData().GetArray(n).GetInformation().Get(vtkDataArray.UNITS_LABEL()) for n in expected}
+    assert units["stiffness_N_per_mm"] == "N/mm"
+    assert units["q2_deg"] == "deg"
+    assert units["share_of_base_percent"] == "percent"
+    assert units["isotropy"] is None
+    said = texts(grid)
+    assert said["softest_part_categories"] == ["link 2", "größte <&>", "base"]
+    assert said["units"][:2] == ["points = mm", "stiffness_N_per_mm = N/mm"]
+    assert "isotropy = isotropy" in said["labels"]
+    assert (said["robot"], said["load"]) == (["xr701"], ["-Z"])
+
+
+def test_image_of_a_box_stands_where_its_points_are(tmp_path):
+    write_vti(finished(box()), tmp_path / "map.vti")
+    image = read(tmp_path / "map.vti")
+    assert image.GetExtent() == (0, 4, 0, 2, 0, 3)
+    assert image.GetOrigin() == (-100.0, 50.0, 20.0)
+    assert image.GetSpacing() == (10.0, 20.0, 30.0)
+
+
+@pytest.mark.parametrize(("plane", "counts"), [("zx", (5, 1, 4)), ("zy", (1, 3, 4)), ("yx", (5, 3, 1))])
+def test_a_slice_is_one_layer_in_its_plane(tmp_path, plane, counts):
+    layout = Layout("slice", tuple(axis for axis in box().axes if axis.name in plane))
+    data = finished(layout, with_holes(layout))
+    write_vti(data, tmp_path / "map.vti")
+    write_vtu(data, tmp_path / "map.vtu")
+    image = read(tmp_path / "map.vti")
+    assert image.GetDimensions() == counts
+    points = np.array([image.GetPoint(i) for i in range(layout.n)])
+    np.testing.assert_allclose(points, data.points * 1e3, rtol=ROUND_OFF, atol=1e-12)
+    kinds, sizes = volumes(tmp_path / "map.vtu")
+    steps = {"x": 10.0, "y": 20.0, "z": 30.0}
+    np.testing.assert_allclose(sizes[kinds == 9], steps[plane[0]] * steps[plane[1]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(4, 3, 5), (2, 2, 2), (1, 3, 5), (4, 1, 1), (1, 1, 1)])
+def test_cells_join_reached_neighbours_and_no_others(tmp_path, shape, monkeypatch):
+    monkeypatch.setattr("surrogate.maps.columns.ROWS_A_BLOCK", 7)
+    layout = box(*shape)
+    reached = with_holes(layout)
+    reached[0] = True
+    data = finished(layout, reached)
+    write_vtu(data, tmp_path / "map.vtu")
+    read(tmp_path / "map.vtu")
+
+    import pyvista as pv
+
+    mesh = pv.read(tmp_path / "map.vtu")
+    # Cells by their centres, from the mask alone: where all neighbours up to one step away are reached.
+    wide = [axis for axis in range(3) if shape[axis] > 1]
+    full = reached.reshape(shape)
+    for axis in wide:
+        ahead = np.moveaxis(full, axis, 0)
+        full = np.moveaxis(ahead[:-1] & ahead[1:], 0, axis)
+    half = [0.5 * step if count > 1 else 0.0 for step, count in zip((30.0, 20.0, 10.0), shape, strict=True)]
+    expected = np.argwhere(full)[:, ::-1] * [10.0, 20.0, 30.0] + [-100.0, 50.0, 20.0] + half[::-1]
+    kind = {3: 12, 2: 9, 1: 3, 0: 1}[len(wide)]
+    centres = mesh.cell_centers().points[mesh.celltypes == kind]
+    if kind != 1:
+        np.testing.assert_allclose(centres, expected, rtol=1e-12)
+        _, sizes = volumes(tmp_path / "map.vtu")
+        steps = np.prod([(30.0, 20.0, 10.0)[axis] for axis in wide])
+        np.testing.assert_allclose(sizes[mesh.celltypes == kind], steps, rtol=1e-12)
+    # Every reached point is in a cell, if only in one of its own.
+    assert len(np.unique(mesh.cell_connectivity)) == reached.sum() == mesh.n_points
+
+
+def test_cells_of_a_sweep_are_those_of_the_map_before(tmp_path):
+    axes = [Axis(name, "deg", np.linspace(-30.0, 40.0, n)) for name, n in (("q2_deg", 4), ("q3_deg", 3), ("q5_deg", 5))]
+    layout = Layout("joints", tuple(axes))
+    reached = with_holes(layout)
+    write_vtu(finished(layout, reached), tmp_path / "map.vtu")
+    ours = read_vtu(tmp_path / "map.vtu").cells
+    before = grid_cells(layout.shape, reached)
+    np.testing.assert_array_equal(np.sort(ours, axis=1), np.sort(before, axis=1))
+    kinds, sizes = volumes(tmp_path / "map.vtu")
+    assert (sizes[kinds == 12] > 0.0).all()
+
+
+@pytest.mark.parametrize(("n", "layers"), [(4, 0), (3, 1)])
+def test_layers_of_a_sweep_are_not_joined(tmp_path, n, layers):
+    axes = [Axis(f"q{i}_deg", "deg", 10.0 * np.arange(3)) for i in range(n)]
+    layout = Layout("joints", tuple(axes), layers)
+    data = finished(layout)
+    data.points[:, 2] += np.arange(layout.n) // (layout.n // 3)
+    write_vtu(data, tmp_path / "map.vtu")
+    cells = read_vtu(tmp_path / "map.vtu").cells
+    assert cells.shape == (3 * 2 ** (n - 1), 2 ** (n - 1))
+    layer = cells // (layout.n // 3)
+    assert (layer == layer[:, :1]).all()
+
+
+@pytest.mark.parametrize(
+    ("phi", "cells_around"),
+    [
+        (np.arange(0.0, 360.0, 30.0), 12),  # the last sector closes the turn
+        (np.linspace(-180.0, 180.0, 13), 12),  # both ends given: closed already
+        (np.arange(0.0, 330.0, 30.0), 10),  # one step short of it
+        (-np.arange(0.0, 360.0, 30.0), 12),
+        (np.arange(0.0, 360.0, 30.0) * (1.0 - 1e-9), 12),  # rounded
+    ],
+)
+def test_a_cylinder_closes_over_a_full_turn(tmp_path, phi, cells_around):
+    data = finished(cylinder(phi))
+    write_vtu(data, tmp_path / "map.vtu")
+    kinds, sizes = volumes(tmp_path / "map.vtu")
+    assert list(kinds) == [12] * (2 * cells_around)
+    # A sector between two radii is a trapezium: half the sine of its angle times the difference of the squares.
+    area = 0.5 * np.sin(np.radians(30.0)) * (300.0**2 - 100.0**2)
+    assert sizes.min() > 0.0
+    np.testing.assert_allclose(sizes.sum(), cells_around * area * 50.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_odd_words_survive(tmp_path, suffix):
+    WRITERS[suffix](finished(box(), metadata=ODD_METADATA), tmp_path / f"ü map{suffix}")
+    said = texts(read(tmp_path / f"ü map{suffix}"))
+    for name in ("robot", "note", "load direction <&\"'>\n größe", "empty", "long"):
+        assert said[name] == [ODD_METADATA[name]]
+    assert said["units_"] == ["a name of the writer's own"]
+    assert said["control\ufffd"] == ["zero\ufffdbyte, lone ? surrogate"]
+    import pyvista as pv
+
+    assert pv.read(tmp_path / f"ü map{suffix}").field_data["robot"][0] == "xr701"
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_map_out_of_reach_is_written(tmp_path, suffix):
+    layout = box()
+    WRITERS[suffix](finished(layout, np.zeros(layout.n, dtype=bool)), tmp_path / f"map{suffix}")
+    grid = read(tmp_path / f"map{suffix}")
+    assert grid.GetNumberOfPoints() == (layout.n if suffix == ".vti" else 0)
+    if suffix == ".vti":
+        assert np.isnan(point_arrays(grid)["stiffness_N_per_mm"]).all()
+        assert (point_arrays(grid)["softest_part"] == -1).all()
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_blocks_memory_maps_and_single_precision_change_nothing_else(tmp_path, suffix, monkeypatch):
+    layout = box()
+    data = finished(layout, with_holes(layout), {})
+    WRITERS[suffix](data, tmp_path / f"whole{suffix}")
+    monkeypatch.setattr("surrogate.maps.columns.ROWS_A_BLOCK", 7)
+    WRITERS[suffix](mapped(data, tmp_path), tmp_path / f"blocks{suffix}")
+    assert (tmp_path / f"whole{suffix}").read_bytes() == (tmp_path / f"blocks{suffix}").read_bytes()
+    WRITERS[suffix](data, tmp_path / f"single{suffix}", single=True)
+    fine, coarse = (point_arrays(read(tmp_path / f"{name}{suffix}")) for name in ("whole", "single"))
+    for name, values in fine.items():
+        assert coarse[name].dtype == (np.float32 if values.dtype == np.float64 else values.dtype)
+        np.testing.assert_array_equal(coarse[name], values.astype(coarse[name].dtype))
+
+
+def test_what_stands_where_nothing_is_reached_is_not_shown(tmp_path):
+    layout = box()
+    data = with_junk(finished(layout, with_holes(layout)))
+    write_vti(data, tmp_path / "map.vti")
+    found = point_arrays(read(tmp_path / "map.vti"))
+    del found["reached"]
+    for name, values in found.items():
+        np.testing.assert_array_equal(np.isnan(values) | (values == -1), ~data.reached, err_msg=name)
+
+
+def test_axes_that_fall_give_cells_of_positive_volume(tmp_path):
+    for steps in [(-10.0, 20.0, 30.0), (-10.0, -20.0, 30.0), (-10.0, -20.0, -30.0)]:
+        write_vtu(finished(box(step=steps)), tmp_path / "map.vtu")
+        np.testing.assert_allclose(volumes(tmp_path / "map.vtu")[1], 6000.0, rtol=1e-12)
+
+
+def test_a_map_of_points_alone(tmp_path):
+    layout = box()
+    full = finished(layout)
+    data = MapData(layout, full.points, full.q, full.reached, full.coordinates, {})
+    for suffix, write in WRITERS.items():
+        write(data, tmp_path / f"map{suffix}")
+        assert read(tmp_path / f"map{suffix}").GetPointData().GetScalars().GetName() == "q2_deg"
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_bad_places_are_named(tmp_path, suffix):
+    write, data = WRITERS[suffix], finished(box())
+    with pytest.raises(InputError, match=rf"ends in \{suffix}"):
+        write(data, tmp_path / "map.vtk")
+    with pytest.raises(InputError, match="existing folder"):
+        write(data, tmp_path / "nowhere" / f"map{suffix}")
+    (tmp_path / f"taken{suffix}").mkdir()
+    with pytest.raises(InputError, match="could not be written"):
+        write(data, tmp_path / f"taken{suffix}")
+    assert [p.name for p in tmp_path.iterdir()] == [f"taken{suffix}"]
+
+
+def test_what_is_no_image_is_refused(tmp_path):
+    uneven = box()
+    uneven.axes[2].values[1] += 0.1
+    falling = Layout("box", tuple(Axis(a.name, a.unit, a.values[::-1].copy()) for a in box().axes))
+    crossed = Layout("box", box().axes[::-1])
+    for layout, words in [
+        (uneven, "axis x"),
+        (falling, "axis z"),
+        (crossed, "x, y, z"),
+        (cylinder([0, 9]), "cylinder"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            write_vti(finished(layout), tmp_path / "map.vti")
+    shifted = finished(box())
+    shifted.points[:] += 1e-3
+    with pytest.raises(InputError, match="not those of the axes"):
+        write_vti(shifted, tmp_path / "map.vti")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["q2_deg", "reached"])
+def test_an_array_name_used_twice_is_refused(tmp_path, name):
+    layout = box()
+    full = finished(layout)
+    fields = {name: Field(np.zeros(layout.n), "", "")}
+    data = MapData(layout, full.points, full.q, full.reached, full.coordinates, fields)
+    for suffix, write in WRITERS.items():
+        with pytest.raises(InputError, match=f"used twice.*{name}"):
+            write(data, tmp_path / f"map{suffix}")
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_full_disk_leaves_the_file_before(tmp_path, suffix, monkeypatch):
+    path = tmp_path / f"map{suffix}"
+    WRITERS[suffix](finished(box()), path)
+    before = path.read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(vtk_appended.AppendedFile, "write", full)
+    with pytest.raises(InputError, match="No space left"):
+        WRITERS[suffix](finished(box(), seed=3), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="the system cannot claim disk space")
+def test_a_file_too_large_is_known_before_the_first_row(tmp_path):
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
+    try:
+        with pytest.raises(InputError, match="could not be written"):
+            write_vti(finished(box()), tmp_path / "map.vti")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_killed_process_leaves_the_file_before(tmp_path, suffix):
+    write, path = WRITERS[suffix], tmp_path / f"map{suffix}"
+    assert killed_while_it_writes("vtk_stream", write.__name__, path) == -9
+    hidden = [p for p in tmp_path.iterdir() if p != path]
+    assert all(p.name.startswith(".") for p in hidden)
+    assert len(hidden) == 1  # it was killed in mid-write
+    write(finished(box()), tmp_path / f"expected{suffix}")
+    assert path.read_bytes() == (tmp_path / f"expected{suffix}").read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_memory_hardly_grows_with_the_map(tmp_path, suffix):
+    sizes = {
+        n: memory_and_seconds("vtk_stream", f"write_{suffix[1:]}", suffix, n, tmp_path / str(n))[0] for n in (10, 40)
+    }
+    slope = (sizes[40] - sizes[10]) / 1.5e6  # bytes a point; 50 000 points a layer
+    print(f"{suffix}: {sizes[40] / 1e6:.0f} MB at 2e6 points, {slope:.1f} B a point")
+    # .vtu: the mask, starts of cells, loose points and their copies (1 B each) and numbers of points (4 B, and the
+    # running sum beside them). Ten million points then need less than 0.4 GB.
+    assert sizes[40] + slope * 8e6 < 4e8
