@@ -17,7 +17,7 @@ from fem.elements import quad_bending as shell_quad_bending
 
 Array = NDArray[np.float64]
 
-TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_quad.md"
+TABLE = Path(__file__).resolve().parents[2] / "docs" / "validation" / "shell_convergence_quad.md"
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "Scordelis-Lo roof": lambda n: scordelis_lo_roof(n, "quad"),
     "pinched cylinder": lambda n: pinched_cylinder(n, "quad"),
