@@ -104,7 +104,7 @@ def fit(
             for name, text in (("normal", normal), ("force", force))
         }
         given = inputs.read_model(model, links, load_path, without="the surrogate")
-        if note := inputs.no_springs_note(given.model):
+        if note := inputs.no_springs_note(given):
             say(f"note: {note}")
         names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
         others = inputs.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
