@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Robot, forward_kinematics, inverse_kinematics
-from robots.axis_lines import axis_lines
+from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
 from surrogate.maps.self_motion import NEARLY_THERE, brought_back, improve
 

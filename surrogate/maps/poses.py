@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
-from robots.axis_lines import axis_lines
+from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.candidates import (
     Arm,
     Chosen,
@@ -98,13 +98,13 @@ class Extreme:
     Of ``axes`` tool axes spread over the sphere, each with ``gammas`` angles about it (one where joint 6 is free), each
     point is given a share, its neighbours others; the best ``starts`` of these and some random poses climb by
     self-motions of the arm (:mod:`surrogate.maps.self_motion`). Then points give the poses that they found to their
-    neighbours, where these are brought to the neighbour's point and climb on, some rounds over: good poses change little
-    from point to point, so a peak found at one point is found at all points around it. Few points are searched more
-    thoroughly, because they have few neighbours or far ones.
+    neighbours, where these are brought to the neighbour's point and climb on, some rounds over: good poses change
+    little from point to point, so a peak found at one point is found at all points around it. Few points are searched
+    more thoroughly, because they have few neighbours or far ones.
 
-    What is found is a peak to some 1e-5 of its merit. That it is the highest peak is not certain: one that is narrow can
-    be missed. Over slices of some 1200 points (XR701, KR 60, TX200) one extreme in a hundred fell short by more than
-    1e-4 of what some search found, two of 3700 by more than 1 %; of arms whose tool point lies beside the axis of
+    What is found is a peak to some 1e-5 of its merit. That it is the highest peak is not certain: one that is narrow
+    can be missed. Over slices of some 1200 points (XR701, KR 60, TX200) one extreme in a hundred fell short by more
+    than 1e-4 of what some search found, one of 2800 by more than 1 %; of arms whose tool point lies beside the axis of
     joint 6 one in ten, one in a hundred by more than 1 %. :func:`shortfall` measures it anywhere.
 
     Arms whose inverse kinematics is no closed form, and those with other than six joints, start from ``axes`` random
