@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import Robot, forward_kinematics, inverse_kinematics
+from robots.arrays import Array, Bools, Indices
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
 from surrogate.maps.self_motion import NEARLY_THERE, brought_back, improve
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Merit = Callable[[Array], Array]
 
 # Targets a call of the inverse kinematics: bounds its memory, not the result.
@@ -95,7 +93,7 @@ class Peaks:
     merit: Array
     sure: Bools
 
-    def joined(self, other: Peaks, rows: NDArray[np.intp] | slice = slice(None)) -> Peaks:
+    def joined(self, other: Peaks, rows: Indices | slice = slice(None)) -> Peaks:
         """With further peaks at some of the points, ``rows``."""
         q, merit = (
             np.full((len(self.q), *a.shape[1:]), fill) for a, fill in ((other.q, np.nan), (other.merit, -np.inf))
@@ -139,7 +137,7 @@ def best_of_sample(
         np.full((m, starts), -np.inf),
         np.ones(m, dtype=np.bool_),
     )
-    near, lost = np.flatnonzero(within_length(arm, points)), list[tuple[NDArray[np.intp], Array]]()
+    near, lost = np.flatnonzero(within_length(arm, points)), list[tuple[Indices, Array]]()
     size = max(1, TARGETS // r)
     for rows in (near[i : i + size] for i in range(0, len(near), size)):
         k = len(rows)
@@ -179,7 +177,7 @@ def _nearest_to_limits(robot: Robot, q: Array, most: int) -> Array:
     return np.take_along_axis(q, np.argsort(far, axis=1)[:, : min(RESCUED, most), None], axis=1)
 
 
-def _rescue(arm: Arm, points: Array, sign: float, rows: NDArray[np.intp], q: Array, out: Peaks) -> None:
+def _rescue(arm: Arm, points: Array, sign: float, rows: Indices, q: Array, out: Peaks) -> None:
     """Bring poses q (k, s, dof) within limits, for points ``rows`` (k,) at which no sampled pose keeps them.
 
     At the rim of reach few orientations are left, and a sample meets none of them.
@@ -222,7 +220,7 @@ def within_length(arm: Arm, points: Array) -> Bools:
     return np.asarray(np.linalg.norm(points - lines.point[0], axis=1) <= longest * (1.0 + 1e-9))
 
 
-def shared(arm: Arm, points: Array, peaks: Peaks, neighbours: NDArray[np.intp], sign: float) -> Peaks:
+def shared(arm: Arm, points: Array, peaks: Peaks, neighbours: Indices, sign: float) -> Peaks:
     """With what the peaks of the neighbours (m, k), numbers of points (m, 3), become when brought to each point."""
     q, merit = (a[neighbours].reshape(len(points), -1, *a.shape[2:]) for a in (peaks.q, peaks.merit.copy()))
     row, column = np.nonzero(np.isfinite(merit))

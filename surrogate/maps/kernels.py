@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Products may be fused with sums (faster, and no less exact); nothing else is relaxed.
 compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

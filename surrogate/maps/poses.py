@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
+from robots.arrays import Array
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.candidates import (
     Arm,
@@ -29,8 +29,6 @@ from surrogate.maps.candidates import (
 )
 from surrogate.maps.orientation import spread_rotations, tool_rotations, unit_vector
 from surrogate.maps.self_motion import NEARLY_THERE, THERE, brought_back
-
-Array = NDArray[np.float64]
 
 # Orientations nearer to each other than this many spacings of the sample lie on one peak, but not beyond WIDEST rad.
 APART = 2.0

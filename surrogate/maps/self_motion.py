@@ -12,9 +12,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import Robot
+from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import axis_lines
 from robots.kinematics import forward_kinematics, tool_position
 from surrogate.maps.orientation import pattern
@@ -22,8 +22,6 @@ from surrogate.maps.orientation import pattern
 if TYPE_CHECKING:
     from surrogate.maps.kernels import Limbs
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Poses worked on at once: bounds memory, not the result.
 BATCH = 100_000
