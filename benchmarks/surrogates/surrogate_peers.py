@@ -24,6 +24,7 @@ from fem.free.law_bases import FourierBasis
 from robots import content_hash, load_description
 from robots.arrays import Array
 from surrogate.arm_scope import reduced_box, scope_of, with_whole_turns
+from surrogate.asking import full_poses
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import learn_bars
 from surrogate.expansion import Expansion
@@ -32,7 +33,6 @@ from surrogate.fast import evaluate
 from surrogate.fit import fit
 from surrogate.peer_comparison import Errors, PeerResult, compare_with_peers
 from surrogate.peer_estimators import OwnCandidate
-from surrogate.query import full_poses
 from surrogate.scope import Scope
 
 HERE = Path(__file__).resolve().parent
