@@ -11,7 +11,7 @@ import numpy as np
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from surrogate import Surrogate, Trained, predict
 from surrogate.expansion import Expansion
 from surrogate.model import COMPLIANCE

@@ -8,7 +8,7 @@ import numpy as np
 
 from machining.placement import Along, Placement, axis_rates, placement_content
 from stiffarm.commands.place.step import PlacedStep
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 CHOSEN, FIXED, BEFORE = "recommended", "best position at rest", "as it stands"
 KEYS = {CHOSEN: "recommended", FIXED: "fixed_position", BEFORE: "as_it_stands"}

@@ -14,8 +14,8 @@ from machining.stiffness.grid import Grid
 from robots.arrays import Array, Bools
 from robots.files.csv_text import columns_text
 from stiffarm.commands.index.units import Shown, shown
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from surrogate.maps.vtk_files import M_TO_MM, grid_cells, write_grid
 
 # Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.
