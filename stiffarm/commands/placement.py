@@ -12,11 +12,12 @@ import typer
 from machining import Drive
 from machining.cell import Cell, read_cell
 from machining.criterion import Criterion
-from machining.cutting import CuttingForce
+from machining.cutting import CuttingForce, stiffness_uncertainty
 from machining.placement import AIMS, MODES, Goal, How
 from robots import InputError
 from robots.csv_text import records_text
 from stiffarm import inputs, placement_payload
+from stiffarm.arm_uncertainty import sentence
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
 from stiffarm.machining_options import GammaOpt, parse_gammas, parse_joint_figures
@@ -106,6 +107,7 @@ def place(
             ranges=dict(_range(text) for text in ranges or []),
             table=_table(table),
             clearance=described.safety if clearance is None else clearance * 1e-3,
+            stiffness=stiffness_uncertainty(given.model, given.description, given.own),
         )
         scene, notes = scene_for(described, model) if collisions else (None, ())
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path, "cell": cell}
@@ -203,5 +205,6 @@ def _show(step: PlacedStep) -> None:
 
     title = f"{step.request.given.path.n} points, {step.arc_mm[-1]:.4g} mm; {step.placed.evaluations} base positions"
     show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
+    say(sentence(step.placed.problem.uncertainty))
     for text in remarks(step):
         say(f"note: {text}")

@@ -10,10 +10,12 @@ import typer
 from numpy.typing import NDArray
 
 from machining import INDICES, Drive, GammaRange, Objective
+from machining.cutting import stiffness_uncertainty
 from machining.objective import DISPLACEMENTS
 from robots import InputError
 from robots.csv_text import records_text
 from stiffarm import inputs, posture_payload
+from stiffarm.arm_uncertainty import sentence
 from stiffarm.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.inputs import ModelInput
 from stiffarm.machining_options import (
@@ -128,6 +130,7 @@ def posture(
             seed,
             cut,
             tuple(effects_left_out(given)),
+            stiffness_uncertainty(given.model, given.description, given.own),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
@@ -176,7 +179,7 @@ def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[
 
 
 def _show(posed: Posed) -> None:
-    from stiffarm.posture_report import gain_words, remarks
+    from stiffarm.posture_report import gain_words, mean_interval, remarks
 
     _, words, factor = posture_payload.quantity(posed.request.objective)
     rows = []
@@ -186,14 +189,16 @@ def _show(posed: Posed) -> None:
             [
                 name,
                 f"{course.mean * factor:.4g}",
+                mean_interval(posed, name, factor),
                 f"{course.worst * factor:.4g}",
                 f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
                 "yes" if not moves.undrivable else f"no ({len(moves.undrivable)} jumps)",
-                "" if name == CHOSEN else gain_words(posed, course),
+                "" if name == CHOSEN else gain_words(posed, name),
             ]
         )
     title = f"{words} on {posed.request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm"
-    show_table(title, ["course", "mean", "worst", "gamma, deg", "drivable", "gain"], rows)
+    show_table(title, ["course", "mean", "95 %", "worst", "gamma, deg", "drivable", "gain"], rows)
+    say(sentence(posed.stiffness))
     for text in remarks(posed):
         say(f"note: {text}")
     if posed.milling is not None and posed.milling.comparison is not None:
