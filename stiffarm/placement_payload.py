@@ -46,6 +46,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
     """Everything that was found, keys with units."""
     placed, request = step.placed, step.request
     problem = placed.problem
+    others = {name: one for name, one in named(step).items() if name != CHOSEN}
     not_found = {KEYS[BEFORE]: placed.why_no_before, KEYS[FIXED]: placed.why_no_fixed}
     return placement_content(placement_of(step)) | {
         "aim": problem.goal.aim,
@@ -66,7 +67,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         "pieces_start_at_point": placed.first.tolist(),
         "stiffness_uncertainty": arm_uncertainty(problem.uncertainty),
         "placements": {KEYS[name]: _summary(step, one) for name, one in named(step).items()},
-        "gain": {KEYS[name]: estimated(placed.after.gain(one), 1.0) for name, one in named(step).items() if name != CHOSEN},
+        "gain": {KEYS[name]: estimated(placed.after.gain(one), 1.0) for name, one in others.items()},
         "not_found": {name: why for name, why in not_found.items() if why is not None},
         "notes": [*placed.notes, *step.notes],
     }  # fmt: skip

@@ -104,7 +104,8 @@ def courses_section(posed: Posed) -> Section:
     )
     blocks: list[Text | Note | Table | Bullets] = [
         Text(
-            f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path. {sentence(posed.stiffness)}"
+            f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path. "
+            f"{sentence(posed.stiffness)}"
         ),
         Table("Courses along the path", columns, tuple(rows), best=0),
         Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in (CHOSEN, *posed.others))),

@@ -48,9 +48,9 @@ class SurfaceError:
     (n,) m: the error, more than 0 is material left; ``tangential`` (n,) m: size of the deflection along the surface;
     ``sd`` (n,) m of the error, ``sd_stiffness`` and ``sd_force`` its parts to first order. ``form``, ``offset``,
     ``uncertain``: the error as :mod:`machining.cutting.spread` takes it. ``balance``: how depth and deflection came
-    to rest, None if the force was taken at the nominal depth. ``open_change``: by how much (n,) m each parameter that the
-    arm's calibration left open may change the error, beyond ``sd``. ``is_rough``: the laws or walls of the arm are so
-    uncertain that ``sd``, to first order, is too small.
+    to rest, None if the force was taken at the nominal depth. ``open_change``: by how much (n,) m each parameter that
+    the arm's calibration left open may change the error, beyond ``sd``. ``is_rough``: the laws or walls of the arm are
+    so uncertain that ``sd``, to first order, is too small.
     """
 
     arc_length: Array
