@@ -19,6 +19,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Estimated:
+    """A number with its 95 % interval ``low`` to ``high``."""
+
+    value: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, eq=False)
 class Uncertain:
     """The uncertain numbers that all errors of one study share.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import fem
 from machining import Drive, GammaRange, read_path
 from machining.cell import Cell, Scene, arm_of, scene_of
+from machining.cutting import StiffnessUncertainty
 from machining.placement import Goal, How, Placed, Problem, Survey, place, space_of, survey
 from machining.task import ToolPath
 from machining.toolpaths import read_toolpath, to_tool_path
@@ -43,7 +44,7 @@ class GivenPath:
 
 @dataclass(frozen=True, eq=False)
 class PlaceRequest:
-    """What is asked: all but the model and the scene."""
+    """What is asked: all but the model and the scene; ``stiffness``: as :class:`machining.placement.Problem` has it."""
 
     cell: Cell
     given: GivenPath
@@ -54,6 +55,7 @@ class PlaceRequest:
     ranges: dict[str, tuple[float, float]]
     table: float | tuple[float, float]
     clearance: float
+    stiffness: StiffnessUncertainty | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +128,7 @@ def place_along(
         scene=scene,
         clearance=request.clearance,
         free=request.given.free if request.given.free.any() else None,
+        stiffness=request.stiffness,
     )
     placed = place(problem, request.how, said)
     grid = placed.survey
