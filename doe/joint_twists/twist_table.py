@@ -8,16 +8,14 @@ has the variance of that mean, to first order in the law's coefficients.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from doe.joint_twists.laws import Law
 from doe.model_file.uncertainty_table import FoundNumber, Status, uncertainty_table
 from fem import ArmModel
+from robots.arrays import Array
 from robots.schema.uncertainty import CalibrationUncertainty
-
-Array = NDArray[np.float64]
 
 NOT_JUDGED = "nothing tells how sure this value is"
 NOTE = "joint twists: weighted least squares of each direction by itself, scatter of set-ups included"

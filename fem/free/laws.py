@@ -12,17 +12,15 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
 from fem.free.parameters import SHIFT, TURN, Parameter
 from fem.model import ArmModel
 from fem.statics.ports import ROWS
 from robots import InputError
+from robots.arrays import Array
 
 __all__ = ["Basis", "FourierBasis", "FreeLaw", "PolynomialBasis", "TableBasis", "law_parameters", "polynomial_basis"]
-
-Array = NDArray[np.float64]
 
 HIGHEST_DEGREE = 6
 # Row of a joint's axes that its spring acts in.

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import PlacedEffect
 from fem.free.laws import AXIAL, FreeLaw, law_parameters
@@ -20,8 +19,7 @@ from fem.model import ArmModel, JointPart
 from fem.springs import LawSpring, SpringLaw
 from fem.statics.ports import ROWS
 from robots import InputError, ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 _COEFFICIENT = re.compile(r"(?P<joint>.+?)(?:\.(?P<row>t[xyz]|r[xyz]))?\.law\[(?P<index>\d+)\]")
 
@@ -37,7 +35,7 @@ class NamedNumbers:
     parameters: tuple[Parameter, ...]
     laws: tuple[FreeLaw, ...]
     u: Array
-    columns: NDArray[np.intp]
+    columns: Indices
 
 
 def named_numbers(model: ArmModel, names: Sequence[str], effects: Sequence[PlacedEffect] = ()) -> NamedNumbers:

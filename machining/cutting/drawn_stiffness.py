@@ -19,8 +19,7 @@ from machining.cutting.stiffness_uncertainty import StiffnessUncertainty
 from machining.stiffness.cartesian import translational
 from machining.stiffness.objective import Objective
 from machining.task import Task
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # An end of a 95 % interval from so many draws is good to some 6 % of its half-width.
 DRAWS = 1000

@@ -23,8 +23,8 @@ import fem
 from doe.certainty.propagation import ParameterUncertainty, compliance_gradients, drawn_variables, parameter_uncertainty
 from fem.effects import Maker
 from robots import InputError, ModelDescription
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Source = Literal["calibration", "assumed"]
 
 # Standard deviation of a part's compliance, share of it, where nothing better is known.

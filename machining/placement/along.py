@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cutting import Drawn, Estimated, SurfaceError, drawn_stiffness, surface_error
 from machining.placement.problem import Problem
@@ -14,9 +13,7 @@ from machining.posture.problem import Course
 from machining.stiffness.cartesian import translational
 from machining.stiffness.criterion import Criterion, Terms
 from machining.stiffness.indices import directional_stiffness
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Every placement is judged for the same drawn arms.
 SEED = 0

@@ -61,7 +61,7 @@ def make_map(
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)
     content = statistics(engine, store, data, asked)
-    rigid = no_springs_note(given.model)
+    rigid = no_springs_note(given)
     content["findings"] = [] if rigid else _findings(given, request)
     content["messages"] += [rigid] if rigid else []
     with folder.timed("files"):

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.cutting import stiffness_uncertainty
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
+from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.commands.posture.step import CHOSEN, Posed, PostureRequest, pose_along
@@ -48,8 +48,6 @@ from stiffarm.session.task_setup import (
     require_springs,
     task_in,
 )
-
-Array = NDArray[np.float64]
 
 # A range so narrow (rad) is one angle.
 FIXED_HALF_WIDTH = 1e-10
