@@ -29,9 +29,9 @@ from meshes.array_cache import ArrayCache
 from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
+from robots.progress import Messages
 
 Build = Callable[[ModelDescription], ArmModel]
-Progress = Callable[[str], None]
 
 FORMAT = "stiffarm-stage/2"
 # Numbers that were kept are those of these readings if one more round of the estimator changes the noise and the
@@ -92,7 +92,7 @@ def run_campaign(
     campaign: Campaign,
     *,
     store: ArrayCache | None = None,
-    progress: Progress | None = None,
+    progress: Messages | None = None,
     own: Sequence[Maker] = (),
     history: History | None = None,
 ) -> Calibration:
