@@ -39,7 +39,7 @@ def serve_command(
 ) -> None:
     """Answer questions on stdin, one JSON object a line, on stdout: kinematics, stiffness, best posture.
 
-    For postprocessors and other programs; docs/serve.md describes the protocol. Ends at the end of input.
+    For postprocessors and other programs; docs/reference/serve.md describes the protocol. Ends at the end of input.
     """
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path, without="the answers")
