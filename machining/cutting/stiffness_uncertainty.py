@@ -35,8 +35,6 @@ LARGEST_SD = 0.33
 SAME_MODEL = 1e-6
 # Poses at which that is looked at.
 COMPARED = 8
-# Normal quantile of 95 % intervals.
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True, eq=False)

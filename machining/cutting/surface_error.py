@@ -21,12 +21,13 @@ from machining.cutting.equilibrium import Balance, Balanced, balanced
 from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
 from machining.cutting.process_axes import arc_length, weights
 from machining.cutting.spread import Estimated, Uncertain, covariance, enlarged, interval, parts, samples, variance
-from machining.cutting.stiffness_uncertainty import NORMAL_95, StiffnessUncertainty, assumed_uncertainty
+from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
 from machining.cutting.tool_bending import ToolBending
 from machining.stiffness.cartesian import translational
 from machining.task import Task
 from robots import InputError, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 from robots.kinematics import as_poses
 
 # Postures must put the tool on the path: this far off (m, rad) they belong to another one.

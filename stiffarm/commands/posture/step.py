@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +31,7 @@ from machining.cutting import (
 from machining.posture.axes_map import AxesMap, axes_map
 from robots import InputError
 from robots.arrays import Array
+from robots.progress import Progress
 from stiffarm.session.task_setup import Cut
 
 # Passes of finer grids of gamma: from 5 deg to 0.02 deg.
@@ -115,9 +115,7 @@ class Posed:
 CHOSEN, BEFORE, FIXED, EACH = "recommended", "as programmed", "best fixed gamma", "each point by itself"
 
 
-def pose_along(
-    model: fem.ArmModel, request: PostureRequest, progress: Callable[[int, int], None] | None = None
-) -> Posed:
+def pose_along(model: fem.ArmModel, request: PostureRequest, progress: Progress | None = None) -> Posed:
     """Find the course along the path, and the one it is compared with.
 
     Raises
