@@ -35,6 +35,12 @@ def say(message: str) -> None:
     _print(Text(one_line(message)), soft_wrap=True)
 
 
+def say_notes(notes: tuple[str, ...]) -> None:
+    """Remarks on the input."""
+    for note in notes:
+        say(f"note: {note}")
+
+
 def say_error(error: InputError) -> None:
     """An error, on stderr: one line, or one for each fault."""
     for line in f"stiffarm: {error}".split("\n"):

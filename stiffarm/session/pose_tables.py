@@ -12,7 +12,7 @@ from doe.tables.columns import Faults, RawTable, drop_ragged, parse_number, read
 from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
-from stiffarm.session.inputs import parse_pairs
+from stiffarm.session.parsing import parse_pairs
 from surrogate import Surrogate
 
 

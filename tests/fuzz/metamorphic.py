@@ -28,7 +28,8 @@ from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.session import steps
-from stiffarm.session.inputs import ModelInput, read_model, read_scheme
+from stiffarm.session.inputs import ModelInput, read_model
+from stiffarm.session.readings import read_scheme
 
 Table = list[list[str]]
 

@@ -12,6 +12,7 @@ import typer
 from machining import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
+from stiffarm.commands.maps import surrogate_input
 from stiffarm.commands.maps import words as map_words
 from stiffarm.commands.maps.options import FORMATS, GRIDS, POSES
 from stiffarm.session import inputs, steps
@@ -263,10 +264,10 @@ def _surrogate_map(
     from stiffarm.commands.maps import sweep as maps
 
     given = inputs.read_model(model, links, load_path, without="the map")
-    learned = inputs.read_surrogate_for_map(given, surrogate_file)
+    learned = surrogate_input.read_surrogate_for_map(given, surrogate_file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-    wanted = inputs.parse_layers(given.robot, layers)
+    wanted = surrogate_input.parse_layers(given.robot, layers)
     files: dict[str, Path | str] = {"model": model_hash(given), "surrogate": surrogate_file}
     with output_folder(out, files) as folder, progress("map poses") as bar:
         made = steps.stiffness_map(given.description, given.model, points, learned, wanted, progress=bar)

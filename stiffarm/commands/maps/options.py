@@ -14,9 +14,11 @@ from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.commands.maps.index.request import parse_values
 from stiffarm.commands.maps.request import MapRequest, grid_table, model_text, uncertainty_of
-from stiffarm.session.inputs import ModelInput, parse_direction, parse_layers, parse_names
+from stiffarm.commands.maps.surrogate_input import parse_layers
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.parsing import parse_direction, parse_names, parse_vector, tool_of
 from stiffarm.session.steps import MAP_LAYERS_DEG
-from stiffarm.session.task_options import parse_gammas, parse_vector, tool_of
+from stiffarm.session.task_options import parse_gammas
 from surrogate import default_sweep
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
 from surrogate.maps.layouts import (

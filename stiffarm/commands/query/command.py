@@ -8,11 +8,12 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from robots import InputError, content_hash, load_description
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, say, user_errors
-from stiffarm.session.options import Debug, Json, Out, output_folder, say_notes
+from stiffarm.session import parsing
+from stiffarm.session.console import emit_json, say, say_notes, user_errors
+from stiffarm.session.options import Debug, Json, Out, output_folder
 from surrogate import Surrogate
 from surrogate.model import COMPLIANCE
 
@@ -74,8 +75,8 @@ def query(
 
         learned = load_surrogate(surrogate_file)
         if of is not None:
-            inputs.require_same_model(learned, of, surrogate_file)
-        along = None if direction is None else np.array(inputs.parse_direction(direction))
+            _require_same_model(learned, of, surrogate_file)
+        along = None if direction is None else np.array(parsing.parse_direction(direction))
         degrees, labels, remarks = query_poses(learned, pose, table)
         say_notes(tuple(remarks))
         result = ask(learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
@@ -108,3 +109,25 @@ def _load_direction(learned: Surrogate, along: Array | None) -> list[float] | No
     if learned.quantity.name != COMPLIANCE:
         return None
     return list(learned.load_direction) if along is None else [float(v) for v in along]
+
+
+def _require_same_model(learned: Surrogate, name: str, file: Path) -> None:
+    """Refuse a surrogate that was fitted to another robot, or to another model of it, than ``name``.
+
+    Raises
+    ------
+    InputError
+        It was.
+    """
+    description = load_description(name)
+    refit = "fit one for it (`stiffarm fit`)"
+    if learned.robot != description.name:
+        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=description.name, remedy=refit)
+    own = content_hash(description)
+    if learned.model_hash != own:
+        raise InputError(
+            f"surrogate {file} was fitted to a model with hash",
+            value=learned.model_hash[:12],
+            allowed=own[:12],
+            remedy=refit,
+        )

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from stiffarm.session import inputs
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import emit_json, user_errors
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -20,9 +20,9 @@ from stiffarm.session.options import (
     Out,
     folder_if,
     model_hash,
-    open_table,
 )
 from stiffarm.session.own_effects import own_effects, own_files
+from stiffarm.session.readings import open_table
 
 
 def simulate(
@@ -88,8 +88,8 @@ def simulate(
         given = inputs.read_model(model, asked, load_path, own=own, without="the fields" if field else None)
         files["model"] = model_hash(given)
         if pose is not None:
-            q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
-            before = None if unload_from is None else inputs.parse_load(unload_from, "--unload-from")
+            q, wrench = parsing.parse_pose(given.robot, pose), parsing.parse_load("fz_N=-650" if load is None else load)
+            before = None if unload_from is None else parsing.parse_load(unload_from, "--unload-from")
         else:
             table = open_table(given, model, data, files, confirm_units=confirm_units)
         with folder_if(out, files) as folder:

@@ -17,9 +17,9 @@ from stiffarm.commands.simulate.field_files import checked_scale, field_grid, wr
 from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, render_field
 from stiffarm.commands.simulate.figures import energy_share_figure
 from stiffarm.pages.style import save_png
-from stiffarm.session.inputs import WRENCH_NAMES
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import WRENCH_NAMES
 
 
 def field_links(model: str, links: str | None) -> str:
