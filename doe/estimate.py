@@ -27,10 +27,9 @@ Array = NDArray[np.float64]
 ROUNDS = 100
 # Rounds in which it is decided which variances the readings can tell; later ones keep to that, so that they settle.
 CHOOSING = (0, 1)
-# Parameters and noise have settled when a round moves all predictions together (and the distances from priors) by less
-# than this, in standard deviations: no parameter, nor any combination of them, then moves by more of its own. What is
-# left to go is as much or less, for a round shrinks the way by a factor of two or more, mostly by ten.
-SETTLED = 5e-7
+# Parameters and noise have settled when all predictions together (and the distances from priors) are nearer than this
+# to where they are going, in standard deviations: no parameter, nor any combination of them, is farther by its own.
+SETTLED = 1e-6
 # Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
 OUTLIER = 3.0
 # Median of the absolute value of a standard normal number.
@@ -100,21 +99,22 @@ def estimate(
     InputError
         No readings, or fewer of them than parameters without a prior.
     """
-    _check(p)
+    check_enough(p)
     blocks, weight = Blocks.of(p), np.ones(len(p))
     names: tuple[str, ...] = ()
     noise = fixed_noise or Noise(white=gauge)
     u = p.free.start
     f, J = p.evaluate(u)
-    prior, settled = prior_residual(p, u)[0], False
+    prior, moved, settled = prior_residual(p, u)[0], np.inf, False
     # Noise that is given and hangs on no prediction leaves nothing to go back for.
     once = fixed_noise is not None and not robust and not (fixed_noise.share or fixed_noise.pose_share)
     for turn in range(ROUNDS):
         u = solve(p, blocks, noise, f, weight, u)
         before, (f, J) = (f, prior), p.evaluate(u)
         error, prior = p.value - f, prior_residual(p, u)[0]
-        moved = float(np.hypot(*map(np.linalg.norm, ((f - before[0]) / np.sqrt(noise.variance(p, f)), prior - before[1]))))
-        if once or (turn > (fixed_noise is None) and moved < SETTLED):
+        sd, last = np.sqrt(noise.variance(p, f)), moved
+        moved = float(np.hypot(np.linalg.norm((f - before[0]) / sd), np.linalg.norm(prior - before[1])))
+        if once or (turn > (fixed_noise is None) and _to_go(moved, last) < SETTLED):
             settled = True
             break
         if fixed_noise is None:
@@ -132,6 +132,14 @@ def estimate(
     if fixed_noise is None:
         noise = within_readings(p, f, noise, gauge)
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
+
+
+def _to_go(moved: float, last: float) -> float:
+    """What is left to go after a round that moved so far, and the ``last`` before: rounds shrink by one factor."""
+    if moved < 0.1 * SETTLED:
+        return moved
+    rate = moved / last
+    return moved * max(rate / (1.0 - rate), 0.1) if rate < 1.0 else np.inf
 
 
 def _own(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
@@ -217,7 +225,8 @@ def solve(
     return minimise(p, V, start, held)[0]
 
 
-def _check(p: Problem) -> None:
+def check_enough(p: Problem) -> None:
+    """Raise InputError where there are no readings, or fewer of them than parameters without a prior."""
     if len(p) == 0:
         raise InputError("no reading to calibrate on", remedy="select poses or loads that were measured")
     _, J = p.evaluate(p.free.start)
