@@ -34,6 +34,15 @@ class PlainModel:
     def displacement(self, u: Array) -> Array:
         return self.evaluate(u)[0]
 
+    def take(self, rows: NDArray[np.intp]) -> tuple[PlainModel, NDArray[np.intp]]:
+        def work(u: Array) -> tuple[Array, Array]:
+            f, J = self._work(u)
+            return f[rows], J[rows]
+
+        part = PlainModel(self.parameters, self.start, work)
+        part.is_linear = self.is_linear
+        return part, np.arange(len(rows))
+
 
 def problem_of(model: PlainModel, value: Array, pose: NDArray[np.int64] | None = None) -> Problem:
     """One reading of dz a row; ``pose`` (m,), by default a pose each."""
