@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.posture.points import Sweep, sweep_gamma
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
+from robots.arrays import Array
+from robots.progress import Progress
 
 # Points x angles of one part, each with up to eight poses: some 100 MB with rigid links.
 TARGETS = 20_000
 # Points x angles of a whole map: one figure each, kept.
 MOST = 20_000_000
-
-Progress = Callable[[int, int], None]
 
 
 def sweep_parts(
@@ -62,5 +62,5 @@ def sweep_parts(
 
 
 def _forces(objective: Objective, part: slice, n: int) -> Objective:
-    force: NDArray[np.float64] | None = objective.forces(n)
+    force: Array | None = objective.forces(n)
     return objective if force is None else replace(objective, force=force[part])

@@ -14,21 +14,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 from surrogate.basis import Basis, polynomial_basis
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
-from surrogate.scope import Flags, Scope
-
-Array = NDArray[np.float64]
+from surrogate.scope import Scope
 
 LEVEL = 0.95
 # A number that the readings left open matters where it may change the quantity by this share.
 MATTERS = 0.01
-# Half-width of a normal distribution's 95 % interval, in standard deviations.
-NORMAL_95 = 1.959963984540054
 # Errors below the rounding of a double are all alike.
 _ROUND_OFF = 1e-16
 # Terms that leverage is taken over: each query costs their square.
@@ -89,7 +85,7 @@ class ParameterBars:
         """Relative standard deviation (n,); Q (n, k) rad, the quantity y (n,)."""
         return np.asarray(np.linalg.norm(evaluate(self.gradients, Q), axis=1) / np.abs(y))
 
-    def matters(self, Q: Array) -> Flags:
+    def matters(self, Q: Array) -> Bools:
         """Which of ``undetermined`` matter at which pose (n, m); Q (n, k) rad."""
         if self.open_share is None:
             return np.zeros((len(Q), 0), dtype=np.bool_)

@@ -1,6 +1,6 @@
 """The substitute stiffness model of the TX200 paper on made-up campaigns: recovery, coverage, prediction, comparison.
 
-    python benchmarks/tx200/tx200_stiffness.py [--repeats 200] [--write docs/tx200_stiffness.md] [--json]
+    python benchmarks/tx200/tx200_stiffness.py [--repeats 200] [--write docs/validation/tx200_stiffness.md] [--json]
 
 No measured data set is public. Every repeat draws a truth and its readings anew; the identification never sees the
 truth. ``--write`` also draws the map beside the page.
@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 import tx200_words as words
-from numpy.typing import NDArray
 
 from doe.joint_twists import Identified, LawKind, identify
 from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
@@ -37,8 +36,8 @@ from doe.joint_twists.workspace import ORIENTATIONS, stiffness_window
 from fem import ArmModel, build_model
 from fem.statics.ports import ROWS
 from robots import load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
+from robots.constants import NORMAL_95
 
 CAMPAIGN = Campaign()
 # Poses of the campaign are drawn once: truth, scatter and noise differ from repeat to repeat.
@@ -230,7 +229,7 @@ def _finding_part(model: ArmModel, found: Identified) -> list[str]:
     assert ratio is not None
     widths = [x for x in loops(found, model.robot.joint_names) if x.row == "rz"]
     rows = "".join(
-        f"| {x.joint} | {1e6 * x.width:.1f} +- {1.96e6 * x.spread:.1f} | {100.0 * x.share:.1f} | "
+        f"| {x.joint} | {1e6 * x.width:.1f} +- {1e6 * NORMAL_95 * x.spread:.1f} | {100.0 * x.share:.1f} | "
         f"{100.0 * x.loading_only:+.1f} |\n"
         for x in widths
     )

@@ -14,11 +14,9 @@ are at most a few times as many as there are parameters, however many poses ther
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import blind_directions, null_directions
 from doe.estimation.blocks import Blocks
@@ -26,11 +24,8 @@ from doe.estimation.estimate import Estimate, check_enough, seen_columns
 from doe.estimation.least_squares import ROUNDING, bounded_step, minimise, prior_residual
 from doe.estimation.problem import Problem
 from robots import InputError
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
-Progress = Callable[[int, int], None]
+from robots.arrays import Array, Bools, Indices
+from robots.progress import Progress
 
 # A pose whose readings hold all but this share of what is known in some direction is left out by a fit anew.
 SHARE_LEFT = 1e-3
@@ -83,7 +78,7 @@ class _Whole:
     g: Array
     white: Array
     room: tuple[Array, Array]
-    seen: Mask
+    seen: Bools
     null: Array
 
     @staticmethod
@@ -157,7 +152,7 @@ def _fitted_anew(e: Estimate, mine: Indices) -> tuple[Array, list[str]]:
     return left.value - value, moving_with(rest, J, seen, null_directions(A, seen))
 
 
-def moving_with(p: Problem, J: Array, seen: Mask, null: Array) -> list[str]:
+def moving_with(p: Problem, J: Array, seen: Bools, null: Array) -> list[str]:
     """Names of parameters not determined that readings with derivatives J (m, p) move with.
 
     ``seen`` (p,): those that the readings behind an estimate move with; ``null`` (d, p): directions that they leave

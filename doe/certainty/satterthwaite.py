@@ -8,7 +8,7 @@ readings less parameters; where set-ups scatter, it is near the number of set-up
 
 A variance that was found to be zero is as uncertain as one that was not, and counts: with nine set-ups readings can
 hardly tell which kind of scatter there is, and intervals that take the choice for certain hold the truth 80 to 90 %
-of the time where it was wrong (docs/calibration_coverage.md).
+of the time where it was wrong (docs/validation/calibration_coverage.md).
 """
 
 from __future__ import annotations
@@ -16,15 +16,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import likelihood
+from robots.arrays import Array, Bools
 
-Array = NDArray[np.float64]
 
-
-def degrees_of_freedom(e: Estimate, covariance: Array, seen: NDArray[np.bool_]) -> Array:
+def degrees_of_freedom(e: Estimate, covariance: Array, seen: Bools) -> Array:
     """Degrees of freedom (p,) of the variances on the diagonal of ``covariance`` (p, p); infinite for given noise.
 
     ``seen`` (p,): which parameters took part in the fit. NaN where there are fewer readings than those.

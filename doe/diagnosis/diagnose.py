@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.decide import Decision, Kind, decide
 from doe.diagnosis.held_out import leave_one_pose_out
@@ -24,10 +21,10 @@ from doe.estimation.noise import Noise, within_readings
 from doe.published.readings import rms_mm
 from doe.tables.telling import told_by
 from fem.effects.base import PlacedEffect
+from robots.arrays import Array
+from robots.progress import Messages
 
-Array = NDArray[np.float64]
 Verdict = Kind
-Progress = Callable[[str], None]
 
 # Effects looked for one after the other.
 MOST = 3
@@ -114,7 +111,7 @@ class Diagnosis:
         return self.rankings[max(len(self.effects) - 1, 0)]
 
 
-def diagnose(s: Setting, options: Options = Options(), progress: Progress | None = None) -> Diagnosis:  # noqa: B008
+def diagnose(s: Setting, options: Options = Options(), progress: Messages | None = None) -> Diagnosis:  # noqa: B008
     """Find what is missing from a model whose springs are fitted.
 
     Readings that tell nothing about the arm are fitted and ranked once, for the record, and get that verdict.
@@ -172,7 +169,7 @@ def _words(r: Ranking) -> str:
 
 
 def _swapped(
-    s: Setting, here: Setting, found: list[_Pick], weight: Array, options: Options, say: Progress
+    s: Setting, here: Setting, found: list[_Pick], weight: Array, options: Options, say: Messages
 ) -> tuple[Setting, list[_Pick]]:
     """Look at the first effect again now that the second is there: alone it may have stood for both."""
     first, second = found

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.identifiability import TradeOff, trade_offs, unseen
 from doe.certainty.lack_of_fit import LackOfFit, lack_of_fit
@@ -30,10 +29,10 @@ from fem.free.laws import FreeLaw
 from meshes.array_cache import ArrayCache
 from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
+from robots.arrays import Array
+from robots.progress import Messages
 
-Array = NDArray[np.float64]
 Build = Callable[[ModelDescription], ArmModel]
-Progress = Callable[[str], None]
 
 FORMAT = "stiffarm-stage/2"
 # Numbers that were kept are those of these readings if one more round of the estimator moves predictions by no more
@@ -94,7 +93,7 @@ def run_campaign(
     campaign: Campaign,
     *,
     store: ArrayCache | None = None,
-    progress: Progress | None = None,
+    progress: Messages | None = None,
     own: Sequence[Maker] = (),
     history: History | None = None,
 ) -> Calibration:

@@ -12,17 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.blocks import Blocks, Covariance
 from doe.estimation.least_squares import BLIND, minimise, prior_residual
 from doe.estimation.noise import Noise, fit_noise, shrink_common, terms_of, within_readings
 from doe.estimation.problem import Problem
 from robots import InputError
+from robots.arrays import Array, Bools
 
 __all__ = ["BLIND", "OUTLIER", "Estimate", "estimate", "estimate_at", "prior_residual", "solve", "step_sizes"]
-
-Array = NDArray[np.float64]
 
 ROUNDS = 100
 # Rounds in which it is decided which variances the readings can tell; later ones keep to that, so that they settle.
@@ -70,7 +68,7 @@ class Estimate:
         return np.array([p.outer(float(v)) for p, v in zip(self.problem.parameters, self.u, strict=True)])
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Bools:
         """Which parameters (p,) move any reading."""
         return seen_columns(self.problem, self.whitened)
 
@@ -81,7 +79,7 @@ def step_sizes(p: Problem) -> Array:
     return np.asarray(high - low)
 
 
-def seen_columns(p: Problem, J: Array) -> NDArray[np.bool_]:
+def seen_columns(p: Problem, J: Array) -> Bools:
     """Which parameters (p,) move any reading; J (m, p): derivatives, whitened or not. Others' columns are rounding."""
     reach = np.linalg.norm(J * step_sizes(p), axis=0)
     return np.asarray(reach > BLIND * max(float(reach.max(initial=0.0)), 1e-300))

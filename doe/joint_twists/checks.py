@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from fem.statics.ports import ROWS
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
+from robots.constants import NORMAL_95
 
 # Cycles that load a row by less than this share of the most say little about its loop.
 LOADED = 0.3
@@ -44,7 +43,7 @@ class Loop:
     @property
     def proven(self) -> bool:
         """Whether the width is beyond chance at 95 %."""
-        return bool(abs(self.width) > 1.96 * self.spread)
+        return bool(abs(self.width) > NORMAL_95 * self.spread)
 
 
 def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:
@@ -67,7 +66,7 @@ def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:
     return tuple(out)
 
 
-def _loading(found: Identified, mine: NDArray[np.bool_], r: int) -> float:
+def _loading(found: Identified, mine: Bools, r: int) -> float:
     """Stiffness from the way up alone over that from both ways, minus one."""
     c = found.cycles
     w = c.carried[mine, r] / c.variance[mine, r]

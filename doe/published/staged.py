@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.published.parametric import PoseFit, fit_pose
 from doe.published.readings import Equations, check_poses, equations, model_compliances, rms_mm
@@ -16,10 +14,9 @@ from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.springs import ConstantSpring, SpringLaw, spring_from
 from robots import InputError
+from robots.arrays import Array
+from robots.progress import Messages
 from robots.schema.description import LogPolynomialLaw
-
-Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 # A spring whose whole influence on a reading is below this share of the gauge was not tested there.
 UNTESTED_SHARE_OF_GAUGE = 0.01
@@ -59,7 +56,7 @@ def calibrate_staged(
     *,
     spacing: str = "log",
     skip_poses: tuple[str, ...] = (),
-    progress: Progress | None = None,
+    progress: Messages | None = None,
 ) -> StagedResult:
     """Run the scheme's stages on the readings (already selected by load).
 
@@ -111,7 +108,7 @@ def _run_stage(
     poses: tuple[str, ...],
     springs: dict[str, SpringLaw],
     spacing: str,
-    progress: Progress | None,
+    progress: Messages | None,
 ) -> tuple[PoseFit, ...]:
     columns = [model.robot.joint_names.index(joint) for joint in stage.joints]
     current = model.with_springs(springs)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.elements.condensation import Superelement
 from fem.elements.couplings import Coupling
@@ -15,8 +14,7 @@ from fem.elements.shell import CoupledShell, couple, shell_solution, superelemen
 from meshes.array_cache import ArrayCache, user_cache
 from meshes.formulation import add_to, formulation_hash
 from meshes.shell_mesh import ShellMesh
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 FORMAT = "stiffarm-superelement/2"
 # The module whose result is kept; those it imports from this package decide it too.
@@ -32,7 +30,7 @@ def cached_superelement(
 
     Kept are the flexibility and one solution, the shell's freedoms under a wrench (:func:`_wrench`). What is read back
     is put into the shell's equations, once a process: that takes a product with the stiffness, a quarter of the time
-    of the factorisation that it saves (docs/decisions.md).
+    of the factorisation that it saves (docs/decisions/index.md).
 
     ``couplings``: one for each interface. ``store``: another cache than :func:`meshes.array_cache.user_cache`.
     Links that one solver of :mod:`fem.elements.condensation` condensed serve where another is installed: they agree to

@@ -17,20 +17,18 @@ through the angles between neighbours: a doubly curved, very thin shell (R/t of 
 ``nu = 1/2`` beta0 would vanish; it is held at 0.01, as Felippa advises. At a fold a node has one rotation for two
 walls, yet a wall in shear wants another drilling rotation than its neighbour's slope (they differ by half the shear
 strain): torsion of a square tube is too stiff by up to 0.64 %, most where elements are as large as the wall is
-thick (8 of 292 mm), less with either larger or smaller ones; docs/shell_convergence_triangle.md.
+thick (8 of 292 mm), less with either larger or smaller ones; docs/validation/shell_convergence_triangle.md.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
-
-Array = NDArray[np.float64]
 
 ALPHA_B = 1.5
 BETA0_FLOOR = 0.01
@@ -59,7 +57,7 @@ def triangle_stiffness(
     youngs_modulus: float,
     poissons_ratio: float,
     thickness: Array,
-    straight_sides: NDArray[np.bool_] | None = None,
+    straight_sides: Bools | None = None,
 ) -> Array:
     """Stiffness of e triangles in global axes.
 
@@ -98,7 +96,7 @@ def triangle_stiffness(
 
 
 def _rows(
-    corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array, straight_sides: NDArray[np.bool_]
+    corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array, straight_sides: Bools
 ) -> Array:
     """Weighted strains S (e, 21, 18) of global freedoms: the stiffness is ``S^T S``."""
     axes, xy = facet_axes(corners)

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel
 from fem.statics.transfers import axial_transfers
+from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
 from robots.kinematics import forward_kinematics
-
-Array = NDArray[np.float64]
-
-STANDARD_GRAVITY = 9.80665
 
 
 def gravity_torque(model: ArmModel, q: Array) -> Array:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 import fem
@@ -21,9 +20,9 @@ from doe.estimation.estimate import Estimate
 from fem.free.model import FreeModel, LoadedPoses
 from fem.statics.inputs import as_points
 from robots import InputError
+from robots.arrays import Array
+from robots.constants import NORMAL_95
 from robots.kinematics import as_poses
-
-Array = NDArray[np.float64]
 
 # Standard deviation of a part's compliance, share of it, where nothing better is known.
 ASSUMED_SD = 0.15
@@ -31,8 +30,6 @@ ASSUMED_SD = 0.15
 LARGEST_SD = 0.33
 # The calibrated model must give this displacement again, or it is another model than the one in use.
 SAME_MODEL = 1e-6
-# Normal quantile of 95 % intervals.
-NORMAL_95 = 1.959963984540054
 
 
 class StiffnessUncertainty(Protocol):

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.along import Along, along
 from machining.placement.following import follow, merit_of
@@ -23,9 +22,8 @@ from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange
 from machining.stiffness.criterion import Criterion
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 Mode = Literal["fixed", "steps", "moving"]
 MODES: tuple[Mode, ...] = ("fixed", "steps", "moving")
@@ -135,12 +133,12 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     )
 
 
-def _named(said: Said | None, what: str) -> Callable[[int, int], None] | None:
+def _named(said: Said | None, what: str) -> Progress | None:
     return None if said is None else lambda done, total: said(what, done, total)
 
 
 def _fixed(
-    problem: Problem, surveyed: Survey, progress: Callable[[int, int], None] | None, *, optional: bool
+    problem: Problem, surveyed: Survey, progress: Progress | None, *, optional: bool
 ) -> tuple[Found | None, str | None]:
     try:
         return find_fixed(problem, surveyed, progress), None

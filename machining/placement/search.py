@@ -7,11 +7,9 @@ grid reaches the whole path, what is lacking is made smaller first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.following import follow, merit_of
 from machining.placement.problem import Problem
@@ -22,9 +20,8 @@ from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 # Points of the path that positions are compared on: on the coarse grid, and while refining.
 COARSE_ROWS, FINE_ROWS = 24, 60
@@ -44,8 +41,6 @@ FINER, AROUND = 2, 8
 TABLE_LEVER = 1.0
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,9 @@ fails, knots are added and the search is repeated.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 import fem
@@ -25,10 +23,8 @@ from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
+from robots.progress import Progress
 
 # Knots at first; enough that a smooth surface's gamma is found, few enough for a second's search.
 KNOTS = 300
@@ -59,7 +55,7 @@ def optimise_long_path(
     knots: int = KNOTS,
     passes: int = 3,
     generator: np.random.Generator | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> LongCourse:
     """Choose gamma, branch and turns along a path of any length.
 

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining.posture.courses import Gap, Layers, Links, cheapest_course
@@ -37,9 +36,9 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import InputError
+from robots.arrays import Array
 from robots.inverse.turns import every_turn
-
-Array = NDArray[np.float64]
+from robots.progress import Progress
 
 # Angles of a finer grid around a course: four cells to either side.
 OFFSETS = np.linspace(-1.0, 1.0, 9)
@@ -74,7 +73,7 @@ def optimise_path(
     *,
     passes: int = 4,
     generator: np.random.Generator | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> PathPosture:
     """Choose gamma, branch and turns along a whole path.
 
@@ -140,7 +139,7 @@ def course_at(
 class _Said:
     """Counts the steps of a search for whoever shows them."""
 
-    def __init__(self, progress: Callable[[int, int], None] | None, passes: int) -> None:
+    def __init__(self, progress: Progress | None, passes: int) -> None:
         self.progress, self.done, self.total = progress, 0, passes + 4
 
     def next(self) -> None:

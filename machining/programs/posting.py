@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell
@@ -28,10 +28,8 @@ from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
 ROUNDS = 6
@@ -101,7 +99,7 @@ def post(
     cell: Cell,
     motions: Motions,
     settings: PostSettings | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Posted:
     """Make a program of a tool path.
 
@@ -228,7 +226,7 @@ def _course(
     cell: Cell,
     state: PostState,
     settings: PostSettings,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> Course:
     """Postures at every move; points that repeat the one before share its posture."""
     task, place = task_of(cell, state, settings.table, settings.reference)

@@ -8,21 +8,16 @@ its ends are c0 and c1 and no two bodies move against each other by more than L 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import Scene, clearance
 from machining.cell.scene import Pair
 from machining.verification.courses import Courses
 from machining.verification.motion_bound import MotionBound, motion_bound
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
-Progress = Callable[[int, int], None]
+from robots.arrays import Array, Bools, Integers
+from robots.progress import Progress
 
 # Moves whose intervals are held at once.
 CHUNK = 512

@@ -3,43 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
-from fem import FLANGES, LINK_KINDS, ArmModel, LinkKind
-from fem.effects import LOAD_PATH, Maker, PlacedEffect, build_arm, reading_effects
+from fem import FLANGES, LINK_KINDS, LinkKind
+from fem.arm import Arm, with_flanges
+from fem.effects import LOAD_PATH, Maker
 from fem.effects import with_load_path as described_with_load_path
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, content_hash, load_description
-from robots.robot import robot_from
-from robots.schema.description import FlangeCoupling
+from robots.arrays import Array
 from stiffarm.session.console import progress, say
 from stiffarm.session.softness import refuse_too_soft
 from surrogate import Surrogate, default_sweep, load_surrogate
-
-Array = NDArray[np.float64]
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 # Far above any load; beyond about 1e150 squares overflow.
 LARGEST_LOAD = 1e9
 
 
-@dataclass(frozen=True)
-class ModelInput:
-    """A model as asked for: description, robot, mechanics.
-
-    ``model`` has the description's effects of stage "model"; ``effects``: the others, on loads, parts and readings;
-    ``own``: laws of the user's own effects.
-    """
-
-    description: ModelDescription
-    robot: Robot
-    model: ArmModel
-    effects: tuple[PlacedEffect, ...] = ()
-    own: tuple[Maker, ...] = ()
+# What commands and steps call an arm that was asked for.
+ModelInput = Arm
 
 
 def read_model(
@@ -69,26 +56,20 @@ def read_model(
         path = "parallelogram" if load_path == "parallelogram" else "serial"
         if any(table.code == LOAD_PATH for table in description.effect):
             description = described_with_load_path(description, path)
-    model = _built(description, kind, path, own)
-    refuse_too_soft(description, model)
-    effects = reading_effects(description, model, own)
-    if effects and without is not None:
-        say(f"note: not in {without}: {', '.join(e.effect.code for e in effects)}")
-    return ModelInput(description, robot_from(description), model, effects, own)
+    with _announced(kind, description):
+        arm = Arm.of(description, kind, path, own)
+    refuse_too_soft(description, arm.model)
+    if arm.effects and without is not None:
+        say(f"note: not in {without}: {', '.join(e.effect.code for e in arm.effects)}")
+    return arm
 
 
-def joints_without_springs(model: ArmModel) -> tuple[str, ...]:
-    """Joints that do not give way about their axes; in a bundled robot those that nobody has calibrated."""
-    here = model.robot.limits.mean(axis=1)[None]
-    return tuple(joint.name for joint in model.joints if not joint.axial.compliance(here).any())
-
-
-def no_springs_note(model: ArmModel) -> str | None:
+def no_springs_note(arm: Arm) -> str | None:
     """What to know of a model none of whose joints gives way; None where some do."""
-    if len(joints_without_springs(model)) < len(model.joints):
+    if len(arm.joints_without_springs) < len(arm.model.joints):
         return None
     return (
-        f"no joint of {model.robot.name} has a stiffness in this model, so only its links give way: some ten times too "
+        f"no joint of {arm.robot.name} has a stiffness in this model, so only its links give way: some ten times too "
         "stiff as a rule; `stiffarm calibrate` finds the joints' from readings"
     )
 
@@ -100,42 +81,29 @@ def refuse_effects(given: ModelInput, what: str, remedy: str) -> None:
         raise InputError(f"{what} of a model with effects", value=codes, allowed="no [[effect]]", remedy=remedy)
 
 
-def with_flanges(description: ModelDescription, coupling: FlangeCoupling) -> ModelDescription:
-    """The description with all flanges, the crank's too, coupled in one way."""
-    p = description.parallelogram
-    links = []
-    for link in description.link:
-        names = ("root", "tip", "pin") if p is not None and link.body == p.driven else ("root", "tip")
-        links.append(link.model_copy(update={"flanges": dict.fromkeys(names, coupling)}))
-    crank = None if p is None else p.model_copy(update={"crank_flanges": coupling})
-    return description.model_copy(update={"link": tuple(links), "parallelogram": crank})
-
-
-def _built(
-    description: ModelDescription, kind: LinkKind, path: LoadPath | None, own: tuple[Maker, ...] = ()
-) -> ArmModel:
-    """The model; shells take a while, so they are announced."""
-    if kind != "shell":
-        return build_arm(description, kind, path, own=own)
+@contextmanager
+def _announced(links: LinkKind, description: ModelDescription) -> Iterator[None]:
+    """Shells take a while to build, so they are announced."""
+    if links != "shell":
+        yield
+        return
     say(f"building shell models of {len(description.link)} links")
     with progress("shell models of links"):
-        return build_arm(description, kind, path, own=own)
+        yield
 
 
-def with_load_path(given: ModelInput, load_path: LoadPath) -> ModelInput:
-    """The same model with another load path."""
-    model = given.model
-    if load_path == model.load_path:
-        return given
-    if load_path == "serial":
-        # The links are the same, and building shells again would take its time.
-        return replace(given, model=replace(model, load_path="serial", bar=None))
-    return replace(given, model=_built(given.description, model.link_kind, load_path, given.own))
+def with_load_path(given: Arm, load_path: LoadPath) -> Arm:
+    """The same arm with another load path; said where that takes a while."""
+    with _announced(
+        "beam" if load_path in ("serial", given.model.load_path) else given.model.link_kind, given.description
+    ):
+        return given.with_load_path(load_path)
 
 
-def with_links(given: ModelInput, links: LinkKind) -> ModelInput:
-    """The same model with another kind of links."""
-    return replace(given, model=_built(given.description, links, given.model.load_path, given.own))
+def with_links(given: Arm, links: LinkKind) -> Arm:
+    """The same arm with another kind of links; said where that takes a while."""
+    with _announced(links, given.description):
+        return given.with_links(links)
 
 
 def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:

@@ -9,27 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.elements.couplings import Coupling, distributing_coupling, giving_way, rigid_motion
 from fem.elements.shell import ring_parts
 from fem.model import LinkPart
-from fem.reference.calculix.deck import (
-    MM_PER_M,
-    Deck,
-    Freedom,
-    QuadraticMesh,
-    ascii_text,
-    number,
-    safe_name,
-    with_middles,
-)
+from fem.reference.calculix.deck import Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
 from fem.reference.shell_arm import shell_of
 from meshes import ShellMesh
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
+from robots.constants import M_TO_MM
 
 # The beams: side as a share of the thinnest wall, modulus as a share of the wall's.
 BEAM_SIDE, BEAM_SOFTNESS = 0.1, 1e-3
@@ -53,7 +42,7 @@ class Motion:
 
     def carried(self, r: Array) -> Motion:
         """Motion of a point rigidly connected, r (3,) m away."""
-        return Motion(self.freedoms, rigid_motion(MM_PER_M * r[None])[0] @ self.G)
+        return Motion(self.freedoms, rigid_motion(M_TO_MM * r[None])[0] @ self.G)
 
     def plus(self, freedom: Freedom, direction: Array) -> Motion:
         """With one freedom more, along ``direction`` (6,)."""
@@ -70,7 +59,7 @@ class _Interface:
 
     label: str
     what: str
-    ring: Indices
+    ring: Integers
     point: Array
     reference: int
     rotation: int
@@ -85,7 +74,7 @@ class _Placed:
     first: int
     wall: float
 
-    def numbers(self, nodes: Indices) -> Indices:
+    def numbers(self, nodes: Integers) -> Integers:
         """Numbers in the deck."""
         return np.asarray(self.first + nodes)
 
@@ -103,16 +92,16 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     """
     mesh, label, where = shell_of(link), f"L{index}_{safe_name(link.name)}".rstrip("_"), ascii_text(link.name)
     quadratic = with_middles(mesh)
-    nodes = MM_PER_M * (origin + quadratic.nodes @ R.T)
+    nodes = M_TO_MM * (origin + quadratic.nodes @ R.T)
     what = f"link {where}, the first {quadratic.corners} are the corners in stiffarm's order, then mid-side nodes"
     first = int(deck.nodes(nodes, f"N_{label}", what)[0])
-    placed = _Placed(quadratic, nodes, first, MM_PER_M * float(mesh.thickness.min()))
+    placed = _Placed(quadratic, nodes, first, M_TO_MM * float(mesh.thickness.min()))
     _shell(deck, link, placed, label)
     _beams(deck, link, placed, label)
     interfaces = {}
     for name, point, ring in zip(mesh.interfaces, link.element.points, mesh.interfaces.values(), strict=True):
         tag, what = f"{label}_{safe_name(name)}", f"interface {ascii_text(name)} of {where}"
-        interfaces[name] = _interface(deck, tag, what, ring, MM_PER_M * (origin + R @ point))
+        interfaces[name] = _interface(deck, tag, what, ring, M_TO_MM * (origin + R @ point))
     kinds: list[Coupling] = [link.flanges.get(name, "rigid") for name in interfaces]
     parts = ring_parts(mesh, list(mesh.interfaces.values()), kinds)
     # Rigid rings first: a distributing one that shares nodes with them must know which freedoms are taken.
@@ -127,7 +116,7 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     return {name: Motion.of_nodes(interfaces[name].reference, interfaces[name].rotation) for name in others}
 
 
-def _interface(deck: Deck, label: str, what: str, ring: Indices, point: Array) -> _Interface:
+def _interface(deck: Deck, label: str, what: str, ring: Integers, point: Array) -> _Interface:
     reference = int(deck.nodes(point[None], f"REF_{label}", f"{what}; directions 1 to 3: displacement (mm)")[0])
     rotation = int(deck.nodes(point[None], f"ROT_{label}", f"{what}; directions 1 to 3: rotation (rad)")[0])
     return _Interface(label, what, ring, point, reference, rotation)
@@ -184,10 +173,10 @@ def _beams(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
 
 def _walls(mesh: ShellMesh) -> Array:
     """Thickness of each element (m + q,) mm to the digits that are written, so that round-off makes no step."""
-    return np.array([float(number(MM_PER_M * t)) for t in mesh.thickness.tolist()])
+    return np.array([float(number(M_TO_MM * t)) for t in mesh.thickness.tolist()])
 
 
-def _steps(thickness: Array, mesh: QuadraticMesh) -> Indices:
+def _steps(thickness: Array, mesh: QuadraticMesh) -> Integers:
     """Numbers of the edges at which walls of different thickness (m + q,) meet."""
     sides = np.concatenate([mesh.triangles[:, 3:].ravel(), mesh.quads[:, 4:].ravel()]) - mesh.corners
     m = len(mesh.triangles)
@@ -216,7 +205,7 @@ def _rigid(deck: Deck, placed: _Placed, interface: _Interface) -> None:
             deck.equation((node, i + 3), {(interface.rotation, i): 1.0})
 
 
-def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: list[Indices]) -> None:
+def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: list[Integers]) -> None:
     """The weighted mean motion of the ring is the interface's; of each of its parts if it joins several bodies.
 
     Six freedoms of a part follow the interface and the rest of the part. The other way round every ring tied to
@@ -243,7 +232,7 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: li
     deck.node_set(members, f"RING_{interface.label}", f"distributing ring of {interface.what}, mid-side nodes included")
 
 
-def _weighted(placed: _Placed, ring: Indices) -> tuple[Indices, Array]:
+def _weighted(placed: _Placed, ring: Integers) -> tuple[Integers, Array]:
     """Nodes of a ring with middles and weights that integrate over its edges; equal ones if a node has no edge."""
     edges = placed.mesh.edges_within(ring)
     ends, middles = placed.mesh.edges[edges], placed.mesh.corners + edges

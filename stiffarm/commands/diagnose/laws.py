@@ -8,15 +8,15 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import error_count, free_numbers
 from fem.effects import History, PlacedEffect
 from fem.model import ArmModel
 from fem.springs import ConstantSpring
+from robots.arrays import Array, Bools, Indices
+from robots.constants import NORMAL_95
 
-Array = NDArray[np.float64]
 Axis = Literal["torque", "angle"]
 
 TORQUE_LAWS = ("hardening", "softening", "backlash", "friction")
@@ -24,8 +24,8 @@ ANGLE_LAWS = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
 POINTS = 181
 # Readings that a law moves by less than this share of the most tell too little about it to be drawn.
 LEVER = 0.25
-# Steps of differences in standard deviations, and half the width of a 95 % band in them.
-STEP, HALF = 0.1, 1.96
+# Steps of differences, in standard deviations.
+STEP = 0.1
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class LawCurve:
     plain: Array
     read_x: Array
     read_y: Array
-    unloading: NDArray[np.bool_]
+    unloading: Bools
 
 
 def curve_of(state: State, number: int) -> LawCurve | None:
@@ -98,7 +98,7 @@ def _band(curves: Array, covariance: Array) -> tuple[Array, Array, Array]:
     of both is known.
     """
     J = 0.5 * (curves[1::2] - curves[2::2])
-    spread = HALF * np.sqrt(np.maximum(np.einsum("fk,fg,gk->k", J, covariance, J), 0.0))
+    spread = NORMAL_95 * np.sqrt(np.maximum(np.einsum("fk,fg,gk->k", J, covariance, J), 0.0))
     return curves[0], curves[0] - spread, curves[0] + spread
 
 
@@ -163,7 +163,7 @@ class _Bench:
         return angle[:, None]
 
 
-def _implied(s: Any, joint: str, plain: Array, extra: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+def _implied(s: Any, joint: str, plain: Array, extra: Array) -> tuple[Indices, Array, Bools]:
     """Rows (r,), turns (r,) rad of a joint that single readings imply, the rest as the model says, and their phase.
 
     ``plain`` (n,): the spring's turn; ``extra`` (n, 6): what the effect adds at the tool. Readings that the joint

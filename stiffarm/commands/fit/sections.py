@@ -8,19 +8,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from stiffarm.commands.fit.words import relative, share_words, size_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from surrogate import Surrogate, Trained, predict, query
-from surrogate.error_bars import MATTERS, NORMAL_95
+from surrogate.asking import full_poses
+from surrogate.error_bars import MATTERS
 from surrogate.model import COMPLIANCE
-from surrogate.query import full_poses
 from surrogate.training import NOTHING
-
-Array = NDArray[np.float64]
 
 _NAMED = 12
 _FILES = {

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robots import InputError, content_hash
+from robots.progress import Progress
 from stiffarm.commands.maps import sweep as maps
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
@@ -25,8 +25,6 @@ from surrogate.maps.data import MapData
 from surrogate.maps.poses import Extreme, shortfall
 from surrogate.maps.store import MapStore
 from surrogate.maps.vtk_files import STIFFNESS_ARRAY
-
-Progress = Callable[[int, int], None]
 
 # Points at which an extreme pose is sought again with a denser sample.
 CHECKED = 12
@@ -61,7 +59,7 @@ def make_map(
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)
     content = statistics(engine, store, data, asked)
-    rigid = no_springs_note(given.model)
+    rigid = no_springs_note(given)
     content["findings"] = [] if rigid else _findings(given, request)
     content["messages"] += [rigid] if rigid else []
     with folder.timed("files"):
@@ -133,7 +131,9 @@ def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any
     rows = step * rows[np.linspace(0, len(rows) - 1, min(CHECKED, len(rows))).astype(int)] if len(rows) else rows
     if not len(rows):
         return {"points": 0, "worst_shortfall_percent": None}
-    found = shortfall(rule, engine.arm, np.asarray(data.points[rows]), np.random.default_rng(engine.seed))
+    found = shortfall(
+        rule, engine.arm, np.asarray(data.points[rows]), np.asarray(data.q[rows]), np.random.default_rng(engine.seed)
+    )
     return {"points": len(rows), "worst_shortfall_percent": number(100.0 * float(np.nanmax(found)))}
 
 

@@ -11,15 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
-from stiffarm.commands.plan.words import WIDE, factor95, is_open, quantity
+from robots.constants import NORMAL_95
+from stiffarm.commands.plan.words import factor95, is_open, quantity
 from stiffarm.pages.figure_parts import above, log_ticks, note, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
-Array = NDArray[np.float64]
 Row = tuple[Foresight, ParameterEstimate | None]
 
 _BEFORE, _AFTER, _RANDOM = FAINT, OKABE_ITO["blue"], OKABE_ITO["orange"]
@@ -116,7 +115,7 @@ def _bar(ax: Axes, y: float, low: float, high: float, colour: str) -> None:
 
 def _name(f: Foresight, in_one_line: bool) -> str:
     p = f.parameter
-    end = f"± {quantity(WIDE * f.after, p.unit, 2)} after" if p.scale == "linear" else ""
+    end = f"± {quantity(NORMAL_95 * f.after, p.unit, 2)} after" if p.scale == "linear" else ""
     return f"{p.name}{' ' if in_one_line else chr(10)}{end or 'at ' + quantity(f.planned_for, p.unit, 2)}"
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
@@ -30,14 +28,13 @@ from doe.tables.idle_coordinates import idle_coordinates
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
 from robots import InputError, Robot
+from robots.arrays import Array
+from robots.progress import Progress
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
 from stiffarm.session import steps
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
-
-Array = NDArray[np.float64]
-Progress = Callable[[int, int], None]
 
 # Poses in which a coordinate is moved to see whether it matters.
 PROBES = 40

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -18,6 +17,7 @@ from machining.programs.write_options import WriteOptions
 from machining.programs.written import Written
 from machining.toolpaths import Motions
 from robots import InputError
+from robots.progress import Progress
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.task_setup import Cut, Setup
 
@@ -100,7 +100,7 @@ def run_post(
     model: fem.ArmModel,
     request: PostRequest,
     folder: OutputFolder,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> PostRun:
     """Make the programs, write them into the folder, read them back and compare.
 

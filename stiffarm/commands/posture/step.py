@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining import (
@@ -22,9 +20,9 @@ from machining import (
 from machining.cutting import Comparison, SurfaceError, compare, surface_error
 from machining.posture.axes_map import AxesMap, axes_map
 from robots import InputError
+from robots.arrays import Array
+from robots.progress import Progress
 from stiffarm.session.task_setup import Cut
-
-Array = NDArray[np.float64]
 
 # Passes of finer grids of gamma: from 5 deg to 0.02 deg.
 PASSES = 4
@@ -91,9 +89,7 @@ class Posed:
 CHOSEN, BEFORE, FIXED, EACH = "recommended", "as programmed", "best fixed gamma", "each point by itself"
 
 
-def pose_along(
-    model: fem.ArmModel, request: PostureRequest, progress: Callable[[int, int], None] | None = None
-) -> Posed:
+def pose_along(model: fem.ArmModel, request: PostureRequest, progress: Progress | None = None) -> Posed:
     """Find the course along the path, and the one it is compared with.
 
     Raises

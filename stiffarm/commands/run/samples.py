@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.planning.pose_designs import pose_design
 from fem import ArmModel, directional_stiffness
 from robots import Robot, forward_kinematics, tool_position
+from robots.arrays import Array
+from robots.progress import Progress
 from surrogate.maps.sweep import default_sweep
-
-Array = NDArray[np.float64]
-Progress = Callable[[int, int], None]
 
 POSES: Final = 20_000
 # Poses at which the other coordinates are kept while one moves, and its values.

@@ -10,14 +10,12 @@ import oracles
 import pytest
 from calculix_arms import COARSE_M, SPRINGS, WRENCH, WRITTEN, coarse, coarse_link, compliant, in_file_order, pose
 from calculix_runs import Freedom, Read, read_deck, run_ccx
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
 from fem.reference.calculix.arm import ArmDeck, arm_deck
 from fem.reference.calculix.deck import Deck, ascii_text, comment, number, safe_name
 from robots import InputError, load_description
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 
 
@@ -193,7 +191,7 @@ needs_ccx = oracles.needs("ccx")
 @pytest.mark.parametrize(
     ("name", "joints", "tolerance"),
     [
-        # Discretisation, and shear in thick walls: twice what was measured (docs/calculix.md).
+        # Discretisation, and shear in thick walls: twice what was measured (docs/how-to/calculix.md).
         ("xr701", "springs", 1e-4),
         ("kr60-3", "own", 1e-3),
         ("tx200", "rigid", 1.5e-3),
