@@ -10,7 +10,7 @@ import numpy as np
 from doe.estimation.problem import Problem
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Indices, Integers
 
 Evaluate = Callable[[Array], tuple[Array, Array]]
 
@@ -33,7 +33,7 @@ class PlainModel:
     def displacement(self, u: Array) -> Array:
         return self.evaluate(u)[0]
 
-    def take(self, rows: NDArray[np.intp]) -> tuple[PlainModel, NDArray[np.intp]]:
+    def take(self, rows: Indices) -> tuple[PlainModel, Indices]:
         def work(u: Array) -> tuple[Array, Array]:
             f, J = self._work(u)
             return f[rows], J[rows]
