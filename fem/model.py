@@ -8,7 +8,6 @@ from numbers import Real
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.elements import beam
 from fem.elements.condensation import Superelement, condense
@@ -28,11 +27,11 @@ from meshes import (
 )
 from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot
+from robots.arrays import Array
 from robots.robot import robot_from
 from robots.schema.description import Joint, Link, PlaceStiffness
 from robots.schema.quantities import Angles, Position, RotationalStiffness
 
-Array = NDArray[np.float64]
 LinkKind = Literal["rigid", "beam", "shell"]
 LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell")
 # Names of parts that are no links.

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
 from robots import InputError, Robot
+from robots.arrays import Array
 from robots.schema.springs import LogFourierLaw, LogPolynomialLaw, SpringLawTable
-
-Array = NDArray[np.float64]
-
 
 # Natural logarithm of a stiffness in N m/rad; no joint comes near, and its square is still a number.
 WIDEST_LOG = 100.0

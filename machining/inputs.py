@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # A rotation that was read from a file has some eight digits.
 ROTATION_TOLERANCE = 1e-6

@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # m: no machine is ten kilometres long; in inches and without its point a coordinate of a machine is below that.
 FARTHEST: Final = 1e4
@@ -27,7 +26,7 @@ LARGEST: Final = 1e10
 LARGEST_NUMBER: Final = 10**9
 
 
-def feeds(feed: Array) -> NDArray[np.bool_]:
+def feeds(feed: Array) -> Bools:
     """Feeds m/s that can be; NaN stands for one that is not given."""
     return np.isnan(feed) | ((feed >= SLOWEST) & (feed <= FASTEST))
 

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.posture.points import Sweep, sweep_gamma
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
+from robots.arrays import Array
 
 # Points x angles of one part, each with up to eight poses: some 100 MB with rigid links.
 TARGETS = 20_000
@@ -62,5 +63,5 @@ def sweep_parts(
 
 
 def _forces(objective: Objective, part: slice, n: int) -> Objective:
-    force: NDArray[np.float64] | None = objective.forces(n)
+    force: Array | None = objective.forces(n)
     return objective if force is None else replace(objective, force=force[part])

@@ -11,13 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.inputs import as_frame, as_units
 from machining.magnitudes import FARTHEST, FEEDS, feeds
 from robots import InputError, InputErrors
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Integers
 
 # Neighbouring points nearer than this (m, and tool axes nearer than this in rad) are one point.
 REPEATED = 1e-9
@@ -139,7 +138,7 @@ class Task:
         if self.shift is not None and (self.shift.shape != (self.path.n, 3) or not np.isfinite(self.shift).all()):
             raise InputError("shift of the part", value=f"shape {self.shift.shape}", allowed=f"({self.path.n}, 3) m")
 
-    def at(self, rows: slice | NDArray[np.int64], feed: Array | None = None) -> Task:
+    def at(self, rows: slice | Integers, feed: Array | None = None) -> Task:
         """The same task at some of its points; gamma counts from the same direction.
 
         ``feed`` (k,) m/s of the moves between them; by default the points' own.

@@ -20,12 +20,11 @@ from pathlib import Path
 
 import numpy as np
 import platformdirs
-from numpy.typing import NDArray
 
 from meshes.npz import from_npz, to_npz
+from robots.arrays import Array
 from robots.files.written import is_draft, write_whole
 
-Array = NDArray[np.float64]
 Fault = Callable[[dict[str, Array]], str | None]
 
 VARIABLE = "STIFFARM_CACHE"

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes.sections import SectionKind, section_dimensions
 from robots import InputError, ModelDescription, Robot
+from robots.arrays import Array, Integers
 from robots.schema.description import Link, Material
-
-Array = NDArray[np.float64]
 
 # Tapered force-based elements are exact but for the quadrature of 1/EI; four a segment keep that
 # error below 1e-11 for the bundled links (tests/fem/elements/test_beam.py measures it).
@@ -29,7 +27,7 @@ class BeamMesh:
 
     name: str
     nodes: Array
-    elements: NDArray[np.int64]
+    elements: Integers
     kind: SectionKind
     dimensions: Array
     up: Array

@@ -12,16 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes.beams import BeamMesh, element_axes
 from meshes.openings import SAME, Branch, Lines, divided, lines_of
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
+from robots.arrays import Array, Bools, Integers
 from robots.schema.description import Opening, Rim
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Elements around the section at the default size; tests/meshes measures what halving the size changes. The
 # stress at the corners of openings is singular: there the error falls with the size only, not with its square.
@@ -37,7 +34,7 @@ class _Tube:
 
     rings: Array
     thickness: Array
-    kept: NDArray[np.bool_]
+    kept: Bools
 
 
 def casing_mesh(
@@ -108,14 +105,14 @@ def casing_size(beam: BeamMesh, openings: Sequence[Opening] = ()) -> float:
     return float(_perimeter(beam).max()) / (AROUND_WITH_OPENINGS if openings else AROUND)
 
 
-def _branches(beam: BeamMesh) -> list[Indices]:
+def _branches(beam: BeamMesh) -> list[Integers]:
     """Runs of elements that start at the root node, each in order."""
     root = next(iter(beam.interfaces.values()))
     starts = np.flatnonzero(beam.elements[:, 0] == root)
     return np.split(np.arange(len(beam.elements)), starts[1:])
 
 
-def _runs(beam: BeamMesh, elements: Indices) -> tuple[list[Indices], Array]:
+def _runs(beam: BeamMesh, elements: Integers) -> tuple[list[Integers], Array]:
     """Straight runs of a branch's elements, and the share of the centre line (r + 1,) where each begins and ends."""
     length, axes = element_axes(beam)
     along = axes[elements][:, :, 0]
@@ -125,7 +122,7 @@ def _runs(beam: BeamMesh, elements: Indices) -> tuple[list[Indices], Array]:
     return runs, ends / ends[-1]
 
 
-def _described(beam: BeamMesh, elements: Indices, tip: str) -> Branch:
+def _described(beam: BeamMesh, elements: Integers, tip: str) -> Branch:
     """What the lines of openings and rims on a branch depend on."""
     dimensions = beam.dimensions[elements].reshape(-1, beam.dimensions.shape[-1])
     mid = (dimensions[:, :-1] - dimensions[:, -1:]).min(axis=0)
@@ -139,7 +136,7 @@ def _described(beam: BeamMesh, elements: Indices, tip: str) -> Branch:
     )
 
 
-def _kinks(beam: BeamMesh, elements: Indices) -> tuple[tuple[float, float], ...]:
+def _kinks(beam: BeamMesh, elements: Integers) -> tuple[tuple[float, float], ...]:
     """Share of the centre line and reach of the mitre on the inner side (m) of each kink of a branch."""
     runs, ends = _runs(beam, elements)
     axes = element_axes(beam)[1]
@@ -155,7 +152,7 @@ def _kinks(beam: BeamMesh, elements: Indices) -> tuple[tuple[float, float], ...]
     return tuple(kinks)
 
 
-def _tube(beam: BeamMesh, elements: Indices, size: float, lines: Lines) -> _Tube:
+def _tube(beam: BeamMesh, elements: Integers, size: float, lines: Lines) -> _Tube:
     """Sweep the section along straight runs of elements; kinks between runs are mitred."""
     length, axes = element_axes(beam)
     runs, ends = _runs(beam, elements)
@@ -251,7 +248,7 @@ def _outline(kind: str, dimensions: Array, around: tuple[Array, ...]) -> Array:
     return np.asarray(mid[:, None, :] * unit)
 
 
-def _quads(number: Indices) -> Indices:
+def _quads(number: Integers) -> Integers:
     """Quads of a closed tube from its node numbers (s, r)."""
     turned = np.roll(number, -1, axis=1)
     corners = [number[:-1], turned[:-1], turned[1:], number[1:]]

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.schema.description import BoxSection, TubeSection
 from robots.schema.quantities import PositiveLength
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 STATIONS = 41
 # Share of the way that the casing must cover: of less, a beam over the whole way says nothing.
@@ -40,7 +37,7 @@ class EquivalentSection:
 
 
 def equivalent_section(
-    name: str, nodes: Array, faces: Indices, wall: float, root: Array, tip: Array
+    name: str, nodes: Array, faces: Integers, wall: float, root: Array, tip: Array
 ) -> EquivalentSection:
     """Section that bends like a casing does on average between two points.
 
@@ -106,7 +103,7 @@ def _length(value: float, note: str) -> PositiveLength:
     return PositiveLength(value=round(1e3 * value, 3), unit="mm", source="derived", note=note)
 
 
-def _cut(nodes: Array, faces: Indices, place: float) -> Array | None:
+def _cut(nodes: Array, faces: Integers, place: float) -> Array | None:
     """Segments (s, 2, 2) of the plane x = ``place`` through a surface, in y and z; None where it is not cut."""
     height = nodes[:, 0] - place
     # A node on the plane counts as above it, so that each cut face has exactly two cut edges.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes.beams import BeamMesh
 from meshes.casings import casing_mesh
@@ -13,8 +12,6 @@ from meshes.shell_files import load_shell
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
 from robots.schema.description import Link, Surface
-
-Array = NDArray[np.float64]
 
 # A ring's middle lies no further from its interface point than this many radii of the ring, or this share of the
 # longest way between interfaces: joints stand off their casings, as wrist centres do beyond forearms (0.7 of the

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes.beams import BeamMesh, crank_beam_mesh, link_beam_mesh
 from meshes.link_shells import link_shell_mesh
 from meshes.sections import section_dimensions, section_properties
 from meshes.shell_mesh import ShellMesh
 from robots import ModelDescription, Robot
+from robots.arrays import Array
 from robots.schema.description import Link
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

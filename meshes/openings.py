@@ -13,13 +13,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputErrors
 from robots.schema.description import Opening, Rim
-
-Array = NDArray[np.float64]
 
 SIDES = ("-z", "+y", "+z", "-y")
 # Lines nearer than this share of the length are one line: round-off of the file's decimals.
@@ -55,11 +53,11 @@ class Lines:
     along: Array
     around: tuple[Array, Array, Array, Array]
     holes: Array
-    hole_walls: NDArray[np.int64]
+    hole_walls: Integers
     rim: float
     rim_wall: float
 
-    def removed(self, along: Array, wall: NDArray[np.int64], around: Array) -> NDArray[np.bool_]:
+    def removed(self, along: Array, wall: Integers, around: Array) -> Bools:
         """Which elements (rows, columns) lie in an opening, by their centres: (rows,), (columns,), (columns,)."""
         out = np.zeros((along.size, wall.size), dtype=bool)
         for (low, high, left, right), side in zip(self.holes, self.hole_walls, strict=True):

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.schema.description import BoxSection, TubeSection
 
-Array = NDArray[np.float64]
 SectionKind = Literal["box", "tube"]
 
 

@@ -6,13 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.errors import InputErrors
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Height of a corner over the element's longest edge; thinner slivers lose the digits of their own area.
 SMALLEST_ASPECT = 1e-6
@@ -35,12 +32,12 @@ class ShellMesh:
 
     name: str
     nodes: Array
-    triangles: Indices
-    quads: Indices
+    triangles: Integers
+    quads: Integers
     thickness: Array
     youngs_modulus: float
     poissons_ratio: float
-    interfaces: dict[str, Indices]
+    interfaces: dict[str, Integers]
 
     def __post_init__(self) -> None:
         for check in (_shapes, _indices, _values):
@@ -61,7 +58,7 @@ class ShellMesh:
         return self.nodes[self.quads]
 
     @property
-    def edges(self) -> Indices:
+    def edges(self) -> Integers:
         """All element edges (3m + 4q, 2) as pairs of nodes; an inner edge appears once for each element."""
         sides = [np.stack([cells, np.roll(cells, -1, axis=1)], axis=2) for cells in (self.triangles, self.quads)]
         return np.concatenate([side.reshape(-1, 2) for side in sides])

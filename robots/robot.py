@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 from robots.schema.description import Joint, ModelDescription
-
-Array = NDArray[np.float64]
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
@@ -86,7 +84,7 @@ class Robot:
             )
         return q
 
-    def reachable(self, q: Array) -> NDArray[np.bool_]:
+    def reachable(self, q: Array) -> Bools:
         """Which poses keep all joint limits and couplings; q (n, dof) rad -> (n,). NaN is not reachable.
 
         Raises

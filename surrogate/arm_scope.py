@@ -6,14 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError, Robot
+from robots.arrays import Array
 from surrogate.designs import space_filling_design
 from surrogate.expansion import TURN
 from surrogate.scope import Couplings, Scope
-
-Array = NDArray[np.float64]
 
 # Poses by which whole turns and the influence of fixed coordinates are judged.
 _PROBES = 256

@@ -9,15 +9,14 @@ from math import comb
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.preprocessing import PolynomialFeatures
 
+from robots.arrays import Array, Integers
 from robots.errors import InputError
-from surrogate.expansion import Expansion, Family, Integers, check_terms, design
+from surrogate.expansion import Expansion, Family, check_terms, design
 from surrogate.families import mixed_family, polynomial_family, trigonometric_family
 from surrogate.scope import as_box
 
-Array = NDArray[np.float64]
 BasisName = Literal["polynomial", "trigonometric", "adaptive", "factored"]
 
 BASIS_NAMES: tuple[BasisName, ...] = get_args(BasisName)

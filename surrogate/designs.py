@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
-from surrogate.scope import Couplings, Flags, as_box
+from surrogate.scope import Couplings, as_box
 
-Array = NDArray[np.float64]
-Counts = NDArray[np.int64]
 Density = Literal["arcsine", "uniform", "random", "boundary"]
 
 # Tries before a box without one accepted pose is called empty (missing 1e-4 of it by chance: 2e-6).
@@ -26,7 +24,7 @@ def space_filling_design(
     upper: Array,
     n: int,
     rng: np.random.Generator,
-    accept: Callable[[Array], Flags] | None = None,
+    accept: Callable[[Array], Bools] | None = None,
     *,
     density: Density = "arcsine",
     couplings: Couplings | None = None,
@@ -105,7 +103,7 @@ def _shape(u: Array, density: Density, rng: np.random.Generator) -> Array:
 
 
 def _nothing_left(
-    found: str, lo: Array, hi: Array, names: Sequence[str] | None, limits: Couplings, refused: Counts
+    found: str, lo: Array, hi: Array, names: Sequence[str] | None, limits: Couplings, refused: Integers
 ) -> InputError:
     labels = names or [f"input {i + 1}" for i in range(len(lo))]
     box = ", ".join(f"{name} {_span(a, b)}" for name, a, b in zip(labels, lo, hi, strict=True))

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 from surrogate.basis import Basis, polynomial_basis
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
-from surrogate.scope import Flags, Scope
-
-Array = NDArray[np.float64]
+from surrogate.scope import Scope
 
 LEVEL = 0.95
 # A number that the readings left open matters where it may change the quantity by this share.
@@ -89,7 +87,7 @@ class ParameterBars:
         """Relative standard deviation (n,); Q (n, k) rad, the quantity y (n,)."""
         return np.asarray(np.linalg.norm(evaluate(self.gradients, Q), axis=1) / np.abs(y))
 
-    def matters(self, Q: Array) -> Flags:
+    def matters(self, Q: Array) -> Bools:
         """Which of ``undetermined`` matter at which pose (n, m); Q (n, k) rad."""
         if self.open_share is None:
             return np.zeros((len(Q), 0), dtype=np.bool_)

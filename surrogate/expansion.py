@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Integers
 from robots.errors import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 TURN = 2.0 * np.pi
 # Numbers in one block of the design matrix while evaluating: 0.8 MB, so that it stays in the cache.

@@ -14,17 +14,15 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ComplianceFactor
+from robots.arrays import Array, Integers
 from robots.errors import InputError
 from surrogate.basis import FACTOR_ORDER, MAX_TERMS, Basis, mixed_families, polynomial_basis, sorted_terms
-from surrogate.expansion import Expansion, Family, Integers
+from surrogate.expansion import Expansion, Family
 from surrogate.least_squares import Solver, solve
 from surrogate.model import Factor
 from surrogate.scope import Scope
-
-Array = NDArray[np.float64]
 
 # Rows are met when no part is off by more: far below any other error of a model; round-off is some 1e-14.
 MET = 1e-7
@@ -114,14 +112,14 @@ def _geometry(families: tuple[Family, ...]) -> Integers:
     return np.array([*product(*(range(min(1 + 2 * FACTOR_ORDER, f.size)) for f in families))], dtype=np.int64)
 
 
-def _flat(made: ComplianceFactor) -> tuple[Array, NDArray[np.int64]]:
+def _flat(made: ComplianceFactor) -> tuple[Array, Integers]:
     """Rows (n, 6 r), and the number of the part of each column."""
     names = list(dict.fromkeys(made.part))
     number = np.repeat([names.index(name) for name in made.part], 6)
     return made.rows.reshape(len(made.rows), -1), number
 
 
-def _row_error(basis: Basis, coefficients: Array, Q: Array, wanted: Array, part: NDArray[np.int64]) -> float:
+def _row_error(basis: Basis, coefficients: Array, Q: Array, wanted: Array, part: Integers) -> float:
     """Largest RMS error of a part's rows over their RMS."""
     off = np.mean((wanted - basis.design(Q) @ coefficients) ** 2, axis=0)
     size = np.mean(wanted**2, axis=0)

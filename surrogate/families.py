@@ -7,12 +7,10 @@ well conditioned as the choice of poses allows, and neither a narrow range nor a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.errors import InputError
 from surrogate.expansion import Family
-
-Array = NDArray[np.float64]
 
 # One-dimensional functions closer to dependent than this leave fewer than four digits.
 _WORST_RECOMBINATION = 1e12

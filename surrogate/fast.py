@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robots.arrays import Array, Integers
 from robots.errors import InputError
-from surrogate.expansion import Expansion, Integers
+from surrogate.expansion import Expansion
 
 if TYPE_CHECKING:
     from surrogate.kernels import Plan
-
-Array = NDArray[np.float64]
 
 # Fewer products than this numpy has done in some 10 ms; loading numba takes 0.3 s, once.
 FEWEST = 1_000_000

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Integers
 from robots.errors import InputError
 from surrogate.basis import GEOMETRY_ORDER, Basis, BasisName, make_basis, mixed_families
-from surrogate.expansion import Family, Integers
+from surrogate.expansion import Family
 from surrogate.least_squares import Solution, Solver, solve
 from surrogate.model import TARGETS, Target
 from surrogate.scope import Scope
-
-Array = NDArray[np.float64]
 
 # Polynomials beside the harmonics that chosen terms may have in each angle, and the fewest runs for each term.
 ADAPTIVE_DEGREE = 6
@@ -129,7 +127,7 @@ def _adaptive(Q: Array, y: Array, scope: Scope, target: Target, solver: Solver) 
     values = [family(angle) for family, angle in zip(families, Q[~judged].T, strict=True)]
     most = min(MAX_CHOSEN, int(np.count_nonzero(~judged)) // RUNS_A_TERM)
     chosen = np.zeros(1, dtype=np.int64)
-    best: tuple[float, NDArray[np.int64]] = (np.inf, chosen)
+    best: tuple[float, Integers] = (np.inf, chosen)
     waited = 0
     while True:
         terms = _unravelled(chosen, families)
@@ -156,7 +154,7 @@ def _adaptive(Q: Array, y: Array, scope: Scope, target: Target, solver: Solver) 
     return Fit(basis, target, solution.coefficients, solution.condition, len(y))
 
 
-def _unravelled(chosen: NDArray[np.int64], families: tuple[Family, ...]) -> Integers:
+def _unravelled(chosen: Integers, families: tuple[Family, ...]) -> Integers:
     return np.stack(np.unravel_index(np.sort(chosen), [f.size for f in families]), axis=1).astype(np.int64)
 
 

@@ -12,10 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Poses a pass. Loops run over whole blocks, so no pose's digits depend on where it stands. 28 functions take 57 kB.
 BLOCK = 256

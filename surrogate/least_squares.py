@@ -7,13 +7,12 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrcon
 from sklearn.linear_model import RidgeCV
 
+from robots.arrays import Array
 from robots.errors import InputError
 
-Array = NDArray[np.float64]
 Solver = Literal["qr", "ridge"]
 
 SOLVERS: tuple[Solver, ...] = get_args(Solver)

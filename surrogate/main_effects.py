@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Levels that differ by less are the same level: angles went through deg -> rad -> deg.
 _SAME_LEVEL_DEG = 1e-6

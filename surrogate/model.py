@@ -7,16 +7,15 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import Robot
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
-from surrogate.scope import ROWS_SHOWN, Flags, Scope, count_rows
+from surrogate.scope import ROWS_SHOWN, Scope, count_rows
 
-Array = NDArray[np.float64]
 Target = Literal["direct", "logarithm", "factored"]
 
 TARGETS: tuple[Target, ...] = get_args(Target)
@@ -74,7 +73,7 @@ class Factor:
     ``group`` (r,): which weight belongs to a row, -1 is 1.
     """
 
-    group: NDArray[np.int64]
+    group: Integers
     weights: tuple[Expansion, ...] = ()
 
     def __post_init__(self) -> None:
@@ -256,7 +255,7 @@ def unit(direction: Array) -> Array:
     return np.asarray(d / length)
 
 
-def refuse(surrogate: Surrogate, y: Array, bad: Flags) -> None:
+def refuse(surrogate: Surrogate, y: Array, bad: Bools) -> None:
     """InputError if the fit gives no valid value at some rows."""
     if bad.any():
         rows = "; ".join(f"row {i + 1}: {y[i]:.3g} {surrogate.quantity.unit}" for i in np.flatnonzero(bad)[:ROWS_SHOWN])

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.errors import InputError
 from surrogate.basis import GEOMETRY_ORDER, MAX_TERMS, Basis, polynomial_basis, term_count, trigonometric_basis
 from surrogate.error_bars import ParameterBars
 from surrogate.least_squares import solve
 from surrogate.tasks import Task
-
-Array = NDArray[np.float64]
 
 # An uncertainty of an uncertainty need not be exact.
 _MOST_TERMS = 1_000

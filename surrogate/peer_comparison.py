@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
 from surrogate.peer_estimators import Estimator, OwnCandidate, OwnEstimator, PeerEstimator
-from surrogate.peers import PEERS, Array, Peer, Size, Variant
+from surrogate.peers import PEERS, Peer, Size, Variant
 
-Flags = NDArray[np.bool_]
 Progress = Callable[[int, int, str], None]
 Clock = Callable[[], float]
 
@@ -88,9 +87,9 @@ class _Runs:
     y: Array
     Q_test: Array
     y_test: Array
-    boundary: Flags
+    boundary: Bools
     # The runs in random order: what is capped or set aside must fill the space, however the runs were sorted.
-    order: NDArray[np.int64]
+    order: Integers
     clock: Clock
 
 
@@ -100,7 +99,7 @@ def compare_with_peers(
     Q_test: Array,
     y_test: Array,
     *,
-    boundary: Flags | None = None,
+    boundary: Bools | None = None,
     own: Mapping[str, OwnCandidate] | None = None,
     peers: Sequence[str] | None = None,
     most_runs: Mapping[str, int] | None = None,
@@ -222,7 +221,7 @@ def _row(
     own: bool,
     estimator: Estimator,
     runs: _Runs,
-    rows: NDArray[np.int64] | None,
+    rows: Integers | None,
     chosen: str = "",
     choose_s: float = 0.0,
     messages: Sequence[str] = (),
@@ -302,7 +301,7 @@ def _first_line(thing: object) -> str:
 
 
 def _checked(
-    Q: Array, y: Array, Q_test: Array, y_test: Array, boundary: Flags | None, seed: int, clock: Clock
+    Q: Array, y: Array, Q_test: Array, y_test: Array, boundary: Bools | None, seed: int, clock: Clock
 ) -> _Runs:
     Q, y = _finite("fitted runs", Q, y)
     Q_test, y_test = _finite("held-out runs", Q_test, y_test)

@@ -8,7 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from surrogate.peers import REAL, Array, Features, Peer, Size, Variant
+from robots.arrays import Array
+from surrogate.peers import REAL, Features, Peer, Size, Variant
 
 # Normal quantile of a two-sided 95 % interval.
 _Z95 = 1.959963984540054

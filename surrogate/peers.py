@@ -14,11 +14,10 @@ from types import MappingProxyType
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.errors import InputError
 
-Array = NDArray[np.float64]
 Features = Literal["angles", "cos-sin"]
 Target = Literal["compliance", "log-compliance"]
 KernelName = Literal["rbf", "matern-5/2"]

@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables.arm_class import usual_load
 from fem.statics.small_displacements import beyond_small, refuse_beyond
 from robots import Robot
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate.error_bars import NORMAL_95
 from surrogate.model import COMPLIANCE, Surrogate, predict, refuse, unit
-from surrogate.scope import Flags, Scope, count_rows
-
-Array = NDArray[np.float64]
+from surrogate.scope import Scope, count_rows
 
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
@@ -53,9 +51,9 @@ class QueryResult:
     relative_error: Array
     model_error: Array
     parameter_error: Array
-    inside_domain: Flags
-    reachable: Flags
-    beyond_small: Flags
+    inside_domain: Bools
+    reachable: Bools
+    beyond_small: Bools
     singularity: Array
     open: dict[int, tuple[str, ...]]
     faults: dict[int, str]
@@ -66,17 +64,17 @@ class QueryResult:
         return 1e-3 * self.value
 
     @cached_property
-    def near_singular(self) -> Flags:
+    def near_singular(self) -> Bools:
         """Poses near a singularity (`NEAR_SINGULAR`)."""
         return np.asarray(self.singularity < NEAR_SINGULAR)
 
     @cached_property
-    def rough(self) -> Flags:
+    def rough(self) -> Bools:
         """Poses where the calibration's part is so large that its linear propagation is rough (`ROUGH_95`)."""
         return np.asarray(np.nan_to_num(self.parameter_error) > ROUGH_95)
 
     @cached_property
-    def answered(self) -> Flags:
+    def answered(self) -> Bools:
         """Rows with a value."""
         return np.isfinite(self.value)
 
@@ -99,8 +97,8 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
         nothing but values beyond small displacements.
     """
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
-    inside: Flags = np.all(surrogate.inside(poses), axis=1)
-    reachable: Flags = np.all(surrogate.couplings.kept(poses), axis=1)
+    inside: Bools = np.all(surrogate.inside(poses), axis=1)
+    reachable: Bools = np.all(surrogate.couplings.kept(poses), axis=1)
     good = inside & reachable
     if not extrapolate and len(poses) and not good.any():
         raise InputError(
@@ -132,7 +130,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     )
 
 
-def _beyond_small(surrogate: Surrogate, value: Array) -> Flags:
+def _beyond_small(surrogate: Surrogate, value: Array) -> Bools:
     """Which stiffnesses (n,) N/m are beyond small displacements; InputError where all that are known are."""
     robot = surrogate.kinematics
     if robot is None or not (surrogate.quantity.name == COMPLIANCE or surrogate.quantity.unit == "N/m"):
@@ -170,7 +168,7 @@ def same_direction(a: Array, b: Sequence[float]) -> bool:
     return bool(np.linalg.norm(np.cross(unit(np.asarray(a)), unit(np.asarray(b)))) < 1e-12)
 
 
-def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Flags) -> tuple[Array, Array]:
+def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tuple[Array, Array]:
     """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known."""
     model = np.full(len(poses), np.inf)
     parameters = np.full(len(poses), np.nan)
@@ -188,7 +186,7 @@ def _smallest_singular_value(surrogate: Surrogate, robot: Robot, poses: Array) -
     return singularity_distance(robot, full_poses(robot, surrogate, poses)).sigma_min
 
 
-def _left_open(surrogate: Surrogate, poses: Array, good: Flags) -> dict[int, tuple[str, ...]]:
+def _left_open(surrogate: Surrogate, poses: Array, good: Bools) -> dict[int, tuple[str, ...]]:
     p = surrogate.parameters
     if p is None:
         return {}

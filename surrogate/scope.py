@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 from robots.robot import LIMIT_TOLERANCE_RAD
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 # How many offending rows a message spells out; the rest are counted.
 ROWS_SHOWN = 5
@@ -50,7 +47,7 @@ class Couplings:
         """No couplings over k inputs."""
         return cls((), np.empty((0, n_inputs)), np.empty(0), np.empty(0))
 
-    def kept(self, Q: Array) -> Flags:
+    def kept(self, Q: Array) -> Bools:
         """Which couplings hold; Q (n, k) rad -> (n, c)."""
         return _between(Q @ self.matrix.T, self.lower, self.upper)
 
@@ -106,7 +103,7 @@ class Scope:
         if len(self.load_direction) != 3 or not abs(length - 1.0) <= 1e-9:
             raise InputError("surrogate: load_direction", value=self.load_direction, allowed="a unit (3,)")
 
-    def inside(self, Q: Array) -> Flags:
+    def inside(self, Q: Array) -> Bools:
         """Which inputs of which poses lie in the domain; Q (n, k) rad -> (n, k)."""
         return _between(Q, self.lower, self.upper)
 
@@ -159,7 +156,7 @@ def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
     return lo, hi
 
 
-def _between(values: Array, lower: Array, upper: Array) -> Flags:
+def _between(values: Array, lower: Array, upper: Array) -> Bools:
     return np.asarray((values >= lower - LIMIT_TOLERANCE_RAD) & (values <= upper + LIMIT_TOLERANCE_RAD))
 
 
@@ -170,7 +167,7 @@ def frozen(values: Array) -> Array:
     return out
 
 
-def count_rows(bad: Flags) -> str:
+def count_rows(bad: Bools) -> str:
     """How many rows are flagged, in words."""
     many = np.count_nonzero(bad)
     return f"{many} of {len(bad)} rows" + (f" (first {ROWS_SHOWN} shown)" if many > ROWS_SHOWN else "")

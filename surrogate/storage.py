@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationError
 
 from robots import Robot
+from robots.arrays import Array
 from robots.errors import InputError, InputErrors
 from robots.files.reading import parse_json, read_text
 from robots.files.written import write_whole
@@ -24,8 +24,6 @@ from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion, Family
 from surrogate.model import SCHEMA, ErrorFigures, Factor, Quantity, Surrogate, Target
 from surrogate.scope import Couplings
-
-Array = NDArray[np.float64]
 
 _REFIT = "fit the surrogate again (`stiffarm fit`); such files are not edited by hand"
 

@@ -7,16 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel, compliance, directional_stiffness
+from robots.arrays import Array
 from surrogate.arm_scope import influence_of_fixed, reduced_box, with_whole_turns
 from surrogate.designs import Density, space_filling_design
 from surrogate.model import Quantity
 from surrogate.query import full_poses
 from surrogate.scope import Scope
 
-Array = NDArray[np.float64]
 Scalar = Callable[[Array], Array]
 
 RUNS_A_BLOCK = 2048

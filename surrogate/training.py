@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import compliance, compliance_factor
 from robots import InputError
+from robots.arrays import Array
 from surrogate.basis import BasisName, term_count
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.factored import fit_factored
@@ -22,7 +22,6 @@ from surrogate.parameters import learn_parameters
 from surrogate.scope import Scope
 from surrogate.tasks import Task
 
-Array = NDArray[np.float64]
 BasisChoice = Literal["best", "polynomial", "trigonometric", "factored", "adaptive"]
 Progress = Callable[[int, int], None]
 

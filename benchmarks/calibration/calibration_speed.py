@@ -26,7 +26,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from SALib.sample import sobol
 from scipy.optimize import least_squares
 
@@ -39,8 +38,7 @@ from fem import ArmModel, build_model, deflection
 from fem.free.model import FreeModel, LoadedPoses
 from fem.free.parameters import parameter
 from robots import load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 ROBOT = "kr60-3"
 SPRINGS = tuple(f"j{k}" for k in range(1, 7))

@@ -14,14 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from doe import Measurements, equations, fit_constant, with_constant_springs
 from doe.certainty.propagation import parameter_uncertainty, propagate
 from robots import ModelDescription, load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 SET_UPS, HELD_OUT = 8, 50
 LOAD = np.array([150.0, 250.0, -600.0, 0.0, 0.0, 0.0])
@@ -38,9 +36,9 @@ CASES = (
 class Study:
     """(r, n) over data sets and poses: whether the interval holds the truth, and the flags; median deviation."""
 
-    holds: NDArray[np.bool_]
-    lower_bound: NDArray[np.bool_]
-    rough: NDArray[np.bool_]
+    holds: Bools
+    lower_bound: Bools
+    rough: Bools
     relative_sd: float
     status: Counter[str]
 
@@ -113,7 +111,7 @@ def _readings(true: fem.ArmModel, q: Array, noise_m: Array) -> Measurements:
     )  # fmt: skip
 
 
-def _share(mask: NDArray[np.bool_]) -> float:
+def _share(mask: Bools) -> float:
     return float(mask.mean()) if mask.size else float("nan")
 
 

@@ -14,7 +14,6 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.identifiability import trade_offs
 from doe.certainty.uncertainty import Certainty, certainty
@@ -26,8 +25,7 @@ from fem.free.laws import FourierBasis, FreeLaw, law_parameters
 from fem.free.model import FreeModel, LoadedPoses
 from fem.free.parameters import Parameter, parameter
 from robots import load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 ROBOTS = ("xr701", "kr60-3", "tx200")
 GAUGE = (1e-6, 1e-6)  # m, rad: resolution of a reading

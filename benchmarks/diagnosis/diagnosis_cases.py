@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import Options
@@ -27,13 +26,12 @@ from robots import ModelDescription, load_description
 
 # The root, not its folder of tests: that has folders with the names of packages.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from robots.arrays import Array
 from tests.blind.sets import make, truth_at
 from tests.blind.spec import SetSpec
 from tests.blind.study import suite
 
 __all__ = ["ABLATIONS", "DETECTABLE", "Row", "SetSpec", "family", "run_set", "suite"]
-
-Array = NDArray[np.float64]
 
 DETECTABLE = 30.0
 # Effects that act alike and are cured alike: a compensator is a stiffness that varies with the angle, and behind a

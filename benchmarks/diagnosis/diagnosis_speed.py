@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from diagnosis_cases import SetSpec, arm, described, make, opened
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from doe.diagnosis.diagnose import diagnose
@@ -26,8 +25,7 @@ from doe.diagnosis.ranking import rank
 from doe.diagnosis.setting import Setting, with_compliances
 from doe.diagnosis.signatures import prior, shape_count
 from fem.effects.base import Effect, PlacedEffect
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 SPEC, SEED = SetSpec(robot="kr60-3", effects=("payload",)), 4
 REPEATS = 3

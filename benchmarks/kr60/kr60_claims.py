@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from kr60_readings import FORCE_N, P1_M, P2_M, P_M, TABLE_4, UP, Reading, flange_frames, index, path
-from numpy.typing import NDArray
 from scipy.stats import kendalltau, spearmanr
 
 import fem
 import machining
 from machining.stiffness.distribution import Distribution, Over, distribution
 from machining.stiffness.grid import Grid, box_grid, grid_task
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 GAMMA_DEG = np.arange(-180.0, 180.0, 1.0)
 PLANE_GAMMA_DEG = np.arange(0.0, 181.0, 15.0)
@@ -129,7 +127,7 @@ class PlaneResult:
         middle = np.nanmedian(self.found.value)
         return np.asarray((self.found.value > middle).mean(axis=0))
 
-    def together(self) -> NDArray[np.bool_]:
+    def together(self) -> Bools:
         """Whether mean and peak to valley change the same way from one gamma to the next."""
         s = self.statistics()
         return np.asarray(np.diff(s["mean"]) * np.diff(s["pv"]) > 0.0)

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 import machining
 import robots
+from robots.arrays import Array
 from robots.inverse.solutions import inverse_kinematics
-
-Array = NDArray[np.float64]
 
 # Gao 2024, section III.B and Table 4. The table's columns: x (mm), k_fs (N/mm), milling error (mm).
 P1_M, P2_M = np.array([-0.043, 0.834, 0.486]), np.array([0.057, 0.947, 0.486])

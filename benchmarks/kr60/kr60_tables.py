@@ -42,13 +42,12 @@ from kr60_readings import (
     postures,
     spindle,
 )
-from numpy.typing import NDArray
 
 import fem
 import machining
 from machining.stiffness.distribution import Over
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = Path(__file__).with_name("kr60_page.md")
 GAMMA_60 = int(np.flatnonzero(PLANE_GAMMA_DEG == 60.0)[0])

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining.task import Task, tool_path
 from robots import Robot, load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def rigid_arm() -> fem.ArmModel:

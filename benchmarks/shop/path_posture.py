@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from kr60_readings import B2, P1_M, P2_M, B, Reading, arm
-from numpy.typing import NDArray
 
 import fem
 from machining import (
@@ -33,10 +32,9 @@ from machining import (
 from machining.posture.axes_map import axes_map
 from machining.posture.long_path import optimise_long_path
 from robots import inverse_kinematics
+from robots.arrays import Array
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.pages.style import save_png
-
-Array = NDArray[np.float64]
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 # KUKA's data sheet of the KR 60-3, from memory: a bound for the example, not a figure of the paper.

@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 import robots
@@ -30,8 +29,7 @@ from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
 from machining.task import ToolPath, tool_path
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "placement.md"

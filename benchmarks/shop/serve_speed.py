@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 ROOT = Path(__file__).resolve().parents[2]
 CELL = ROOT / "docs" / "examples" / "serve" / "cell.toml"

@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from opensees_shell import OpenSeesRun, run_opensees
 from scipy.optimize import brentq
 
@@ -40,8 +39,7 @@ from fem.elements.shell import couple, shell_superelement
 from meshes.casings import casing_mesh
 from meshes.shell_mesh import ShellMesh
 from robots import load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 FREEDOMS = 50_000
 MEMORY_FREEDOMS = (50_000, 200_000)

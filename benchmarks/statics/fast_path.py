@@ -18,13 +18,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem.reference.direct
 from fem import ArmModel, build_model, compliance, compliance_direct, deflection, deflection_direct
 from robots import Robot, load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 POSES = 100_000
 SUBSET = 8_192

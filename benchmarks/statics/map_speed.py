@@ -22,17 +22,16 @@ from pathlib import Path
 import numpy as np
 from index_speed import rounds_of
 from index_speed_cases import Pinocchio
-from numpy.typing import NDArray
 
 import fem
 from fem.compiled.compliance import FEWEST, processors
 from fem.model import LinkKind
 from robots import LoadPath, load_description
+from robots.arrays import Array
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "map_speed.md"
 TEXT = HERE / "map_speed_page.md"
-Array = NDArray[np.float64]
 Work = Callable[[], Array]
 
 CASES: tuple[tuple[str, LoadPath, LinkKind], ...] = (

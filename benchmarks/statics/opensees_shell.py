@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from robots.arrays import Array, Integers
 
 if TYPE_CHECKING:  # the other process needs arrays only
     from meshes.shell_mesh import ShellMesh
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 ROOT = Path(__file__).resolve().parents[2]
 TIME_LIMIT = 1800.0  # s
@@ -44,10 +43,10 @@ class OpenSeesRun:
 def run_opensees(
     mesh: ShellMesh,
     element: str,
-    fixed: Indices,
+    fixed: Integers,
     loads: Array,
     points: Array | None = None,
-    rings: Sequence[Indices] = (),
+    rings: Sequence[Integers] = (),
 ) -> OpenSeesRun:
     """Solve a shell mesh with OpenSees, linear and static.
 

@@ -33,7 +33,6 @@ from importlib.util import find_spec  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 for _folder in ("tests/fem", "tests/benchmarks"):
@@ -45,8 +44,6 @@ from shell_problems import Problem, pinched_cylinder  # noqa: E402
 from fem.elements.assembly import freedoms  # noqa: E402
 from fem.reference.calculix.deck import PA_PER_MPA, Deck, number, with_middles  # noqa: E402
 from meshes.shell_mesh import ShellMesh  # noqa: E402
-
-Array = NDArray[np.float64]
 
 RADIUS, HALF_LENGTH, WALL, E_MODULUS, POISSON = 300.0, 300.0, 3.0, 3e6, 0.3
 REFERENCE = 1.8248e-5

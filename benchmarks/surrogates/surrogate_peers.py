@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.free.law_bases import FourierBasis
 from robots import content_hash, load_description
+from robots.arrays import Array
 from surrogate.arm_scope import reduced_box, scope_of, with_whole_turns
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import learn_bars
@@ -33,8 +33,6 @@ from surrogate.peer_comparison import Errors, PeerResult, compare_with_peers
 from surrogate.peer_estimators import OwnCandidate
 from surrogate.query import full_poses
 from surrogate.scope import Scope
-
-Array = NDArray[np.float64]
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "surrogate_peers.md"

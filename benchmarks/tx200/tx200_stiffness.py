@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 import tx200_words as words
-from numpy.typing import NDArray
 
 from doe.joint_twists import Identified, LawKind, identify
 from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
@@ -37,8 +36,7 @@ from doe.joint_twists.workspace import ORIENTATIONS, stiffness_window
 from fem import ArmModel, build_model
 from fem.statics.ports import ROWS
 from robots import load_description
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 CAMPAIGN = Campaign()
 # Poses of the campaign are drawn once: truth, scatter and noise differ from repeat to repeat.

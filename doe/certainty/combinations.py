@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 # Entries of an echelon form below this are rounding; variables have columns of norm one, null vectors length one.
 ROUNDING = 1e-6
@@ -37,7 +36,7 @@ class Combination:
     words: str
 
 
-def echelon(rows: Array, order: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+def echelon(rows: Array, order: Indices) -> tuple[Array, Indices]:
     """Reduced echelon form (r, p) of rows (k, p) and its r pivots, pivots sought in a given order of the columns."""
     M, pivots, r = rows.copy(), [], 0
     for c in order:
@@ -57,7 +56,7 @@ def echelon(rows: Array, order: NDArray[np.intp]) -> tuple[Array, NDArray[np.int
     return M, np.array(pivots, dtype=np.intp)
 
 
-def sparsest(rows: Array) -> tuple[Array, NDArray[np.intp]]:
+def sparsest(rows: Array) -> tuple[Array, Indices]:
     """The echelon form with the fewest entries among some; the same for the same rows."""
     p = rows.shape[1]
     rng = np.random.default_rng(0)
@@ -65,7 +64,7 @@ def sparsest(rows: Array) -> tuple[Array, NDArray[np.intp]]:
     return min(forms, key=lambda form: np.count_nonzero(form[0]))
 
 
-def components(null: Array) -> list[NDArray[np.intp]]:
+def components(null: Array) -> list[Indices]:
     """Groups of variables that null vectors (d, p) join; variables that are in none of them stand alone."""
     M, _ = echelon(null, np.arange(null.shape[1]))
     group = np.arange(null.shape[1])
@@ -82,7 +81,7 @@ def complement(null: Array) -> Array:
     return np.asarray(V[int((s > ROUNDING).sum()) :])
 
 
-def alike(null: Array) -> list[NDArray[np.intp]]:
+def alike(null: Array) -> list[Indices]:
     """Sets of two or more variables of which only one and the same combination is ever seen."""
     W = complement(null)
     P = W.T @ W

@@ -6,15 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.combinations import Combination, alike, complement, components, sparsest
 from doe.certainty.trade_off_words import KNOWN, combination_words, group_words, near_words, unit_of
 from doe.certainty.uncertainty import MAX_CONDITION, Certainty
 from doe.estimation.estimate import Estimate, prior_residual, step_sizes
 from fem.free.parameters import Parameter
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools, Indices
 
 # A correlation beyond this, either way, means that two parameters are read as one.
 TRADED = 0.9
@@ -71,7 +69,7 @@ def unseen(e: Estimate) -> tuple[str, ...]:
     return tuple(q.name for q, visible in zip(e.problem.parameters, e.seen, strict=True) if not visible)
 
 
-def correlations(e: Estimate) -> tuple[Array, Array, NDArray[np.intp]]:
+def correlations(e: Estimate) -> tuple[Array, Array, Indices]:
     """Correlations and covariance of the variables seen, bounds ignored, and their positions.
 
     Directions without information get the variance of their whole range, so that they show as trade-offs.
@@ -90,7 +88,7 @@ def _rows(e: Estimate) -> Array:
     return np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])
 
 
-def _inseparable(e: Estimate, c: Certainty) -> list[tuple[NDArray[np.intp], Array]]:
+def _inseparable(e: Estimate, c: Certainty) -> list[tuple[Indices, Array]]:
     """Groups of variables joined by directions without information, and those directions (columns of norm one)."""
     if not len(c.null):
         return []
@@ -107,7 +105,7 @@ def _rank_basis(rows: Array) -> Array:
     return np.asarray(V[s > 1e-6 * s.max(initial=1e-300)])
 
 
-def _exact(e: Estimate, group: NDArray[np.intp], null: Array) -> TradeOff:
+def _exact(e: Estimate, group: Indices, null: Array) -> TradeOff:
     """A group of which only some combinations are determined: those with the fewest terms, best known first."""
     A = _rows(e)
     norm = np.linalg.norm(A[:, group], axis=0)
@@ -126,7 +124,7 @@ def _exact(e: Estimate, group: NDArray[np.intp], null: Array) -> TradeOff:
     return TradeOff(names, weights, best.value, best.sd, best.unit, words, tuple(found), len(null))
 
 
-def _pseudo_covariance(A: Array, seen: NDArray[np.bool_]) -> Array:
+def _pseudo_covariance(A: Array, seen: Bools) -> Array:
     """Covariance (p, p) of what is determined; directions without information count as known."""
     norm = np.where(seen, np.linalg.norm(A, axis=0), 1.0)
     R = np.linalg.qr(np.where(seen, A, 0.0) / norm, mode="r")
@@ -135,7 +133,7 @@ def _pseudo_covariance(A: Array, seen: NDArray[np.bool_]) -> Array:
     return np.asarray((V[good].T / s[good] ** 2) @ V[good] / np.outer(norm, norm))
 
 
-def _groups(joined: NDArray[np.bool_]) -> list[list[int]]:
+def _groups(joined: Bools) -> list[list[int]]:
     """Connected groups of two or more."""
     left, groups = set(range(len(joined))), []
     while left:
@@ -151,7 +149,7 @@ def _groups(joined: NDArray[np.bool_]) -> list[list[int]]:
     return sorted(groups)
 
 
-def _near(e: Estimate, covariance: Array, index: NDArray[np.intp]) -> TradeOff:
+def _near(e: Estimate, covariance: Array, index: Indices) -> TradeOff:
     """A group that correlates: the combinations with the smallest and the largest relative variance."""
     parameters = [e.problem.parameters[k] for k in index]
     sd = np.sqrt(np.diag(covariance))

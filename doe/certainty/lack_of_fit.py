@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, f
 
 from doe.estimation.estimate import OUTLIER, Estimate
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 # Beyond this many standard deviations a reading is named as an outlier: one in 16 000 good ones is.
 FLAGGED = 4.0
@@ -92,7 +90,7 @@ def _free_directions(e: Estimate, w: Array) -> Array:
     return np.asarray(U[:, s > ROUNDING * s.max(initial=1e-300)])
 
 
-def outliers(e: Estimate) -> NDArray[np.intp]:
+def outliers(e: Estimate) -> Indices:
     """Positions of the components that stand out, farthest first."""
     far = np.abs(e.own)
     return np.asarray([k for k in np.argsort(-far) if far[k] > FLAGGED], dtype=np.intp)

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from doe.certainty.uncertainty import Certainty
 from doe.estimation.estimate import Estimate
 from fem.free.laws import FreeLaw
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # A law's part in what is not determined that counts as rounding.
 ROUNDING = 1e-6

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from fem import ArmModel, deflection
@@ -17,9 +16,8 @@ from fem.free.model import FreeModel, LoadedPoses
 from fem.free.named_numbers import NamedNumbers, described_variables, named_numbers
 from fem.free.parameters import Parameter
 from robots import InputError, ModelDescription
+from robots.arrays import Array, Indices
 from robots.schema.uncertainty import NumberStatus, NumberVariable, UndeterminedNumber
-
-Array = NDArray[np.float64]
 
 # Numbers of the test set-up: they are not in the arm's compliance.
 SET_UP = ("load.", "point.")
@@ -117,7 +115,7 @@ class Bound:
     effects: tuple[PlacedEffect, ...]
     walls: Mapping[str, Any]
     names: tuple[str, ...]
-    columns: NDArray[np.intp]
+    columns: Indices
     sizes: Array
     open_names: tuple[str, ...]
 

@@ -11,12 +11,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.estimate import Estimate
 from doe.estimation.least_squares import bounded_step, is_convex, minimise
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 # The root (>= 0) of the rise of the sum of squares at a value of one variable.
 Rise = Callable[[float], float]
 

@@ -18,13 +18,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.parameter_uncertainty import Bound, ParameterUncertainty, bind, parameter_uncertainty
 from fem import ArmModel
 from fem.free.model import LoadedPoses
 from fem.statics.inputs import as_points
 from robots import InputError
+from robots.arrays import Array, Bools
 from robots.kinematics import as_poses
 
 __all__ = [
@@ -38,8 +38,6 @@ __all__ = [
     "sampled",
 ]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # Poses worked on at once: the derivatives of ten numbers are 4 MB.
 BATCH = 8192
@@ -68,17 +66,17 @@ class Propagated:
     relative_sd: Array
     open_names: tuple[str, ...]
     open_share: Array
-    is_rough: Mask
+    is_rough: Bools
 
     @property
-    def is_lower_bound(self) -> Mask:
+    def is_lower_bound(self) -> Bools:
         """Where (n,) a number that the readings left open matters, so that ``relative_sd`` says too little."""
         return np.asarray((self.open_share > SHARE).any(axis=1))
 
     @property
     def matters(self) -> tuple[str, ...]:
         """Names of what the readings left open and what matters at any of the poses."""
-        there: Mask = np.asarray((self.open_share > SHARE).any(axis=0))
+        there: Bools = np.asarray((self.open_share > SHARE).any(axis=0))
         return tuple(name for name, yes in zip(self.open_names, there, strict=True) if yes)
 
 
@@ -267,7 +265,7 @@ def _open_share(bound: Bound, uncertainty: ParameterUncertainty, G: Array) -> Ar
     return np.column_stack([alone, *together]) if together else alone
 
 
-def _bent(bound: Bound, uncertainty: ParameterUncertainty, q: Array, G: Array) -> Mask:
+def _bent(bound: Bound, uncertainty: ParameterUncertainty, q: Array, G: Array) -> Bools:
     """Where (n,) a law's or a wall's own spread is beyond what the first order carries."""
     out = np.zeros(len(q), dtype=np.bool_)
     p = len(uncertainty.names)

@@ -16,15 +16,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import likelihood
+from robots.arrays import Array, Bools
 
-Array = NDArray[np.float64]
 
-
-def degrees_of_freedom(e: Estimate, covariance: Array, seen: NDArray[np.bool_]) -> Array:
+def degrees_of_freedom(e: Estimate, covariance: Array, seen: Bools) -> Array:
     """Degrees of freedom (p,) of the variances on the diagonal of ``covariance`` (p, p); infinite for given noise.
 
     ``seen`` (p,): which parameters took part in the fit. NaN where there are fewer readings than those.

@@ -6,12 +6,10 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.combinations import Combination
 from fem.free.parameters import Parameter
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Weights of a combination within this of one another are called a sum or a difference.
 EQUAL = 1.25

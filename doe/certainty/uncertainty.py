@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from doe.certainty.profile_likelihood import profile_end, rise_of
@@ -18,8 +17,8 @@ from doe.estimation.least_squares import is_convex
 from doe.estimation.problem import Problem
 from fem.free.parameters import Parameter
 from robots import InputError
+from robots.arrays import Array, Bools, Indices, Integers
 
-Array = NDArray[np.float64]
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
 Progress = Callable[[int, int], None]
 
@@ -135,7 +134,7 @@ def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress:
     return out
 
 
-def _drawn(p: Problem, groups: list[NDArray[np.intp]], drawn: NDArray[np.int64]) -> Problem:
+def _drawn(p: Problem, groups: list[Indices], drawn: Integers) -> Problem:
     rows = np.concatenate([groups[k] for k in drawn])
     pose = np.repeat(np.arange(len(drawn)), [len(groups[k]) for k in drawn])
     labels = tuple(f"{p.poses[k]} ({i})" for i, k in enumerate(drawn))
@@ -151,12 +150,12 @@ def _drawn(p: Problem, groups: list[NDArray[np.intp]], drawn: NDArray[np.int64])
     )
 
 
-def _at_end(u: Array, end: Array, other: Array) -> NDArray[np.bool_]:
+def _at_end(u: Array, end: Array, other: Array) -> Bools:
     near = AT_END * np.where(end != 0.0, np.abs(end), np.abs(other))
     return np.asarray(np.abs(u - end) <= near)
 
 
-def _covariance(A: Array, use: NDArray[np.bool_]) -> tuple[Array, tuple[Array, Array]]:
+def _covariance(A: Array, use: Bools) -> tuple[Array, tuple[Array, Array]]:
     """Covariance (p, p) of the columns used (zero elsewhere), their singular values, and the null directions."""
     p = A.shape[1]
     out, columns = np.zeros((p, p)), np.flatnonzero(use)

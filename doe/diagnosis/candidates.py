@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.evidence import Base, Whitened, fit_all
 from doe.diagnosis.scatter import covariance, with_setup
@@ -15,8 +14,7 @@ from doe.diagnosis.signatures import Signature, signatures
 from doe.diagnosis.weighing import as_if
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect, PlacedEffect
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Without priors amplitudes and springs have standard deviations larger by this.
 VAGUE = 30.0

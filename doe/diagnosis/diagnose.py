@@ -6,9 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from doe.diagnosis.decide import Decision, Kind, decide
 from doe.diagnosis.held_out import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
@@ -24,8 +21,8 @@ from doe.estimation.noise import Noise, within_readings
 from doe.published.readings import rms_mm
 from doe.tables.telling import told_by
 from fem.effects.base import PlacedEffect
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Verdict = Kind
 Progress = Callable[[str], None]
 

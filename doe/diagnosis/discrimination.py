@@ -19,10 +19,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from robots.arrays import Array, Bools, Indices
 
 # Numbers in the covariances that are worked on at once: some 60 MB.
 AT_ONCE = 4_000_000
@@ -57,7 +55,7 @@ class Predictions:
         return np.stack([F @ F[j].T for F in self.factor])
 
     @property
-    def same(self) -> NDArray[np.bool_]:
+    def same(self) -> Bools:
         """Which rivals (h, h) go by one name."""
         names = np.array(self.code)
         return np.asarray(names[:, None] == names[None, :])
@@ -108,7 +106,7 @@ def information(p: Predictions, kl: Array) -> Array:
     return np.asarray(-np.log(np.exp(-D) @ p.weight) @ p.weight)
 
 
-def choose(p: Predictions, n: int, allowed: Callable[[list[int]], NDArray[np.bool_]] | None = None) -> Choice:
+def choose(p: Predictions, n: int, allowed: Callable[[list[int]], Bools] | None = None) -> Choice:
     """Choose n experiments: the best one by one, then swaps until none gains (Fedorov exchange).
 
     ``allowed``: which experiments (N,) may join some chosen ones; by default all others.
@@ -135,9 +133,7 @@ def choose(p: Predictions, n: int, allowed: Callable[[list[int]], NDArray[np.boo
     return Choice(np.array(chosen, dtype=np.intp), best, float(-share @ np.log(np.maximum(share, 1e-300))))
 
 
-def _best(
-    p: Predictions, own: Array, crossed: dict[int, Array], chosen: list[int], free: NDArray[np.bool_]
-) -> tuple[int, float]:
+def _best(p: Predictions, own: Array, crossed: dict[int, Array], chosen: list[int], free: Bools) -> tuple[int, float]:
     """The experiment that goes best with those chosen, and the information then."""
     for j in chosen:
         if j not in crossed:

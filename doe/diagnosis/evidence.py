@@ -15,14 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.special import log_ndtr
 
 from doe.diagnosis.signatures import Signature
 from doe.estimation.blocks import Covariance
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @dataclass(frozen=True)

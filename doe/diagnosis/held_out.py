@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.evidence import Base
 from doe.diagnosis.signatures import Signature
 from doe.estimation.blocks import Covariance
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Integers
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ def extended(base: Base, candidate: Signature | None) -> Base:
     )
 
 
-def leave_one_pose_out(base: Base, V: Covariance, pose: NDArray[np.int64]) -> LeftOut:
+def leave_one_pose_out(base: Base, V: Covariance, pose: Integers) -> LeftOut:
     """Every pose predicted from the others, at fixed noise; ``pose`` (m,): number of the pose of each component."""
     W, r = V.whiten(base.columns), V.whiten(base.residual[:, None])[:, 0]
     S, b = W.T @ W + np.diag(base.precision), W.T @ r

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.setting import Setting
@@ -14,8 +13,7 @@ from doe.published.readings import rms_mm
 from doe.tables.checks import refuse_seen
 from doe.tables.load_history import history_of
 from doe.tables.measurements import Measurements
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.evidence import Base
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import prior
 from fem.effects.base import EffectParameter, PlacedEffect
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Standard deviation of a spring's compliance beforehand, in shares of its typical value.
 SPRING = 1.5

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import choose, divergence, joint, right_names
@@ -18,8 +17,7 @@ from doe.tables.columns import DISPLACEMENTS, LOADS
 from doe.tables.measurements import Measurements
 from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 DOWN = ((0.0, 0.0, -1.0),)
 # Weight of the payload per kg.

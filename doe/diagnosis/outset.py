@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.known import errors_of
 from doe.diagnosis.scatter import FLOOR
@@ -21,8 +20,7 @@ from fem.effects.history import History
 from fem.free.parameters import parameter
 from fem.model import ArmModel
 from robots import ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Compliances, rad/(N m), to expect of joints of which nothing is known: axes 1 to 3, and the wrist's.
 ARM, WRIST = 1.0 / 1.2e6, 1.0 / 3e5

@@ -10,7 +10,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from doe.diagnosis.candidates import VAGUE, candidates_of, hidden_among, pruned
@@ -25,8 +24,7 @@ from doe.diagnosis.unknown import discrepancies
 from doe.diagnosis.weighing import Row, at_noise, rough_at, unknown_at, with_springs
 from doe.estimation.noise import Noise
 from doe.published.readings import rms_mm
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Set-ups may scatter this much where something unknown acts on them.
 WILD = 0.08

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.evidence import Base, Whitened
 from doe.diagnosis.hypotheses import Hypothesis
@@ -14,8 +13,7 @@ from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.estimation.noise import Noise
 from fem.effects.base import PlacedEffect
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 ROUNDS, HALVINGS = 12, 5
 # Steps stop when the sum of squares with priors falls by less.

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, softmax
 
@@ -29,8 +28,7 @@ from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
 from fem.effects.history import History
 from fem.statics.loads import LoadedPoses
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # A law's shapes: at most so many stand for a hypothesis, each with at least this share of its probability.
 SHAPES, LEAST_SHARE = 3, 0.1

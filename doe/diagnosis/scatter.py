@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.setting import Setting
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise, fit_noise
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 1 %, seldom by 2.
 READING, READING_FACTOR = 0.03, math.log(2.5)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.blocks import Blocks
 from doe.estimation.problem import Problem, problem
@@ -20,8 +19,7 @@ from fem.effects.structure import joint_is_rigid
 from fem.free.parameters import parameter
 from fem.model import ArmModel
 from robots import InputError, ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # What the law of an accepted effect may be off by, as a share of the effect (one standard deviation each way): laws of
 # torque, angle and clock are assumed, a structure's compliance is nearly straight, and geometry is exact.
@@ -56,7 +54,7 @@ class Setting:
         return Blocks.of(self.data)
 
     @cached_property
-    def unloading(self) -> NDArray[np.bool_]:
+    def unloading(self) -> Bools:
         """Whether a loaded pose (n,) was read on the way down."""
         return self.history.unloading(np.linalg.norm(self.data.free.at.wrench[:, :3], axis=1))
 

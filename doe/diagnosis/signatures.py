@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.setting import Setting
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class Signature:
     columns: Array
     mean: Array
     sd: Array
-    positive: NDArray[np.bool_]
+    positive: Bools
     shift: Array | None = None
     springs: Array | None = None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from doe.diagnosis.candidates import MANY, impossible
@@ -14,8 +13,7 @@ from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count, signatures
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # An effect of usual size must raise chi-square by this to be told by name.
 TESTABLE = 30.0

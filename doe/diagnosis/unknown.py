@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.setting import Setting
 from fem.statics.flexibility import deflection
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # Lengths over which it varies, in half ranges of the joints as read; sizes as shares of the deflection.
 LENGTHS = (0.8, 1.8)
@@ -44,7 +42,7 @@ def discrepancies(s: Setting) -> Iterator[Array]:
             yield np.hstack([size * f[:, None] * poses[p.pose] for f in factors])
 
 
-def _matters(s: Setting) -> NDArray[np.bool_]:
+def _matters(s: Setting) -> Bools:
     """Joints (dof,) whose angle changes any reading."""
     at, out = s.data.free.at, []
     for k in range(at.q.shape[1]):

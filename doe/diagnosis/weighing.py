@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from doe.diagnosis.evidence import Base, Fitted, Whitened, fit_all
@@ -17,8 +16,7 @@ from doe.diagnosis.signatures import Signature, shape_count
 from doe.diagnosis.unknown import discrepancies
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from doe.diagnosis.diagnose import Diagnosis
@@ -16,8 +15,7 @@ from doe.diagnosis.setting import Setting
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem
 from doe.published.readings import COMPONENTS, rms_mm
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Set-ups scatter by so much of the deflection as a rule; more of it counts as disagreement.
 USUAL_SETUP = 0.01

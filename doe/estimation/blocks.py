@@ -11,20 +11,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from doe.estimation.problem import Problem
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 
 @dataclass(frozen=True)
 class Blocks:
     """The block of every reading: ``number`` (m,), counted from 0, and ``sums`` (b, m), which adds up over blocks."""
 
-    number: Indices
+    number: Integers
     sums: csr_array
 
     @staticmethod

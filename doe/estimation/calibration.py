@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.identifiability import TradeOff, trade_offs, unseen
 from doe.certainty.lack_of_fit import LackOfFit, lack_of_fit
@@ -29,8 +28,8 @@ from fem.free.laws import FreeLaw
 from meshes.array_cache import ArrayCache
 from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Build = Callable[[ModelDescription], ArmModel]
 Progress = Callable[[str], None]
 

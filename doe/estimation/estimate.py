@@ -12,17 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.blocks import Blocks, Covariance
 from doe.estimation.least_squares import BLIND, minimise, prior_residual
 from doe.estimation.noise import Noise, fit_noise, shrink_common, terms_of, within_readings
 from doe.estimation.problem import Problem
 from robots import InputError
+from robots.arrays import Array, Bools
 
 __all__ = ["BLIND", "OUTLIER", "Estimate", "estimate", "estimate_at", "prior_residual", "solve", "step_sizes"]
-
-Array = NDArray[np.float64]
 
 ROUNDS = 20
 # Rounds in which it is decided which variances the readings can tell; later ones keep to that, so that they settle.
@@ -69,7 +67,7 @@ class Estimate:
         return np.array([p.outer(float(v)) for p, v in zip(self.problem.parameters, self.u, strict=True)])
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Bools:
         """Which parameters (p,) move any reading."""
         norm = np.linalg.norm(self.whitened * step_sizes(self.problem), axis=0)
         return np.asarray(norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300))

@@ -7,13 +7,11 @@ doi:10.1007/BFb0067700) with the bounds kept in every step, so that a variable m
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from doe.estimation.blocks import Covariance
 from doe.estimation.problem import Problem
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # Columns below this share of the largest (each times the range of its variable) move no reading.
 BLIND = 1e-9
@@ -127,7 +125,7 @@ def minimise(
     return u, square
 
 
-def _moved(u: Array, which: NDArray[np.bool_], step: Array, low: Array, high: Array) -> Array:
+def _moved(u: Array, which: Bools, step: Array, low: Array, high: Array) -> Array:
     out = u.copy()
     out[which] = np.clip(u[which] + step, low[which], high[which])
     return out

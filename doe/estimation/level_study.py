@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.problem import Problem
 from doe.planning.designs import level_grid
 from doe.planning.screening import inner
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Refinement ends when levels are this close together (ratio of positive numbers, share of the range of others).
 SAME = 1e-3

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.blocks import Blocks
 from doe.estimation.problem import Problem
 from doe.estimation.restricted_likelihood import Likelihood, Term, maximise
+from robots.arrays import Array
 
 __all__ = [
     "Blocks",
@@ -36,7 +36,6 @@ __all__ = [
     "within_readings",
 ]
 
-Array = NDArray[np.float64]
 Origin = Literal["given", "repeats", "residual"]
 
 # Fewer poses or readings than these say nothing about a variance beside the parameters.

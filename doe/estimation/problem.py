@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.published.readings import loaded_points
 from doe.tables.load_history import history_of
@@ -19,9 +18,8 @@ from fem.free.laws import FreeLaw
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
 from fem.statics.loads import as_loaded
+from robots.arrays import Array, Bools, Integers
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Flexibility = Callable[[float], tuple[Array, Array]]
 
 
@@ -37,11 +35,11 @@ class Problem:
 
     free: FreeModel
     value: Array
-    row: Indices
-    component: Indices
-    pose: Indices
+    row: Integers
+    component: Integers
+    pose: Integers
     poses: tuple[str, ...]
-    replicate: Indices
+    replicate: Integers
     sigma: Array
 
     def __len__(self) -> int:
@@ -100,7 +98,7 @@ class Problem:
         numbers = [k for k, label in enumerate(self.poses) if label in set(wanted)]
         return self.take(np.isin(self.pose, numbers))
 
-    def take(self, mask: NDArray[np.bool_]) -> Problem:
+    def take(self, mask: Bools) -> Problem:
         """Keep the components where ``mask`` (m,) is true; loaded poses that none of them needs are dropped."""
         rows, row = np.unique(self.row[mask], return_inverse=True)
         free, kept_as = self.free.take(rows)

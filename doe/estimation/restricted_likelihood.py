@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.blocks import Blocks, Covariance
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 STEPS = 40
 # A step that promises less log-likelihood than this is the last one. Steps shrink tenfold or more each time, so what

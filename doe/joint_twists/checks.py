@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from fem.statics.ports import ROWS
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # Cycles that load a row by less than this share of the most say little about its loop.
 LOADED = 0.3
@@ -67,7 +65,7 @@ def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:
     return tuple(out)
 
 
-def _loading(found: Identified, mine: NDArray[np.bool_], r: int) -> float:
+def _loading(found: Identified, mine: Bools, r: int) -> float:
     """Stiffness from the way up alone over that from both ways, minus one."""
     c = found.cycles
     w = c.carried[mine, r] / c.variance[mine, r]

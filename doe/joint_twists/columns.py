@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables import columns as mc
 from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, Faults, RawTable
 from robots import Robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools, Indices
 
 # Per row, of translations and of rotations.
 SIGMAS: Final = ("sigma_mm", "sigma_twist_mrad")
@@ -92,10 +90,10 @@ class Cells:
     """What each row of either kind of table says: pose, joint, load, phase, labels. NaN or "" where faulty."""
 
     q: Array
-    joint: NDArray[np.intp]
+    joint: Indices
     wrench: Array
     point: Array
-    in_base: NDArray[np.bool_]
+    in_base: Bools
     phase: tuple[str, ...]
     pose: tuple[str, ...]
     repeat: tuple[str, ...]
@@ -133,7 +131,7 @@ def _check(
             faults.add(line, problem, value=text or None, allowed=", ".join(allowed), remedy=remedy)
 
 
-def _joints(table: RawTable, texts: Sequence[str], robot: Robot, faults: Faults) -> NDArray[np.intp]:
+def _joints(table: RawTable, texts: Sequence[str], robot: Robot, faults: Faults) -> Indices:
     """Index of the joint watched, by name or number from 1."""
     known = {name: k for k, name in enumerate(robot.joint_names)}
     known = {str(k + 1): k for k in range(robot.dof)} | known

@@ -14,16 +14,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.laws import on_one_turn
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
 from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics
+from robots.arrays import Array, Bools, Indices
 from robots.kinematics import tool_position
 
-Array = NDArray[np.float64]
 Branches = Literal["mean", "loading"]
 
 # Directions of loads within this angle are one cycle's: a real force wanders a little as it rises.
@@ -46,8 +45,8 @@ class Cycles:
     """
 
     q: Array
-    joint: NDArray[np.intp]
-    setup: NDArray[np.intp]
+    joint: Indices
+    setup: Indices
     setups: tuple[str, ...]
     top: Array
     force: Array
@@ -58,9 +57,9 @@ class Cycles:
     half_width: Array
     half_width_variance: Array
     noise: Array
-    noise_dof: NDArray[np.intp]
-    noise_known: NDArray[np.bool_]
-    number: NDArray[np.intp]
+    noise_dof: Indices
+    noise_known: Bools
+    number: Indices
 
     @property
     def m(self) -> int:
@@ -124,7 +123,7 @@ def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean")
     )  # fmt: skip
 
 
-def _numbers(data: TwistReadings) -> NDArray[np.intp]:
+def _numbers(data: TwistReadings) -> Indices:
     """Number of the cycle of each reading; zero loads join the cycle that they begin or end."""
     seen: dict[str, list[tuple[int, Array]]] = {}
     out = np.full(data.n, -1, dtype=np.intp)
@@ -156,7 +155,7 @@ def _numbers(data: TwistReadings) -> NDArray[np.intp]:
     return out
 
 
-def _check_branches(data: TwistReadings, number: NDArray[np.intp], branches: Branches) -> None:
+def _check_branches(data: TwistReadings, number: Indices, branches: Branches) -> None:
     up = np.bincount(number, data.is_loading & (data.load > 0.0))
     down = np.bincount(number, ~data.is_loading & (data.load > 0.0))
     for missing, name in ((up == 0, "loading"), ((down == 0) & (branches == "mean"), "unloading")):
@@ -184,7 +183,7 @@ class _Sums:
     yy: Array
 
     @staticmethod
-    def of(w: Array, F: Array, g: Array, y: Array, number: NDArray[np.intp], m: int) -> _Sums:
+    def of(w: Array, F: Array, g: Array, y: Array, number: Indices, m: int) -> _Sums:
         y = np.where(np.isfinite(y), y, 0.0)
 
         def total(x: Array) -> Array:
@@ -210,7 +209,7 @@ class _Sums:
         seen = self.ff > 0.0
         return np.where(seen, slope, np.nan), np.where(seen, variance, np.nan), half, half_variance
 
-    def left_over(self) -> tuple[Array, NDArray[np.intp]]:
+    def left_over(self) -> tuple[Array, Indices]:
         """Weighted sum of squares that the fit leaves over, and the number of fitted numbers."""
         slope, _, half, _ = self.solved()
         took = np.where(np.isfinite(slope), slope * self.fy, 0.0) + np.where(np.isfinite(half), half * self.gy, 0.0)
@@ -218,9 +217,7 @@ class _Sums:
         return np.maximum(self.yy - took, 0.0), fitted
 
 
-def _noise(
-    data: TwistReadings, fit: _Sums, use: Array, sigma: Array, number: NDArray[np.intp]
-) -> tuple[Array, NDArray[np.intp]]:
+def _noise(data: TwistReadings, fit: _Sums, use: Array, sigma: Array, number: Indices) -> tuple[Array, Indices]:
     """Standard deviation (dof, 2) of readings without a sigma of their own, by joint and kind, with freedoms."""
     squares, fitted = fit.left_over()
     count = np.zeros_like(squares)
@@ -240,22 +237,20 @@ def _noise(
     return noise, dof
 
 
-def _cycle_sigma(sigma: Array, use: Array, number: NDArray[np.intp], m: int) -> NDArray[np.bool_]:
+def _cycle_sigma(sigma: Array, use: Array, number: Indices, m: int) -> Bools:
     """Cycles and rows (m, 6) whose readings all bring their sigma."""
     without = np.zeros((m, 6))
     np.add.at(without, number, use * ~np.isfinite(sigma))
     return np.asarray(without == 0.0)
 
 
-def _setups(data: TwistReadings, first: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+def _setups(data: TwistReadings, first: Indices) -> tuple[Indices, tuple[str, ...]]:
     labels = [data.setup[i] for i in first]
     names = tuple(dict.fromkeys(labels))
     return np.array([names.index(label) for label in labels], dtype=np.intp), names
 
 
-def _loads(
-    model: ArmModel, data: TwistReadings, number: NDArray[np.intp], first: NDArray[np.intp]
-) -> tuple[Array, Array]:
+def _loads(model: ArmModel, data: TwistReadings, number: Indices, first: Indices) -> tuple[Array, Array]:
     """Mean direction of each cycle's force (m, 3), flange axes, and what its joint carries per newton (m, 6)."""
     per = np.zeros((len(first), 6))
     total = np.zeros(len(first))

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.laws import Law
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Status = Literal["determined", "one-sided", "not judged", "not determined", "not identified"]
 
 

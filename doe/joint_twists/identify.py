@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
@@ -25,8 +24,7 @@ from doe.joint_twists.unjudged import FEWEST_SPARE, Unjudged, unjudged
 from fem import ArmModel
 from fem.statics.ports import ROWS
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Rows of a joint that carry less than this share of their largest possible load (a force: all of the load; a moment:
 # the load at one metre) were not loaded: what they do is noise.

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.free.law_bases import Basis, FourierBasis, TableBasis
 from fem.springs import LawSpring
 from robots import InputError
+from robots.arrays import Array, Indices
 
-Array = NDArray[np.float64]
 LawKind = Literal["constant", "fourier-1", "fourier-2", "table"]
 LAWS: tuple[LawKind, ...] = ("constant", "fourier-1", "fourier-2", "table")
 
@@ -48,7 +47,7 @@ class Law:
         return c, c * spread
 
 
-def angles_of(angle: Array) -> tuple[Array, NDArray[np.intp]]:
+def angles_of(angle: Array) -> tuple[Array, Indices]:
     """Distinct angles (a,) rad in rising order, and which of them each of (n,) is."""
     order = np.argsort(angle)
     step = np.diff(angle[order], prepend=-np.inf) > SAME_ANGLE

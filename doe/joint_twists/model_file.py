@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
@@ -11,10 +10,9 @@ from doe.joint_twists.laws import Law
 from fem import ArmModel
 from fem.statics.ports import ROWS
 from robots import ModelDescription
+from robots.arrays import Array
 from robots.schema.description import Calibration, Joint, LogFourierLaw, PlaceStiffness, Spring, TableLaw
 from robots.schema.quantities import RotationalStiffness, TranslationalStiffness
-
-Array = NDArray[np.float64]
 
 SOURCE_KEY = "identified"
 

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +32,7 @@ class TwistReadings:
     source: str
     sha256: str
     q: Array
-    joint: NDArray[np.intp]
+    joint: Indices
     wrench: Array
     point: Array
     twist: Array
@@ -64,11 +62,11 @@ class TwistReadings:
         return np.asarray(np.where(force > 0.0, force, np.linalg.norm(self.wrench[:, 3:], axis=1)))
 
     @property
-    def is_loading(self) -> NDArray[np.bool_]:
+    def is_loading(self) -> Bools:
         """Which readings were taken on the way up (n,)."""
         return np.array([phase == "loading" for phase in self.phase], dtype=np.bool_)
 
-    def select(self, mask: NDArray[np.bool_]) -> TwistReadings:
+    def select(self, mask: Bools) -> TwistReadings:
         """The readings where ``mask`` (n,) is true."""
         parts: dict[str, object] = {}
         for item in fields(self)[2:11]:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
 from doe.joint_twists.readings import TwistReadings
@@ -20,8 +19,7 @@ from doe.joint_twists.reflectors import Motion, motion, relative
 from doe.tables import columns as mc
 from doe.tables.columns import Columns, Faults, RawTable
 from robots import InputError, Robot, forward_kinematics
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 # A reflector that moved further under the load was knocked, or two were mixed up.
 FARTHEST_M = 0.05
@@ -85,21 +83,19 @@ def assemble_reflectors(
     )  # fmt: skip
 
 
-def _groups(label: Sequence[str]) -> list[NDArray[np.intp]]:
+def _groups(label: Sequence[str]) -> list[Indices]:
     found: dict[str, list[int]] = {}
     for i, text in enumerate(label):
         found.setdefault(text, []).append(i)
     return [np.array(rows, dtype=np.intp) for rows in found.values()]
 
 
-def _agree(rows: NDArray[np.intp], cells: Cells) -> bool:
+def _agree(rows: Indices, cells: Cells) -> bool:
     same = np.column_stack([cells.q, cells.wrench, cells.point, cells.joint, cells.in_base])[rows]
     return bool((same == same[0]).all()) and len({cells.phase[i] for i in rows}) == 1
 
 
-def _fit(
-    rows: NDArray[np.intp], unloaded: Array, loaded: Array, arm: Sequence[str], origin: Array, R: Array, what: str
-) -> _Fit:
+def _fit(rows: Indices, unloaded: Array, loaded: Array, arm: Sequence[str], origin: Array, R: Array, what: str) -> _Fit:
     moved: dict[str, Motion] = {}
     for side in ARMS:
         own = rows[[arm[i] == side for i in rows]]

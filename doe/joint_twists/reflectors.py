@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 FEWEST = 3
 # Second singular value of the reflectors' spread over the first: below it a turn about their line is not seen.

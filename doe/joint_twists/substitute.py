@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from doe.joint_twists.cycles import carried
@@ -19,8 +18,8 @@ from doe.joint_twists.identify import Identified
 from fem import ArmModel
 from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 # Compliances (n, dof, 6) of the rows of every joint at poses (n, dof).
 Compliances = Callable[[Array], Array]
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.cycles import carried
 from doe.joint_twists.readings import TwistReadings
@@ -18,8 +17,7 @@ from fem.free.law_bases import FourierBasis
 from fem.springs import LawSpring
 from fem.statics.ports import ROWS
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 # Joint stiffness of the 100-270 kg class about the axis (axes 1-3: 4e5 to 4e6, wrist 2e4 to 3e6 N m/rad); tilting
 # stiffness of RV gearboxes is 5 to 9 times the torsional one (recalled from catalogues: 110E 294/1470, 160E 392/2940,
@@ -126,7 +124,7 @@ def make_readings(
 
 
 def _responses(
-    truth: Truth, q: Array, joint: NDArray[np.intp], t: Array, load: Array, c: Campaign, rng: np.random.Generator
+    truth: Truth, q: Array, joint: Indices, t: Array, load: Array, c: Campaign, rng: np.random.Generator
 ) -> Array:
     """Twists (k, 3, n, 6) of k set-ups under three loads in n steps; t (k, 3, 6) carried per newton."""
     k = len(q)

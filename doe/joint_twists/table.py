@@ -7,7 +7,6 @@ from itertools import compress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.columns import SIGMAS, Cells, find_columns, is_reflector_table, read_cells
 from doe.joint_twists.readings import TwistReadings
@@ -16,11 +15,10 @@ from doe.tables import columns as mc
 from doe.tables.checks import joint_keys
 from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import Robot, forward_kinematics
+from robots.arrays import Array
 from robots.errors import listed
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
-
-Array = NDArray[np.float64]
 
 
 def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> TwistReadings:

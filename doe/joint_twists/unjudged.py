@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.cycles import Cycles
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.laws import FEWEST_FOR_A_LAW, FEWEST_FOR_ORDER_TWO, LawKind, angles_of
-
-Array = NDArray[np.float64]
 
 KINDS = ("translations", "rotations")
 # Fewer spare set-ups say nothing about their scatter.

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists.substitute import Compliances, stiffness_with
 from fem import ArmModel
 from robots import InputError, inverse_kinematics, why_no_closed_form
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Orientation = Literal["base", "forward", "down"]
 
 ORIENTATIONS: dict[str, Array] = {

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.published.readings import PointOf
@@ -18,8 +17,6 @@ from fem.statics.ports import ROWS
 from robots import InputError, ModelDescription
 from robots.schema.description import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw
 from robots.schema.units import UNITS, factor
-
-Array = NDArray[np.float64]
 
 # Entries off the diagonal have a unit for each pair of kinds of rows.
 ENTRY_UNITS = ("m/N", "rad/N", "rad/(N m)")

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel
 from fem.effects import PlacedEffect
 from fem.free.named_numbers import described_variables, named_numbers
 from fem.free.parameters import Parameter
 from robots import InputError, ModelDescription
+from robots.arrays import Array
 from robots.schema.uncertainty import CalibrationUncertainty, NumberStatus, UndeterminedNumber
-
-Array = NDArray[np.float64]
 
 # A file's numbers are written with nine digits or more.
 SAME = 1e-6

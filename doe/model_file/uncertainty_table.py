@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.calibration import Calibration
@@ -17,6 +16,7 @@ from doe.published.constant import ConstantFit, SpringEstimate
 from doe.published.stage_covariance import stage_covariance
 from fem.free.named_numbers import described_variables, named_numbers
 from fem.free.parameters import Parameter, Scale
+from robots.arrays import Array
 from robots.schema.uncertainty import (
     MOST_DEGREES_OF_FREEDOM,
     CalibrationUncertainty,
@@ -25,7 +25,6 @@ from robots.schema.uncertainty import (
     UndeterminedNumber,
 )
 
-Array = NDArray[np.float64]
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
 
 VARIABLES: dict[Scale, NumberVariable] = {"compliance": "1/value", "log": "ln value", "linear": "value"}

@@ -5,12 +5,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.published.scheme import Factorial
 from robots import InputError, Robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def two_level_factorial(factors: int) -> Array:

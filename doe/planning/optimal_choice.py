@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array, Integers
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Criterion = Literal["D", "A", "I"]
 Progress = Callable[[int, int], None]
 
@@ -38,7 +36,7 @@ class Choice:
     better (D: ln det C; A, I: the trace).
     """
 
-    chosen: Indices
+    chosen: Integers
     covariance: Array
     value: float
 
@@ -88,7 +86,7 @@ def choose(
 
 
 def judge(
-    known: Array, experiments: Array, chosen: Indices, criterion: Criterion, weight: Array | None = None
+    known: Array, experiments: Array, chosen: Integers, criterion: Criterion, weight: Array | None = None
 ) -> Choice:
     """The value of a given choice."""
     W = np.eye(len(known)) if weight is None else weight
@@ -96,7 +94,7 @@ def judge(
     return Choice(np.asarray(chosen), C, _value(C, criterion, W))
 
 
-def _information(known: Array, experiments: Array, chosen: Indices) -> Array:
+def _information(known: Array, experiments: Array, chosen: Integers) -> Array:
     B = experiments[chosen].reshape(-1, experiments.shape[2])
     return np.asarray(known + B.T @ B)
 
@@ -127,7 +125,7 @@ def _gains(C: Array, experiments: Array, criterion: Criterion, W: Array) -> Arra
     return np.asarray(np.trace(np.linalg.solve(inner, BC @ W @ np.swapaxes(BC, 1, 2)), axis1=1, axis2=2))
 
 
-def _greedy(known: Array, experiments: Array, n: int, criterion: Criterion, W: Array) -> Indices:
+def _greedy(known: Array, experiments: Array, n: int, criterion: Criterion, W: Array) -> Integers:
     chosen: list[int] = []
     M = known
     for _ in range(n):
@@ -138,7 +136,7 @@ def _greedy(known: Array, experiments: Array, n: int, criterion: Criterion, W: A
     return np.array(chosen)
 
 
-def _exchange(known: Array, experiments: Array, first: Indices, criterion: Criterion, W: Array) -> Choice:
+def _exchange(known: Array, experiments: Array, first: Integers, criterion: Criterion, W: Array) -> Choice:
     """Swap one experiment for a better one until nothing gains."""
     chosen = np.array(first)
     now = judge(known, experiments, chosen, criterion, W)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import Certainty, ParameterEstimate, certainty
 from doe.estimation.estimate import BLIND, Estimate, estimate, prior_residual, step_sizes
@@ -18,8 +17,7 @@ from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
 from fem.statics.loads import LoadedPoses
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # What is known of a positive parameter before any reading: a factor of this to either side, one standard deviation.
 VAGUE = math.log(30.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.noise import Noise
 from doe.planning.optimal_choice import Choice, Criterion, Progress, choose, judge
@@ -15,9 +14,7 @@ from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
 from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Bools
 
 # Random plans are drawn up to so many times as many set-ups as chosen ones.
 RANDOM_REACH = 4
@@ -222,7 +219,7 @@ def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses
     return None
 
 
-def seen_by(candidates: Array, vague: Array) -> NDArray[np.bool_]:
+def seen_by(candidates: Array, vague: Array) -> Bools:
     """Which parameters (p,) any of the experiments (N, r, p) moves with; vague (p,): their standard deviations."""
     norm = np.linalg.norm(candidates.reshape(-1, candidates.shape[2]) * vague, axis=0)
     return np.asarray(norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300))

@@ -7,13 +7,12 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import hadamard
 from scipy.stats import qmc
 
 from robots import InputError, Robot, forward_kinematics, tool_position
+from robots.arrays import Array, Bools
 
-Array = NDArray[np.float64]
 Method = Literal["factorial", "fractional", "latin", "sobol"]
 
 METHODS: tuple[Method, ...] = ("factorial", "fractional", "latin", "sobol")
@@ -38,7 +37,7 @@ class Zone:
     boxes: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...] = ()
     own: float = 0.0
 
-    def free(self, robot: Robot, q: Array) -> NDArray[np.bool_]:
+    def free(self, robot: Robot, q: Array) -> Bools:
         """Which poses q (n, dof) keep clear of it (n,)."""
         frames = forward_kinematics(robot, q)
         joints = [*np.moveaxis(frames.p[:, 1:], 1, 0), frames.p_flange, tool_position(robot, frames)]

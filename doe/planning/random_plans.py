@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.planning.optimal_choice import Criterion
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Their median is then uncertain by some 6 % of one plan's standard deviation.
 PLANS = 400

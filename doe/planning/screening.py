@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from SALib.analyze import morris as morris_analysis
 from SALib.analyze import sobol as sobol_analysis
 from SALib.sample import morris as morris_sample
@@ -23,8 +22,7 @@ from SALib.sample import sobol as sobol_sample
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Runs, or runs times poses, evaluated at once: bounds the memory at some 100 MB.
 BATCH = 20_000

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Starts of the nearest-neighbour tours; sweeps of improvement.
 MOST_STARTS, MOST_SWEEPS = 40, 50
@@ -21,12 +19,12 @@ def travel(q: Array) -> Array:
     return np.asarray(turn.max(axis=2) + 1e-3 * turn.sum(axis=2))
 
 
-def length(way: Array, order: Indices) -> float:
+def length(way: Array, order: Integers) -> float:
     """Length of an open tour."""
     return float(way[order[:-1], order[1:]].sum())
 
 
-def short_tour(q: Array) -> Indices:
+def short_tour(q: Array) -> Integers:
     """Order (n,) of poses q (n, dof) rad for a short open tour: nearest neighbours, then 2-opt (Croes 1958).
 
     A good tour, not proven the shortest.
@@ -39,7 +37,7 @@ def short_tour(q: Array) -> Indices:
     return min(tours, key=lambda tour: length(way, tour))
 
 
-def _nearest(way: Array, start: int) -> Indices:
+def _nearest(way: Array, start: int) -> Integers:
     order, left = [start], np.ones(len(way), dtype=np.bool_)
     left[start] = False
     while left.any():
@@ -49,7 +47,7 @@ def _nearest(way: Array, start: int) -> Indices:
     return np.array(order)
 
 
-def _improved(way: Array, order: Indices) -> Indices:
+def _improved(way: Array, order: Integers) -> Integers:
     """Turn stretches of the tour round as long as that shortens it."""
     n = len(order)
     for _ in range(MOST_SWEEPS):

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.published.constant import MIXED, ConstantFit, blind_directions, fit_constant
 from doe.published.readings import Equations, equations, model_compliances, rms_mm
@@ -15,8 +14,7 @@ from doe.published.staged import StagedResult, calibrate_staged
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @dataclass(frozen=True)

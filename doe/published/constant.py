@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, lsq_linear
 from scipy.stats import t as student
 
 from doe.published.parametric import WIDEST_Nm_per_rad
 from doe.published.readings import Equations, rms_mm
 from robots import InputError
+from robots.arrays import Array, Bools, Indices
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
 
 # Columns whose norm is below this share of the largest carry no information about their spring.
@@ -168,7 +166,7 @@ def blind_directions(A: Array) -> Array:
     return np.vstack([np.eye(A.shape[1])[~seen], _blind(A, seen, norm)])
 
 
-def _blind(A: Array, seen: Mask, norm: Array) -> Array:
+def _blind(A: Array, seen: Bools, norm: Array) -> Array:
     """Directions (d, p), length one, in which no row of A moves though each of their columns does."""
     small, V = _null_space(A[:, seen] / norm[seen])
     rows = np.zeros((int(small.sum()), A.shape[1]))
@@ -176,7 +174,7 @@ def _blind(A: Array, seen: Mask, norm: Array) -> Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
-def _covariance(problem: _Scaled, x: Array, norm: Array, seen: Mask, scale: float) -> Array:
+def _covariance(problem: _Scaled, x: Array, norm: Array, seen: Bools, scale: float) -> Array:
     """Covariance (p, p) of the compliances; those at an end of the range are held there."""
     out = np.zeros((len(seen), len(seen)))
     inner = (x > problem.low * (1.0 + AT_END)) & (x < problem.high * (1.0 - AT_END))
@@ -190,7 +188,7 @@ def _covariance(problem: _Scaled, x: Array, norm: Array, seen: Mask, scale: floa
 
 def _columns(
     joints: tuple[str, ...], joint_names: tuple[str, ...], bounds: tuple[float, float], readings: int
-) -> NDArray[np.intp]:
+) -> Indices:
     for joint in joints:
         if joint not in joint_names:
             raise InputError("joint to calibrate", value=joint, allowed=", ".join(joint_names))
@@ -204,13 +202,13 @@ def _columns(
     return np.array([joint_names.index(joint) for joint in joints])
 
 
-def _column_norms(A: Array) -> tuple[Array, Mask]:
+def _column_norms(A: Array) -> tuple[Array, Bools]:
     """Norms (p,) of the columns, and which of them carry information."""
     norm = np.linalg.norm(A, axis=0)
     return norm, norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300)
 
 
-def _null_space(A: Array) -> tuple[Mask, Array]:
+def _null_space(A: Array) -> tuple[Bools, Array]:
     """Which right singular vectors (rows of V, all p of them) are not determined."""
     if A.shape[1] == 0:
         return np.zeros(0, dtype=np.bool_), np.zeros((0, 0))
@@ -220,7 +218,7 @@ def _null_space(A: Array) -> tuple[Mask, Array]:
 
 
 def _estimates(
-    problem: _Scaled, x: Array, joints: tuple[str, ...], norm: Array, seen: Mask, scale: float, spare: int
+    problem: _Scaled, x: Array, joints: tuple[str, ...], norm: Array, seen: Bools, scale: float, spare: int
 ) -> tuple[SpringEstimate, ...]:
     nan = float("nan")
     springs = {j: SpringEstimate(j, nan, (nan, nan), "not identified") for j in joints}
@@ -248,7 +246,7 @@ def _estimates(
     return tuple(springs.values())
 
 
-def _profile_limits(problem: _Scaled, x: Array, rise: float, skip: Mask) -> Array:
+def _profile_limits(problem: _Scaled, x: Array, rise: float, skip: Bools) -> Array:
     """Limits (p, 2) of x: where the profile of the sum of squares has risen by ``rise`` squared."""
     inverse = np.linalg.pinv(problem.A, rcond=1.0 / MAX_CONDITION)
     covariance = inverse @ inverse.T

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimize
 
 from doe.planning.designs import level_grid
 from doe.published.readings import Equations
 from doe.published.scheme import FEWEST_LEVELS
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # Springs outside this range are as good as absent or rigid on any arm; widening stops here.
 WIDEST_Nm_per_rad = (1e3, 1e9)
@@ -149,7 +147,7 @@ def _widest(A: Array, bounds: tuple[float, float], gauge_m: float) -> tuple[Arra
     return np.full(A.shape[1], min(WIDEST_Nm_per_rad[0], bounds[0])), high
 
 
-def _mask(columns: list[int], size: int) -> NDArray[np.bool_]:
+def _mask(columns: list[int], size: int) -> Bools:
     mask = np.zeros(size, dtype=np.bool_)
     mask[columns] = True
     return mask
@@ -159,7 +157,7 @@ def _levels(low: float, high: float, count: int, spacing: str) -> Array:
     return np.geomspace(low, high, count) if spacing == "log" else np.linspace(low, high, count)
 
 
-def _widen(best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]) -> NDArray[np.bool_]:
+def _widen(best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]) -> Bools:
     """Move each bound that the best level sits on by a factor of ten, up to its limit; which were (2, k)."""
     widened = np.zeros((2, best.size), dtype=np.bool_)
     for i in range(best.size):
@@ -172,9 +170,7 @@ def _widen(best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]) 
     return widened
 
 
-def _refined(
-    best: Array, grids: list[Array], bound: tuple[Array, Array], widened: NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def _refined(best: Array, grids: list[Array], bound: tuple[Array, Array], widened: Bools) -> tuple[Array, Array]:
     """One level to both sides of the best one; up to the new bound where one was just widened.
 
     Where the best level is the last one of its grid, the search goes on beyond it, by one such level.

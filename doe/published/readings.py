@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables.measurements import Measurements
 from fem import ArmModel, spring_influence
 from fem.statics.loads import as_loaded
 from robots import InputError
+from robots.arrays import Array, Bools, Integers
 
-Array = NDArray[np.float64]
 # Whose point a reading was taken at: the model's tool point, or one of its own (px_mm, py_mm, pz_mm).
 PointOf = Literal["tool", "table"]
 
@@ -34,15 +33,15 @@ class Equations:
     rest: Array
     value: Array
     sigma: Array
-    row: NDArray[np.int64]
-    component: NDArray[np.int64]
+    row: Integers
+    component: Integers
     q: Array
     pose: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.value)
 
-    def take(self, mask: NDArray[np.bool_]) -> Equations:
+    def take(self, mask: Bools) -> Equations:
         """Keep the equations where ``mask`` (m,) is true."""
         return Equations(
             self.influence[mask],
@@ -145,7 +144,7 @@ def check_poses(data: Measurements, poses: tuple[str, ...], where: str) -> None:
             raise InputError(f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}")
 
 
-def rms_mm(error: Array, component: NDArray[np.int64]) -> float:
+def rms_mm(error: Array, component: Integers) -> float:
     """RMS of the translational errors in mm (NaN if none was read)."""
     linear = error[component < 3]
     return float(np.sqrt(np.mean(linear**2)) * 1e3) if linear.size else float("nan")

@@ -12,12 +12,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError, Robot
+from robots.arrays import Array, Integers
 from robots.schema.description import LogPolynomialLaw
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class SpringPoints:
     origin: tuple[str, ...]
 
 
-def total_degree_exponents(inputs: int, degree: int) -> NDArray[np.int64]:
+def total_degree_exponents(inputs: int, degree: int) -> Integers:
     """All exponents with a sum of at most ``degree``, lowest degree first, (t, inputs)."""
     rows = [e for e in itertools.product(range(degree + 1), repeat=inputs) if sum(e) <= degree]
     return np.array(sorted(rows, key=lambda e: (sum(e), e)), dtype=np.int64)

@@ -8,7 +8,6 @@ found in sequence, "two-step estimators": Newey & McFadden 1994, doi:10.1016/S15
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from doe.estimation.calibration import Calibration, StageResult
@@ -16,8 +15,7 @@ from doe.model_file.carried_on import NOTHING, CarriedOn
 from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel
 from fem.free.named_numbers import NamedNumbers, named_numbers
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def stage_covariance(found: Calibration, before: CarriedOn = NOTHING) -> tuple[tuple[str, ...], Array, bool]:

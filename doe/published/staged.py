@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.published.parametric import PoseFit, fit_pose
 from doe.published.readings import Equations, check_poses, equations, model_compliances, rms_mm
@@ -16,9 +15,9 @@ from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.springs import ConstantSpring, SpringLaw, spring_from
 from robots import InputError
+from robots.arrays import Array
 from robots.schema.description import LogPolynomialLaw
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 # A spring whose whole influence on a reading is below this share of the gauge was not tested there.

@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.statics.gravity import STANDARD_GRAVITY
 from robots import ModelDescription, Robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # The reference class: 180 kg payload, 1200 kg mass, 2.7 m from axis 1.
 REFERENCE_TORQUE_Nm = STANDARD_GRAVITY * 2.7 * (180.0 + 0.15 * 1200.0)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from doe.tables.columns import DISPLACEMENTS, POINT, Array, Faults
+from doe.tables.columns import DISPLACEMENTS, POINT, Faults
 from robots import InputError, Robot
+from robots.arrays import Array
 
 if TYPE_CHECKING:
     from doe.tables.measurements import Measurements

@@ -15,16 +15,14 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
 from robots import InputError, InputErrors, Robot
+from robots.arrays import Array
 from robots.errors import FAULTS_SHOWN, line_ranges
 from robots.files.csv_text import as_read
 from robots.files.reading import read_bytes
 from robots.schema.units import factor
-
-Array = NDArray[np.float64]
 
 LOADS: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 DISPLACEMENTS: Final = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")

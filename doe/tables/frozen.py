@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.problem import problem
 from doe.tables.columns import DISPLACEMENTS
@@ -20,8 +19,7 @@ from doe.tables.measurements import Measurements
 from doe.tables.passive_arm import PassiveArm
 from fem import ArmModel
 from robots import InputError, InputErrors
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # A column stands still against the arm where the nearest arm departs from it by more than a digit of the readings and
 # by more than this share of what was read, of few set-ups more, for two or three may read the same by chance: two loads

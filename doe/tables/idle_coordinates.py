@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.planning.outset import Outset
 from doe.planning.plan import Protocol, experiments
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Other values tried of a coordinate in each pose.
 TRIALS = 4

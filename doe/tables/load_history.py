@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables.measurements import Measurements
 from fem.effects.history import History
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 # Decimals of a load's direction and relative size that count as the same: real weights hang a little off.
 SAME = 3
@@ -58,7 +56,7 @@ def _size(data: Measurements) -> Array:
     return np.asarray(np.where(force > 0.0, force, np.linalg.norm(data.wrench[:, 3:], axis=1)))
 
 
-def _groups(data: Measurements, size: Array) -> list[NDArray[np.intp]]:
+def _groups(data: Measurements, size: Array) -> list[Indices]:
     """Rows of each cycle, in order of first appearance."""
     unit = np.round(data.wrench / np.maximum(size, 1e-300)[:, None], SAME) + 0.0
     point = np.round(np.nan_to_num(data.point, nan=1e9), 9) + 0.0
@@ -74,7 +72,7 @@ def _groups(data: Measurements, size: Array) -> list[NDArray[np.intp]]:
     return [np.array(rows, dtype=np.intp) for rows in groups.values()]
 
 
-def _ranks(data: Measurements, size: Array, rows: NDArray[np.intp]) -> NDArray[np.intp] | None:
+def _ranks(data: Measurements, size: Array, rows: Indices) -> Indices | None:
     """Places (k,) of a cycle's readings in time, from 0, equal at one time; None where that is not known."""
     step, load = data.step[rows], size[rows]
     # Opposite loads of one size are different loads, as steps may lead from one to the other.
@@ -92,7 +90,7 @@ def _ranks(data: Measurements, size: Array, rows: NDArray[np.intp]) -> NDArray[n
     return np.unique(np.round(keys, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
 
-def _clock(data: Measurements, cycle: NDArray[np.intp]) -> Array:
+def _clock(data: Measurements, cycle: Indices) -> Array:
     unknown = np.full(data.n, np.nan)
     if data.n < 2 or not np.isfinite(data.step).all():
         return unknown

@@ -9,7 +9,6 @@ from itertools import compress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables import columns as mc
 from doe.tables.checks import (
@@ -20,8 +19,9 @@ from doe.tables.checks import (
     joint_keys,
     plausibility_notes,
 )
-from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Array, Columns, Faults, RawTable
+from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
 from robots import InputError, Robot
+from robots.arrays import Array, Bools, Indices
 from robots.errors import line_ranges, listed
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
@@ -78,11 +78,11 @@ class Measurements:
         return np.asarray(np.linalg.norm(self.wrench[:, :3], axis=1), dtype=np.float64)
 
     @property
-    def used(self) -> NDArray[np.bool_]:
+    def used(self) -> Bools:
         """Which components were read (n, 6)."""
         return np.asarray(~np.isnan(self.displacement), dtype=np.bool_)
 
-    def select(self, mask: NDArray[np.bool_]) -> Measurements:
+    def select(self, mask: Bools) -> Measurements:
         """Return the readings where ``mask`` (n,) is true; source, hash and notes stay."""
         mask = np.asarray(mask)
         if mask.dtype != np.bool_ or mask.shape != (self.n,):
@@ -96,7 +96,7 @@ class Measurements:
                 parts[item.name] = tuple(compress(value, mask))
         return replace(self, **parts)  # type: ignore[arg-type]
 
-    def pose_groups(self) -> dict[str, NDArray[np.intp]]:
+    def pose_groups(self) -> dict[str, Indices]:
         """Row indices of each pose label, labels in order of first appearance."""
         groups: dict[str, list[int]] = {label: [] for label in self.pose}
         for i, label in enumerate(self.pose):
@@ -176,7 +176,7 @@ def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[s
     yield from table.notes
 
 
-def _unread_notes(m: Measurements, unread: NDArray[np.bool_]) -> Iterator[str]:
+def _unread_notes(m: Measurements, unread: Bools) -> Iterator[str]:
     """Name the rows without any reading, neighbours as one range."""
     rows = np.array(m.row_numbers)[unread]
     if rows.size:

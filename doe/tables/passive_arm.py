@@ -11,14 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from doe.estimation.problem import Problem
 from fem import spring_influence
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Ways of giving that move readings by less than this share of what the strongest one does are rounding.
 BLIND = 1e-12
@@ -35,8 +32,8 @@ class PassiveArm:
 
     ways: Array
     value: Array
-    row: Indices
-    component: Indices
+    row: Integers
+    component: Integers
     setup: Array
 
     @staticmethod

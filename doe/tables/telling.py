@@ -15,14 +15,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from doe.estimation.problem import Problem
 from doe.tables.passive_arm import PassiveArm
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 # Scatter of less than this share of the readings leaves no doubt that they follow the arm: random readings get there
 # by chance once in some thousand tables of nine. Gauges at robots scatter by 1 to 30 % of what they read.
@@ -137,7 +135,7 @@ def _explained(R: Array, b: Array) -> float:
     return float(2.0 * f @ b - f @ f)
 
 
-def _alike(table: Array) -> list[NDArray[np.intp]]:
+def _alike(table: Array) -> list[Indices]:
     """Rows (k,) of a table with the same components read, which may be exchanged for one another."""
     kind = np.unique(np.isnan(table), axis=0, return_inverse=True)[1].reshape(-1)
     return [np.flatnonzero(kind == k) for k in range(int(kind.max()) + 1)]

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from doe.certainty.uncertainty import certainty
@@ -31,8 +30,7 @@ from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.free.parameters import parameter
 from robots import InputError, ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Factors tried: four decades on both sides, twenty steps each; all known units lie among them.
 SCALES = np.logspace(-4.0, 4.0, 161)

@@ -15,7 +15,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.compiled import kernel_arrays
 from fem.compiled.flat_arm import FlatArm, flat_arm, why_not_flat
@@ -24,12 +23,11 @@ from fem.statics.flexibility import compliance, deflection, stiffness_along, uni
 from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
 from robots import InputError
+from robots.arrays import Array
 from robots.kinematics import as_poses
 
 if TYPE_CHECKING:
     from fem.compiled.kernel_arrays import Figures, Work
-
-Array = NDArray[np.float64]
 
 # Fewer poses than this numpy has done in some 10 ms; loading numba takes 0.3 s, once.
 FEWEST = 2_000

@@ -15,14 +15,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel, LinkPart
 from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.transfers import FLAT_SINE
+from robots.arrays import Array
 from robots.robot import rotation_about_x
-
-Array = NDArray[np.float64]
 
 # Sines and cosines of fixed angles this near to 0 or 1 are meant to be; they come from degrees and products of cosines.
 SNAP = 4.0 * np.finfo(np.float64).eps

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Poses a pass. Each figure of theirs has a row of the work array; that stays in the cache.
 BLOCK = 200
@@ -32,8 +30,8 @@ class Figures(NamedTuple):
     """
 
     joint: Array
-    kind: Indices
-    soft: Indices
+    kind: Integers
+    soft: Integers
     base: Array
     base_soft: bool
     turn_base: Array
@@ -41,9 +39,9 @@ class Figures(NamedTuple):
     offset: Array
     R_tool: Array
     t_tool: Array
-    law_frame: Indices
+    law_frame: Integers
     law_axis: Array
-    law_turns: Indices
+    law_turns: Integers
     driven: int
     loop: Array
     at_pin: Array

@@ -15,12 +15,10 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from fem.compiled.kernel_arrays import BLOCK, COLUMN, HALF, ROW, ROWS, SHIFT, TURN, A, B, D, Figures, K, P, Work
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 # Tuples, because numba counts references of arrays.
 Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]  # xx, xy, xz, yy, yz, zz

@@ -20,12 +20,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from robots.schema.units import UNITS, factor
 
-Array = NDArray[np.float64]
 Stage = Literal["model", "load", "arm", "gauge"]
 Role = Literal["amplitude", "shape"]
 Scale = Literal["linear", "compliance"]

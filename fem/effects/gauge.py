@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 AXES = ("x", "y", "z")
 

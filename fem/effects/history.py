@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from robots.arrays import Array, Bools, Indices
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class History:
     clock: Array
     is_known: bool
 
-    def unloading(self, size: Array) -> NDArray[np.bool_]:
+    def unloading(self, size: Array) -> Bools:
         """Whether readings (n,) were taken on the way down; ``size`` (n,): of their loads.
 
         That is, a larger load came before in the cycle.

@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses, placed
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def load_effects(model: ArmModel) -> Iterator[Effect]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
@@ -14,8 +13,7 @@ from fem.effects.situation import Situation
 from fem.model import ArmModel
 from fem.statics.flexibility import deflection
 from fem.statics.loads import LoadedPoses
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def observed(

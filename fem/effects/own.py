@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.history import plain_history
@@ -19,8 +18,6 @@ from fem.model import ArmModel
 from fem.statics.flexibility import deflection
 from fem.statics.loads import LoadedPoses
 from robots import InputError
-
-Array = NDArray[np.float64]
 
 # A user's own effects: for a model, the effects that it can have.
 Maker = Callable[[ArmModel], Iterable[Effect]]

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.history import History
 from fem.model import ArmModel
 from fem.statics.gravity import gravity_torque
 from fem.statics.loads import LoadedPoses
 from fem.statics.ports import Port, ports
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED, CLASS, with_joint
 from fem.model import ArmModel, JointPart
 from fem.springs import VaryingSpring
+from robots.arrays import Array
 from robots.kinematics import forward_kinematics
-
-Array = NDArray[np.float64]
 
 # Pins of the gear, or turns of its input, over a turn of the joint.
 TEETH = tuple(float(n) for n in range(6, 241))

@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import Effect, EffectParameter, Law
 from fem.effects.situation import Situation
 from fem.model import ArmModel, JointPart, LinkPart
 from fem.springs import SumSpring
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Sources of plausible ranges: joint stiffness and tilt of RV gearboxes of 100-270 kg robots, floors and rails, tools.
 CLASS = "same-class robots and RV gearboxes"

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.stiffness_laws import share
 from fem.effects.structure import ASSUMED, CLASS
 from fem.model import ArmModel, JointPart
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def torque_laws(model: ArmModel) -> Iterator[Effect]:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.elements.quad import quad_stiffness
 from fem.elements.triangle import triangle_stiffness
 from meshes.shell_mesh import ShellMesh
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 
 def element_stiffness(mesh: ShellMesh) -> tuple[Array, Array]:
@@ -42,7 +39,7 @@ def assemble_shell(mesh: ShellMesh) -> sp.csc_array:
     return sp.csc_array(sp.bsr_array(blocks, shape=(6 * k, 6 * k)).tocsr().T)
 
 
-def beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
+def beside_quads(mesh: ShellMesh) -> Bools:
     """Which sides (m, 3) of the triangles are quads' sides too."""
     edges = np.sort(mesh.edges, axis=1)
     key = edges[:, 0] * np.int64(len(mesh.nodes)) + edges[:, 1]
@@ -50,12 +47,12 @@ def beside_quads(mesh: ShellMesh) -> NDArray[np.bool_]:
     return np.isin(key[:first_quad], key[first_quad:]).reshape(-1, 3)
 
 
-def freedoms(nodes: Indices) -> Indices:
+def freedoms(nodes: Integers) -> Integers:
     """Numbers (..., 6) of the freedoms of nodes (...)."""
     return np.asarray(6 * np.asarray(nodes, dtype=np.int64)[..., None] + np.arange(6))
 
 
-def _pairs(elements: Indices) -> tuple[Indices, Indices]:
+def _pairs(elements: Integers) -> tuple[Integers, Integers]:
     """Nodes (e n n,) of the rows and of the columns of the blocks of elements (e, n)."""
     n = elements.shape[1]
     return np.repeat(elements, n, axis=1).ravel(), np.tile(elements, (1, n)).ravel()

@@ -11,12 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from skfem import Basis, ElementLineP1, MeshLine
 
 from meshes import BeamMesh, element_axes, section_properties
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # 1/EI of a linear taper is no polynomial; order 9 (five points) leaves 1e-9 at four elements a segment.
 QUADRATURE_ORDER = 9

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # A backward stable factorisation leaves some 1e-14 of |K| |x|; a wrong or broken one leaves far more.
 RESIDUAL = 1e-9

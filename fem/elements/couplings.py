@@ -12,15 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.schema.description import FlangeCoupling
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Coupling = FlangeCoupling
 
 # A node is on a smooth wall where the normals around it share this much of one direction: folds up to 60 deg.
@@ -41,7 +39,7 @@ def rigid_motion(offsets: Array) -> Array:
     return R
 
 
-def rigid_coupling(nodes: Array, ring: Indices, point: Array) -> Array:
+def rigid_coupling(nodes: Array, ring: Integers, point: Array) -> Array:
     """Transformation (6r, 6) from the motion of ``point`` (3,) m to the freedoms of the ring's r nodes.
 
     ``nodes`` (k, 3) m. The transpose gives the resultant force and moment at the point of forces at the ring.
@@ -49,7 +47,7 @@ def rigid_coupling(nodes: Array, ring: Indices, point: Array) -> Array:
     return rigid_motion(nodes[ring] - point).reshape(-1, 6)
 
 
-def drilling_axes(mesh: ShellMesh, ring: Indices) -> Array:
+def drilling_axes(mesh: ShellMesh, ring: Integers) -> Array:
     """Unit normals (r, 3) of the wall at the ring's nodes, either sense; zero at folds, where walls share a node.
 
     The principal axis of the normals around the node, by area.
@@ -69,7 +67,7 @@ def drilling_axes(mesh: ShellMesh, ring: Indices) -> Array:
     return np.where(share[:, 2:] > SMOOTH * share.sum(axis=1, keepdims=True), axes[:, :, 2], 0.0)
 
 
-def distributing_coupling(nodes: Array, ring: Indices, point: Array, weights: Array | None = None) -> Array:
+def distributing_coupling(nodes: Array, ring: Integers, point: Array, weights: Array | None = None) -> Array:
     """Weighted mean motion (6, 6r) at ``point`` (3,) m of the freedoms of the ring's r nodes.
 
     Displacement and rotation are those of the rigid motion that fits the nodes' displacements best by least
@@ -140,7 +138,7 @@ def led_by(reading: sp.csc_array, follows: Array) -> sp.csc_array:
     return S
 
 
-def giving_way(reading: sp.csc_array) -> tuple[Indices, Indices]:
+def giving_way(reading: sp.csc_array) -> tuple[Integers, Integers]:
     """Freedoms (6g,) that determine the motion (6g, n) of g rings best, and the others that have a part in it.
 
     Raises
@@ -162,7 +160,7 @@ def giving_way(reading: sp.csc_array) -> tuple[Indices, Indices]:
     return used[pivots[:count]], np.sort(used[pivots[count:]])
 
 
-def edge_weights(mesh: ShellMesh, ring: Indices) -> Array:
+def edge_weights(mesh: ShellMesh, ring: Integers) -> Array:
     """Half the length of the ring's edges at each node (r,), so that uneven spacing has no say; else equal."""
     place = np.full(len(mesh.nodes), -1)
     place[ring] = np.arange(ring.size)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.elements.condensation import Superelement
 from fem.elements.couplings import Coupling
@@ -15,8 +14,7 @@ from fem.elements.shell import CoupledShell, couple, shell_solution, superelemen
 from meshes.array_cache import ArrayCache, user_cache
 from meshes.formulation import add_to, formulation_hash
 from meshes.shell_mesh import ShellMesh
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 FORMAT = "stiffarm-superelement/2"
 # The module whose result is kept; those it imports from this package decide it too.

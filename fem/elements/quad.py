@@ -26,14 +26,12 @@ Limits of validity, as measured in ``tests/benchmarks/test_shell_quad_benchmarks
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuadN1, MeshQuad1
 
 from fem.elements.quad_bending import bending_rows
 from fem.elements.quad_membrane import membrane_rows
+from robots.arrays import Array
 from robots.errors import InputError
-
-Array = NDArray[np.float64]
 
 # 2x2 Gauss points: full integration of all parts; the modes QM6 and MITC4 leave out are in their strains.
 QUADRATURE_ORDER = 3

@@ -9,12 +9,10 @@ lowest-order Nedelec element: the side's shear integral times the side's basis f
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Basis
 
 from fem.elements.quad_membrane import plane_stress
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 SHEAR_FACTOR = 5.0 / 6.0
 # Tangential integral of each Nedelec function along its side in the sense 0-1, 1-2, 2-3, 3-0 is +1 or -1;

@@ -15,10 +15,9 @@ strain in the tie. With the bilinear part alone, a row of elements of aspect 2 b
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Basis
 
-Array = NDArray[np.float64]
+from robots.arrays import Array, Integers
 
 # In units of the shear modulus. With 0.01 the thick twisted beam stays 3 % too soft on every mesh; with 1 the
 # hemisphere of 16 elements a side loses 2.5 %.
@@ -109,7 +108,7 @@ def _drilling_excess(grad: Array, value: Array) -> Array:
     return excess
 
 
-def _slots() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _slots() -> tuple[Integers, Integers]:
     """Where the six functions' amplitudes along x and y stand among the 16 freedoms."""
     slots = np.concatenate([DISPLACEMENTS, MODES])
     return slots[0::2], slots[1::2]

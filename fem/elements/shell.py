@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse.csgraph import connected_components
 
@@ -25,9 +24,7 @@ from fem.elements.couplings import (
 )
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Round-off makes the flexibility of casings asymmetric by 1e-14 to 1e-11 (walls of 0.5 mm, 50 000 freedoms).
 ASYMMETRY = 1e-7
@@ -47,7 +44,7 @@ class CoupledShell:
     stiffness: sp.csc_array
     reading: sp.csc_array
     points: Array
-    held: Indices
+    held: Integers
 
     @property
     def transport(self) -> Array:
@@ -210,7 +207,7 @@ def _kinds(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
     return [by_name[name] for name in names]
 
 
-def _expansion(mesh: ShellMesh, rigid: Mapping[int, Indices], points: Array) -> sp.csc_array:
+def _expansion(mesh: ShellMesh, rigid: Mapping[int, Integers], points: Array) -> sp.csc_array:
     """Mesh freedoms (6k, n) from those of free nodes, drilling rotations of rigid rings, then six for each ring."""
     k = len(mesh.nodes)
     tied = np.concatenate([np.zeros(0, np.int64), *rigid.values()])
@@ -234,7 +231,7 @@ def _expansion(mesh: ShellMesh, rigid: Mapping[int, Indices], points: Array) -> 
     return sp.coo_array(entries, shape=(6 * k, first_master + 6 * len(rigid))).tocsc()
 
 
-def _columns(block: Array, columns: Indices, width: int) -> sp.csc_array:
+def _columns(block: Array, columns: Integers, width: int) -> sp.csc_array:
     """Spread a dense block (6, c) over the given columns of (6, width)."""
     rows = np.repeat(np.arange(len(block)), columns.size)
     return sp.coo_array((block.ravel(), (rows, np.tile(columns, len(block)))), shape=(len(block), width)).tocsc()
@@ -242,7 +239,7 @@ def _columns(block: Array, columns: Indices, width: int) -> sp.csc_array:
 
 def _joined(
     T: sp.csc_array, reading: list[sp.csc_array], joints: list[int]
-) -> tuple[sp.csc_array, list[sp.csc_array], Indices]:
+) -> tuple[sp.csc_array, list[sp.csc_array], Integers]:
     """Let the points of ``joints`` lead all parts of their rings; new expansion, readings and held freedoms."""
     rows = sp.csc_array(sp.vstack([reading[j] for j in joints]))
     follows = [np.tile(np.eye(6), (reading[j].shape[0] // 6, 1)) for j in joints]
@@ -255,7 +252,7 @@ def _joined(
     return sp.csc_array(T @ S), reading, lead[0]
 
 
-def ring_parts(mesh: ShellMesh, rings: list[Indices], kinds: list[Coupling]) -> list[list[Indices]]:
+def ring_parts(mesh: ShellMesh, rings: list[Integers], kinds: list[Coupling]) -> list[list[Integers]]:
     """Each ring's parts that only the ring itself joins: one for a rigid ring; refuses bodies that nothing joins."""
     pairs = [np.stack([np.full(ring.size, ring[0]), ring], axis=1) for ring in rings]
     rigid = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == "rigid"]
@@ -270,7 +267,7 @@ def ring_parts(mesh: ShellMesh, rings: list[Indices], kinds: list[Coupling]) -> 
     return [[ring[bodies[ring] == body] for body in np.unique(bodies[ring])] for ring in rings]
 
 
-def _bodies(count: int, pairs: Sequence[Indices]) -> Indices:
+def _bodies(count: int, pairs: Sequence[Integers]) -> Integers:
     """Number of the connected body that each of the nodes belongs to."""
     rows, columns = np.concatenate(pairs).T
     graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(count, count))

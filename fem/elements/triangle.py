@@ -23,14 +23,12 @@ thick (8 of 292 mm), less with either larger or smaller ones; docs/shell_converg
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
-
-Array = NDArray[np.float64]
 
 ALPHA_B = 1.5
 BETA0_FLOOR = 0.01
@@ -59,7 +57,7 @@ def triangle_stiffness(
     youngs_modulus: float,
     poissons_ratio: float,
     thickness: Array,
-    straight_sides: NDArray[np.bool_] | None = None,
+    straight_sides: Bools | None = None,
 ) -> Array:
     """Stiffness of e triangles in global axes.
 
@@ -98,7 +96,7 @@ def triangle_stiffness(
 
 
 def _rows(
-    corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array, straight_sides: NDArray[np.bool_]
+    corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array, straight_sides: Bools
 ) -> Array:
     """Weighted strains S (e, 21, 18) of global freedoms: the stiffness is ``S^T S``."""
     axes, xy = facet_axes(corners)

@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from fem.free.parameters import parameter
 from fem.model import ArmModel, link_part
 from robots import InputError, ModelDescription
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Wall times flexibility is nearly constant for thin walls; nine walls over a factor of four leave 1e-7.

@@ -12,15 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import PlacedEffect
 from fem.free.laws import FreeLaw
 from fem.free.parameters import Parameter
 from fem.model import ArmModel
 from fem.springs import RIGID, LawSpring, SpringLaw, SumSpring
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Steps of differences: a share of the range for what is linear, where any step is exact; else small enough for a

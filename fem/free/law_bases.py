@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robots.arrays import Array, Integers
 
 
 class Basis(Protocol):
@@ -31,7 +30,7 @@ class PolynomialBasis:
     columns: tuple[int, ...]
     centre: Array
     half_range: Array
-    exponents: NDArray[np.int64]
+    exponents: Integers
 
     @property
     def size(self) -> int:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
 from fem.free.parameters import TURN, Parameter
@@ -20,8 +19,6 @@ from fem.model import ArmModel
 from robots import InputError
 
 __all__ = ["Basis", "FourierBasis", "FreeLaw", "PolynomialBasis", "TableBasis", "law_parameters", "polynomial_basis"]
-
-Array = NDArray[np.float64]
 
 HIGHEST_DEGREE = 6
 

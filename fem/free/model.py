@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
@@ -28,11 +27,11 @@ from fem.statics.flexibility import deflection
 from fem.statics.loads import LoadedPoses, as_read, placed
 from fem.statics.ports import Port, port_of, ports
 from robots import InputError
+from robots.arrays import Array, Indices
 from robots.robot import with_zero_errors
 
 __all__ = ["FreeModel", "LoadedPoses"]
 
-Array = NDArray[np.float64]
 Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Loaded poses of many runs that are worked on at once: some 10 MB.
@@ -127,7 +126,7 @@ class FreeModel:
         """Whether displacements are linear in all variables; of a user's own effects that is not known."""
         return all(p.is_linear for p in self.parameters) and not any(e.effect.own for e in self.effects)
 
-    def take(self, rows: NDArray[np.intp]) -> tuple[FreeModel, NDArray[np.intp]]:
+    def take(self, rows: Indices) -> tuple[FreeModel, Indices]:
         """The same at some of the loaded poses (rising numbers), and which of the new ones these are.
 
         With effects whole load cycles stay: what was read before is what a memory remembers.

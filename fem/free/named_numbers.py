@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import PlacedEffect
 from fem.free.laws import FreeLaw, law_parameters
@@ -19,8 +18,7 @@ from fem.free.parameters import GEOMETRIC, Parameter, parameter
 from fem.model import ArmModel
 from fem.springs import LawSpring
 from robots import InputError, ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Indices
 
 _COEFFICIENT = re.compile(r"(?P<joint>.+)\.law\[(?P<index>\d+)\]")
 
@@ -36,7 +34,7 @@ class NamedNumbers:
     parameters: tuple[Parameter, ...]
     laws: tuple[FreeLaw, ...]
     u: Array
-    columns: NDArray[np.intp]
+    columns: Indices
 
 
 def named_numbers(model: ArmModel, names: Sequence[str], effects: Sequence[PlacedEffect] = ()) -> NamedNumbers:

@@ -17,14 +17,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.base import EffectParameter, PlacedEffect
 from fem.model import ArmModel
 from fem.statics.ports import BASE, ROWS, TOOL
 from robots import InputError
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Scale = Literal["compliance", "log", "linear"]
 Kind = Literal["stiffness", "coupling", "modulus", "wall", "zero", "load", "tilt", "point", "law", "effect"]
 

@@ -12,15 +12,13 @@ from dataclasses import dataclass, field
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.elements import beam
 from fem.model import ArmModel, LinkPart, independent_springs
 from fem.statics.inputs import as_points, as_wrenches
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.kinematics import as_poses, forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
 
 # Systems solved at once; measured best among 16 to 1024 (benchmarks/statics/fast_path.py), and 1e5 of them would
 # fill 2 GB.
@@ -31,7 +29,7 @@ CHUNK = 256
 class _Node:
     """A node's displacement as a combination of the unknowns: u = G x[freedoms]; G (n, 6, k)."""
 
-    freedoms: NDArray[np.int64]
+    freedoms: Integers
     G: Array
 
 
@@ -41,9 +39,9 @@ class _System:
 
     n: int
     size: int = 0
-    blocks: list[tuple[NDArray[np.int64], Array]] = field(default_factory=list)
+    blocks: list[tuple[Integers, Array]] = field(default_factory=list)
 
-    def new(self, count: int) -> NDArray[np.int64]:
+    def new(self, count: int) -> Integers:
         self.size += count
         return np.arange(self.size - count, self.size)
 

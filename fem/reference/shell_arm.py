@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.elements.condensation import solve_positive_definite
 from fem.elements.couplings import Coupling, rigid_motion
@@ -25,10 +25,8 @@ from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers
 from meshes import ShellMesh
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.kinematics import BodyFrames, as_poses, forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class ShellArmSolution:
 class _Node:
     """A point's displacement as a combination of the unknowns: u = G x[freedoms]; G (6, k)."""
 
-    freedoms: Indices
+    freedoms: Integers
     G: Array
 
     def carried(self, r: Array) -> _Node:
@@ -73,7 +71,7 @@ class _System:
     links: dict[str, tuple[CoupledShell, Array, sp.csc_array]] = field(default_factory=dict)
     springs: list[tuple[int, float]] = field(default_factory=list)
 
-    def new(self, count: int) -> Indices:
+    def new(self, count: int) -> Integers:
         self.size += count
         return np.arange(self.size - count, self.size)
 

@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel
 from fem.statics.flexibility import deflection_by_part
 from fem.statics.inputs import as_wrenches
 from robots import InputError
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Value = TypeVar("Value", float, Array)
 PartKind = Literal["link", "joint", "parallelogram", "other"]
 

@@ -11,16 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel, JointPart
 from fem.springs import SumSpring
 from fem.statics.flexibility import batches
 from fem.statics.transfers import Transfer, transfers
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.kinematics import as_poses
-
-Array = NDArray[np.float64]
 
 # Directions of a part's compliance matrix that carry less than this share of its largest entry are round-off.
 _NO_COMPLIANCE = 1e-14
@@ -41,7 +39,7 @@ class ComplianceFactor:
     rows: Array
     part: tuple[str, ...]
     weights: Array
-    group: NDArray[np.int64]
+    group: Integers
 
     def compliance(self) -> Array:
         """The compliance matrices (n, 6, 6)."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.elements.assembly import beside_quads, element_stiffness, freedoms
 from fem.elements.couplings import rigid_motion
@@ -31,9 +31,8 @@ from fem.statics.transfers import transfers
 from fem.statics.vectors import poses_last
 from meshes import ShellMesh
 from robots import InputError
+from robots.arrays import Array
 from robots.kinematics import BodyFrames, forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
 
 # Gradients of the bilinear functions at the middle of (-1, 1)^2, by direction and corner.
 _MIDDLE = 0.25 * np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]])

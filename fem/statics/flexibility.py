@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel
 from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers, transfers
 from fem.statics.vectors import poses_last
 from robots import InputError
+from robots.arrays import Array
 from robots.kinematics import BodyFrames, as_poses, forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
 
 # Poses worked on at once: few enough that the intermediate arrays stay in cache. Not a power of two:
 # rows that far apart would compete for the same cache lines.

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel
 from fem.statics.transfers import axial_transfers
+from robots.arrays import Array
 from robots.kinematics import forward_kinematics
-
-Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 

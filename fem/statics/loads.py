@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel
 from robots import Robot
+from robots.arrays import Array
 from robots.kinematics import forward_kinematics
 from robots.robot import rotation_rpy
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel
 from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import joint_rows, transfers
 from fem.statics.vectors import cross, poses_last
 from robots import InputError
+from robots.arrays import Array, Indices
 from robots.kinematics import as_poses, forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
 
 ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
 BASE, TOOL = "base", "tool"
@@ -42,7 +40,7 @@ class Port:
 
     name: str
     distinct: Array
-    where: NDArray[np.intp]
+    where: Indices
     wrench: Array
     flexibility: Array | None = None
 
@@ -90,7 +88,7 @@ def ports(
     return {name: Port(name, T, where, w, flexibility) for name, (T, flexibility) in places.items()}
 
 
-def _in_a_row(q: Array, points: Array | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _in_a_row(q: Array, points: Array | None) -> tuple[Indices, Indices]:
     """First of every run of equal poses (u,), and the run of every pose (n,): loads and repeats come in a row."""
     new = np.ones(len(q), dtype=bool)
     new[1:] = (q[1:] != q[:-1]).any(axis=1)

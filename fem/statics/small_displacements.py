@@ -10,15 +10,12 @@ length, whichever is larger. No arm of a known class comes near it under its pay
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.compiled.compliance import fast_compliance
 from fem.model import ArmModel
 from robots import InputError, Robot
+from robots.arrays import Array, Bools
 from robots.kinematics import stretched_length
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Key of the flag in answers and results.
 FLAG = "beyond_small_displacements"

@@ -12,14 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import ArmModel, LinkPart
 from fem.statics.vectors import constant_times, cross, dot, poses_last, scaled, times_constant, to_base, to_local
 from robots import InputError, Robot
+from robots.arrays import Array
 from robots.kinematics import BodyFrames, tool_position
-
-Array = NDArray[np.float64]
 
 # Below this sine of the angle between bar and lever the parallelogram is flat and carries nothing.
 FLAT_SINE = 1e-3

@@ -8,9 +8,8 @@ against arrays without them, and a last axis of 1 broadcasts over the poses.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def poses_last(a: Array) -> Array:

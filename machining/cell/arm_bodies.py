@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell.casing_solids import crank_and_bar, link_solids
 from machining.cell.solids import Body, Solid, capsule, hull, surface
@@ -15,11 +14,10 @@ from meshes.beams import body_index, body_tip
 from meshes.sections import section_dimensions
 from meshes.surfaces.bodies import body_surface
 from robots import InputError, ModelDescription, Robot, UrdfRobot, forward_kinematics, load_description, read_urdf
+from robots.arrays import Array
 from robots.robot import robot_from
 from robots.urdf.reading import Visual
 from robots.urdf.xml import is_xml
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from machining.cell.solids import Solid
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Has no type hints.
 _bounds: Any = trimesh.bounds

@@ -7,7 +7,6 @@ them. Motors, cables and covers are in no description, so they are not in here.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell.solids import Solid, hull, ring, surface
 from meshes.beams import BeamMesh, body_index, body_tip, crank_beam_mesh, element_axes, link_beam_mesh
@@ -15,9 +14,8 @@ from meshes.link_shells import link_shell_mesh
 from meshes.sections import section_dimensions
 from meshes.surfaces.checks import SurfaceFault, repair_surface
 from robots import InputError, ModelDescription, Robot
+from robots.arrays import Array
 from robots.schema.description import Link
-
-Array = NDArray[np.float64]
 
 # Sides of tubes and hubs; drawn around the circle, so 0.9 % of the radius too large at the edges.
 AROUND = 24

@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.cell.solids import Body
 from machining.inputs import as_frame, as_units
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 MOST_LINEAR_AXES = 3
 # Name that stands for the floor in pairs of bodies.

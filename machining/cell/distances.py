@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.cell.arm_bodies import ArmBodies
 from machining.cell.bounds import box_gaps, sphere_gaps
@@ -18,10 +18,8 @@ from machining.cell.cell import Cell
 from machining.cell.exact import OVERLAP, exact_distance
 from machining.cell.scene import Pair, Scene, scene_of
 from robots import InputError
+from robots.arrays import Array, Bools, Integers
 from robots.kinematics import as_poses
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Poses whose bounds are held at once: some 30 MB.
 CHUNK = 2048
@@ -39,12 +37,12 @@ class Clearance:
     """
 
     distance: Array
-    pair: Indices
+    pair: Integers
     names: tuple[Pair, ...]
     within: float
 
     @property
-    def collides(self) -> NDArray[np.bool_]:
+    def collides(self) -> Bools:
         """Whether bodies overlap, (n,)."""
         return np.asarray(self.distance < 0.0)
 
@@ -116,7 +114,7 @@ def _rows(values: Array | None, rows: slice) -> Array | None:
     return values if values is None or len(values) == 1 else values[rows]
 
 
-def _floor(scene: Scene, R: Array, p: Array, best: Array, pair: Indices) -> None:
+def _floor(scene: Scene, R: Array, p: Array, best: Array, pair: Integers) -> None:
     """Heights of all bodies over the floor, exact: the lowest corner less the rounding."""
     if scene.cell.floor is None:
         return
@@ -138,7 +136,7 @@ def _floor(scene: Scene, R: Array, p: Array, best: Array, pair: Indices) -> None
             best[near[less]], pair[near[less]] = gap[less], len(scene.pairs) + k
 
 
-def _bodies(scene: Scene, R: Array, p: Array, best: Array, pair: Indices) -> None:
+def _bodies(scene: Scene, R: Array, p: Array, best: Array, pair: Integers) -> None:
     """Least distances over the pairs of bodies, put into ``best`` and ``pair`` where they are below."""
     if not len(scene.solid_pairs):
         return
@@ -155,7 +153,7 @@ def _bodies(scene: Scene, R: Array, p: Array, best: Array, pair: Indices) -> Non
             best[i], pair[i] = distance, number
 
 
-def _near(scene: Scene, R: Array, p: Array, best: Array) -> tuple[Indices, Indices, Array, tuple[Array, Array]]:
+def _near(scene: Scene, R: Array, p: Array, best: Array) -> tuple[Integers, Integers, Array, tuple[Array, Array]]:
     """Poses and solid pairs whose bound is below ``best``: pose, pair, bound, and where b is in a's frame."""
     first, second = scene.solid_pairs[:, 1], scene.solid_pairs[:, 2]
     frame = scene.solid_frames

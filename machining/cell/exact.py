@@ -9,11 +9,9 @@ from typing import Any
 import fcl
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from machining.cell.solids import Solid, inside
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # What stands for the distance of two solids that overlap, m. Depths are not computed: FCL gives none for surfaces.
 OVERLAP = -1e-3

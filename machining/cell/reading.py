@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
@@ -24,10 +23,9 @@ from machining.cell.schema import (
 )
 from machining.cell.solids import Body, Solid, box, cylinder, mesh_file, sphere
 from robots import InputError, InputErrors
+from robots.arrays import Array
 from robots.files.reading import parse_toml, read_text
 from robots.robot import rotation_rpy
-
-Array = NDArray[np.float64]
 
 MM = 1e-3
 _WORDS = {

@@ -7,7 +7,7 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.cell.arm_bodies import ArmBodies
 from machining.cell.bounds import Bounds, bounds_of, stacked
@@ -15,9 +15,7 @@ from machining.cell.cell import FLOOR, Cell, inverse
 from machining.cell.exact import ExactSolid, exact_distance
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 Pair = tuple[str, str]
 # What a body is, for the rules of which pairs are checked.
@@ -51,14 +49,14 @@ class Scene:
     floor_members: tuple[int, ...]
     solids: tuple[ExactSolid, ...]
     bounds: Bounds
-    owner: Indices
-    solid_pairs: Indices
+    owner: Integers
+    solid_pairs: Integers
     home: Array
     switched_off: tuple[Pair, ...]
     notes: tuple[str, ...]
 
     @cached_property
-    def solid_frames(self) -> Indices:
+    def solid_frames(self) -> Integers:
         """Frame (s,) that each solid moves with."""
         return np.array([self.members[i].frame for i in self.owner], dtype=np.int64)
 
@@ -225,7 +223,7 @@ def _floor(scene: Scene) -> tuple[Array, float]:
     return T[2, :3], (0.0 if scene.cell.floor is None else scene.cell.floor) - float(T[2, 3])
 
 
-def _solid_pairs(pairs: list[tuple[int, int]], owner: Indices) -> Indices:
+def _solid_pairs(pairs: list[tuple[int, int]], owner: Integers) -> Integers:
     rows = [
         (k, a, b)
         for k, (i, j) in enumerate(pairs)

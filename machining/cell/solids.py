@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from meshes.surfaces.checks import census
 from meshes.surfaces.reading import read_surface
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Has no type hints.
 _graph: Any = trimesh.graph
@@ -38,7 +36,7 @@ class Solid:
     """
 
     nodes: Array
-    faces: Indices
+    faces: Integers
     convex: bool
     seeds: Array
     radius: float = 0.0

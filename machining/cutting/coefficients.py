@@ -12,11 +12,9 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 NAMES: Final = ("K_tc", "K_te", "K_rc", "K_re", "K_ac", "K_ae")
 UNITS: Final = ("Pa", "N/m") * 3

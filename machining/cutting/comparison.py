@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cutting.spread import interval, variance
 from machining.cutting.surface_error import DRAWS, Estimated, SurfaceError, statistics_of
 from robots import InputError
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Verdict = Literal["smaller", "larger", "cannot tell", "no error"]
 
 WORDS = {

@@ -20,11 +20,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Lag over the whole depth (rad) below which teeth are straight: less changes no force beyond round-off.
 STRAIGHT = 1e-9

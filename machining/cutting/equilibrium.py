@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cutting.force import ForceAlong, MillingForce, check_wall
 from machining.cutting.process_axes import process_axes
 from machining.task import Task
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Step of the depth for the slope, share of it: central differences leave some 1e-8 of the slope.
 STEP = 1e-4

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.cutting.coefficients import NAMES, CuttingCoefficients
 from machining.cutting.end_mill import (
@@ -21,8 +21,8 @@ from machining.cutting.end_mill import (
 from machining.cutting.process_axes import ProcessAxes, process_axes
 from machining.task import Task
 from robots import InputError
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Axes = Literal["base", "part", "process"]
 Instant = Literal["mean", "generating"]
 

@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.task import ALONG, Task, ToolPath
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 # Neighbouring moves that turn by more than this (rad) meet in a corner; below, the path is taken as a curve.
 CORNER = np.radians(30.0)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 import fem
@@ -21,9 +20,8 @@ from doe.estimation.estimate import Estimate
 from fem.free.model import FreeModel, LoadedPoses
 from fem.statics.inputs import as_points
 from robots import InputError
+from robots.arrays import Array
 from robots.kinematics import as_poses
-
-Array = NDArray[np.float64]
 
 # Standard deviation of a part's compliance, share of it, where nothing better is known.
 ASSUMED_SD = 0.15

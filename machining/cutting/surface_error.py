@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.statics.small_displacements import refuse_beyond
@@ -25,9 +24,8 @@ from machining.cutting.tool_bending import ToolBending
 from machining.stiffness.cartesian import translational
 from machining.task import Task
 from robots import InputError, forward_kinematics, tool_position
+from robots.arrays import Array
 from robots.kinematics import as_poses
-
-Array = NDArray[np.float64]
 
 # Postures must put the tool on the path: this far off (m, rad) they belong to another one.
 OFF_PATH, OFF_AXIS = 1e-5, 1e-4

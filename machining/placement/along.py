@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cutting import SurfaceError, surface_error
 from machining.placement.problem import Problem
@@ -13,9 +12,7 @@ from machining.posture.problem import Course
 from machining.stiffness.cartesian import translational
 from machining.stiffness.criterion import Criterion, Terms
 from machining.stiffness.indices import directional_stiffness
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from machining.placement.following import merit_of
@@ -16,9 +15,7 @@ from machining.posture.long_path import follow_gamma, optimise_long_path
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Weights of smoothing that are tried, from none to nearly a straight line.
 SMOOTHING = (0.0, 0.3, 3.0, 30.0, 300.0, 1e4)

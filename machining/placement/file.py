@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.files.reading import parse_json, read_text
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 SCHEMA = "stiffarm-placement/1"
 # Millimetres of a travel, degrees of an angle.

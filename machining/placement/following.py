@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.problem import Problem
 from machining.placement.sweeping import distances
 from machining.posture.long_path import follow_gamma
 from machining.posture.path import course_at
 from machining.posture.problem import Course
+from robots.arrays import Array, Integers
 from robots.inverse.solutions import why_no_closed_form
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def follow(problem: Problem, e: Array, table: float, gamma: float | Array, rows: Integers | None = None) -> Course:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cutting import ConstantForce
 from machining.cutting.force import CuttingForce
@@ -14,8 +13,7 @@ from machining.cutting.process_axes import weights
 from machining.stiffness.criterion import N_PER_MM, Criterion
 from machining.task import ToolPath
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 Aim = Literal["ksf", "mean", "worst", "error"]
 AIMS: tuple[Aim, ...] = ("ksf", "mean", "worst", "error")

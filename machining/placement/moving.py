@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.axis_motion import followed
 from machining.placement.problem import Problem
@@ -25,12 +24,9 @@ from machining.posture.drive import FREE_STEP, limit_distance
 from machining.posture.points import GammaRange, sweep_gamma
 from machining.posture.problem import Course
 from robots import InputError, Robot
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.solutions import why_no_closed_form
 from robots.inverse.turns import every_turn
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # Knots, and the most that an axis moves from one to the next (share of its range); the next where one leads nowhere.
 TRIALS = ((40, 0.15), (80, 0.05), (120, 0.02))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.following import follow
 from machining.placement.problem import Problem
@@ -13,9 +12,7 @@ from machining.placement.search import FINE_ROWS, Looker, refined
 from machining.placement.steps import Cut
 from machining.posture.problem import Course
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # First step (m) of the search about a piece's position.
 PIECE_STEP = 0.1

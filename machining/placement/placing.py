@@ -8,7 +8,6 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.along import Along, along
 from machining.placement.following import follow, merit_of
@@ -23,9 +22,7 @@ from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange
 from machining.stiffness.criterion import Criterion
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 Mode = Literal["fixed", "steps", "moving"]
 MODES: tuple[Mode, ...] = ("fixed", "steps", "moving")

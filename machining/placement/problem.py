@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell, Scene
@@ -18,10 +18,7 @@ from machining.posture.points import GammaRange
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 # Directions in which a path's outermost points are always looked at: axes and diagonals.
 OUTWARD = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)

@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.problem import Problem
 from machining.placement.sweeping import Sites, beyond_limits
 from machining.toolpaths.path_error import PathError
+from robots.arrays import Array, Bools
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # A joint that is a radian beyond its limit counts as much as this many m out of reach.
 LEVER = 1.0

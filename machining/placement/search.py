@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.following import follow, merit_of
 from machining.placement.problem import Problem
@@ -22,9 +21,7 @@ from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Points of the path that positions are compared on: on the coarse grid, and while refining.
 COARSE_ROWS, FINE_ROWS = 24, 60

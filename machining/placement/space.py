@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.cell import Cell, LinearAxis
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Travels and angles that lie outside by less are rounded onto the limit (m, rad).
 ROUNDING = 1e-9

@@ -12,16 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement.problem import Problem
 from machining.placement.search import Progress, coarse_counts, with_weights
 from machining.placement.sweeping import Sites, in_the_way, sweep_sites
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 # Points of the path that the programme runs over, and positions of its grid by the number of coordinates.
 ROWS = 120

@@ -13,11 +13,8 @@ from machining.posture.drive import limit_distance
 from machining.posture.points import sweep_gamma
 from machining.task import REPEATED, Task, ToolPath
 from robots import Reason
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.branches import BRANCH_NAMES
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # Targets (positions x points x angles) of one sweep: bounds the memory, not the result.
 TARGETS = 60_000

@@ -19,11 +19,9 @@ from machining.stiffness.objective import Objective
 from machining.sweep_parts import Progress, sweep_parts
 from machining.task import Task
 from robots import Reason, Robot
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.turns import every_turn
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 Codes = NDArray[np.int8]
 
 
@@ -128,7 +126,7 @@ def axes_map(
     return AxesMap(objective, length, angle, zone, value, branch, names, sure)
 
 
-def _ranks(robot: Robot, drive: Drive, sweep: Sweep) -> NDArray[np.int64]:
+def _ranks(robot: Robot, drive: Drive, sweep: Sweep) -> Integers:
     """How near to being allowed each branch is, (n, m, b)."""
     rank = np.where(sweep.reason == Reason.LIMITS, _LIMITS, _GONE)
     found = np.nonzero(sweep.valid)

@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 # A motion of exactly the allowed size must not fail by rounding.
 ROUNDING = 1.0 + 1e-9

@@ -9,16 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.posture.courses import Links
 from machining.task import ToolPath
 from robots import InputError, Robot, singularity_distance
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # The unit of motion where neither speed nor jump bounds a joint's step.
 FREE_STEP = np.radians(20.0)
@@ -65,7 +63,7 @@ class Drive:
     clearance_zone: float = 0.05
     clearance_least: float = 0.0
     clearance_of: Callable[[Array], Array] | None = None
-    clearance_at: Callable[[Array, NDArray[np.int64]], Array] | None = None
+    clearance_at: Callable[[Array, Integers], Array] | None = None
 
     def __post_init__(self) -> None:
         for name in ("motion", "limit", "singular", "clearance"):
@@ -114,7 +112,7 @@ class Drive:
             (distance >= self.limit_least) | (self.limit_least == 0.0)
         )
 
-    def near_things(self, q: Array, point: NDArray[np.int64] | None = None) -> tuple[Array, Bools]:
+    def near_things(self, q: Array, point: Integers | None = None) -> tuple[Array, Bools]:
         """Cost (k,) of small clearance, and whether the pose is allowed; ``point`` (k,): the path points of the poses.
 
         Raises
@@ -184,9 +182,7 @@ class Smoothness:
     singular_distance: float
 
 
-def smoothness(
-    robot: Robot, path: ToolPath, links: Links, q: Array, gamma: Array, branch: NDArray[np.int64]
-) -> Smoothness:
+def smoothness(robot: Robot, path: ToolPath, links: Links, q: Array, gamma: Array, branch: Integers) -> Smoothness:
     """Report how poses q (n, dof) rad along a path move."""
     dq = np.abs(np.diff(q, axis=0))
     timed = np.isfinite(path.times)

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 import fem
@@ -25,10 +24,7 @@ from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 # Knots at first; enough that a smooth surface's gamma is found, few enough for a second's search.
 KNOTS = 300

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining.posture.courses import Gap, Layers, Links, cheapest_course
@@ -37,9 +36,8 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import InputError
+from robots.arrays import Array
 from robots.inverse.turns import every_turn
-
-Array = NDArray[np.float64]
 
 # Angles of a finer grid around a course: four cells to either side.
 OFFSETS = np.linspace(-1.0, 1.0, 9)

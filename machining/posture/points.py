@@ -18,11 +18,8 @@ from machining.stiffness.objective import Objective
 from machining.task import Task, as_gammas
 from machining.toolpaths.path_error import PathError
 from robots import InputError, Reason, inverse_kinematics
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.branches import BRANCH_NAMES
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # Targets a call of the inverse kinematics: bounds its memory, not the result.
 TARGETS = 100_000

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, course_cost, highest_floor
@@ -19,11 +18,8 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import Robot
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.turns import every_turn
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # Cost of a joint at the end of its range, only to decide between courses that are alike: far below what matters, far
 # above rounding.

@@ -12,9 +12,7 @@ from machining.programs.source_text import SourceText
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Motions
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 MM = 1e-3
 MM_MIN = 1e-3 / 60.0

@@ -11,17 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, ToolBending, surface_error
 from machining.programs.posting import Posted, repost
 from machining.task import REPEATED, Task
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools
 
 # Rounds of the fixed point; a deflection of 1 mm changes itself by some 1e-3 of it each time.
 ROUNDS = 12

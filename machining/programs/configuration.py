@@ -26,15 +26,11 @@ elbow ``epositive`` and ``enegative`` by the sign of joint 3 from the stretched 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError, Robot
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 VAL3_WORDS = (("lefty", "righty"), ("epositive", "enegative"), ("wpositive", "wnegative"))
 

@@ -8,15 +8,13 @@ from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from machining.cell.reading import frame
 from machining.cell.schema import Placed, Strict
 from robots import InputError, Robot
+from robots.arrays import Array
 from robots.files.reading import parse_toml
-
-Array = NDArray[np.float64]
 
 SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 

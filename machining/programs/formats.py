@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs import krl, rapid, sinumerik, val3
 from machining.programs.commands import commands
@@ -27,8 +26,7 @@ from machining.programs.sandbox import Sandbox
 from machining.programs.write_options import WriteOptions
 from machining.programs.written import ProgramFile, ReadMoves, Written
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

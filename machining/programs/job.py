@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.commands import Commands, Happening, commands, happenings
 from machining.programs.convention import Convention
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from robots import InputError
+from robots.arrays import Array
 from robots.inverse.axis_lines import axis_lines
 
-Array = NDArray[np.float64]
 Kind = Literal["cartesian", "joint"]
 
 # Moves formatted at a time: what is in memory as text at once.

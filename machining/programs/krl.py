@@ -15,7 +15,6 @@ import re
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.configuration import kuka_status_turn
 from machining.programs.job import Job
@@ -34,8 +33,7 @@ from machining.programs.words import (
 )
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 AXES = tuple(f"A{i + 1}" for i in range(ARM))

@@ -16,15 +16,13 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.commands import MM_MIN, RPM
 from machining.programs.orientation import quaternions
 from machining.programs.program import JointProgram
 from machining.programs.source_text import comment
+from robots.arrays import Array
 from robots.files.csv_text import rows_text
-
-Array = NDArray[np.float64]
 
 SCHEMA = "stiffarm-program/1"
 BLOCK = 2000

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining import magnitudes as limits
 from machining.cell import Cell
@@ -17,9 +16,8 @@ from machining.programs.orientation import framed, from_quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Event, Motions, Note, Tool
 from robots import InputError, Robot
+from robots.arrays import Array, Integers
 from robots.files.reading import parse_json
-
-Array = NDArray[np.float64]
 
 # Degrees, and mm of external axes.
 LARGEST_ANGLE = limits.FARTHEST * 1e3
@@ -206,5 +204,5 @@ def _metres(value: float | None) -> float:
     return np.nan if value is None else float(value) * 1e-3
 
 
-def _integers(column: Array) -> NDArray[np.int64]:
+def _integers(column: Array) -> Integers:
     return np.asarray(np.rint(column), dtype=np.int64)

@@ -8,10 +8,9 @@ quaternion, scalar first).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Sine of the middle angle's distance from 90 deg below which the first angle is given as 0: the third is then found
 # from it, so that the orientation is right to this figure in rad whatever the first is.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell
@@ -28,10 +28,7 @@ from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
 ROUNDS = 6

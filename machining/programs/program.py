@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import Cell
 from machining.toolpaths.motions import Motions
 from robots import InputError, Robot, forward_kinematics
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 
 @dataclass(frozen=True, eq=False)

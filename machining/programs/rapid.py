@@ -13,7 +13,6 @@ import re
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.configuration import abb_configuration
 from machining.programs.job import Job
@@ -23,8 +22,7 @@ from machining.programs.sandbox import Sandbox
 from machining.programs.words import ARM, common, configurations_of, frame_words, part_names, plain, speeds_of, words_of
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 EXTERNALS = 6
 UNUSED = "9E9"

@@ -13,7 +13,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.job import Job, reach_of
 from machining.programs.rendering import rendered
@@ -22,8 +21,6 @@ from machining.programs.words import common, part_names, plain
 from machining.programs.write_options import SinumerikOptions
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number
 from robots import InputError
-
-Array = NDArray[np.float64]
 
 _BLOCK = re.compile(r"\s*(?:N\d+\s+)?G0*([01])\s+(.*)$", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z][A-Z0-9_]*)=(\S+)")

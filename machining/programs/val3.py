@@ -14,7 +14,6 @@ import re
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.configuration import val3_configuration
 from machining.programs.job import Job, Move, external_axes, formatted
@@ -24,8 +23,7 @@ from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, configurations_of, frame_words, plain, speeds_of, words_of
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 _VALUE = re.compile(r"\s*<Value\s+([^<>]*?)/>\s*$")
 _DATA = re.compile(r'\s*<Data\s+name="(\w+)"')

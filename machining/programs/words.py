@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.job import Job, formatted
 from machining.programs.source_text import SourceText
+from robots.arrays import Array, Integers
 
-Array = NDArray[np.float64]
 Words = Callable[[slice], tuple[Array, Sequence[int]]]
 Configurations = Callable[[slice], Sequence[Sequence[object]]]
 Orientation = Callable[[Array], Array]
@@ -47,7 +46,7 @@ def _decimals(job: Job, digits: int, k: int) -> tuple[int, ...]:
     return (job.options.decimals.length,) * 3 + (digits,) * k
 
 
-def configurations_of(job: Job, rule: Callable[..., Sequence[Sequence[object]] | NDArray[np.int64]]) -> Configurations:
+def configurations_of(job: Job, rule: Callable[..., Sequence[Sequence[object]] | Integers]) -> Configurations:
     """Configurations of slices by a rule of :mod:`machining.programs.configuration`; nothing in joint programs."""
 
     def cartesian(part: slice) -> Sequence[Sequence[object]]:

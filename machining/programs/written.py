@@ -8,14 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.magnitudes import LARGEST
 from robots import InputError
+from robots.arrays import Array, Bools
 from robots.files.written import written_whole
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STRAIGHT, IN_ORDER = "motion line after line", "keep moves out of loops, conditions and jumps in the template"
 _STRING = re.compile(r'"[^"]*"')

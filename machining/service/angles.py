@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange, sweep_gamma
@@ -22,10 +21,8 @@ from machining.service.wire import number, numbers
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.inverse.turns import nearest_turn
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Peaks of the grid that are refined, and the angle (rad) at which that ends; as machining.best_postures.
 PEAKS = 3

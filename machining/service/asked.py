@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.statics.small_displacements import FLAG, beyond_small
@@ -20,8 +19,7 @@ from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.stiffness.objective import DISPLACEMENTS
 from machining.toolpaths.path_error import PathError
 from robots import InputError, InverseSolutions, Reason, Robot, forward_kinematics, inverse_kinematics
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Integers
 
 # Digits to which merits are compared: differences beyond are rounding.
 TIE = 9
@@ -72,7 +70,7 @@ def nearest_column(found: InverseSolutions, near: Array | None, do: str) -> int:
     return int(columns[((found.q[0, columns] - wanted) ** 2).sum(axis=1).argmin()])
 
 
-def best_first(merit: Array, q: Array, near: Array) -> NDArray[np.int64]:
+def best_first(merit: Array, q: Array, near: Array) -> Integers:
     """Rows by merit (k,), large first; of equally good poses q (k, dof) rad the one nearest to ``near`` first.
 
     Flipping a spherical wrist with springs about its axes alone changes nothing, nor does turning a tool on axis 6.

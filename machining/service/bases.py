@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cutting import ConstantForce
 from machining.placement import Goal, Problem, find_fixed, space_of
@@ -17,8 +16,7 @@ from machining.service.fields import Fields
 from machining.service.state import State, state_of, vectors_of
 from machining.service.wire import numbers
 from machining.stiffness.objective import Objective
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 BASE_AIMS: Mapping[str, Aim] = {"mean": "mean", "worst": "worst", "ksf": "ksf"}
 

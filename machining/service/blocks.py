@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import clearance
 from machining.posture.drive import Drive
@@ -18,9 +17,7 @@ from machining.service.state import State, vectors_of
 from machining.service.wire import number, numbers
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 # Angles gamma of a range: beyond, a sweep takes seconds a point.
 MOST_ANGLES = 3600

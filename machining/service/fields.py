@@ -7,11 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Figures beyond this are mistakes; squares of them are still numbers.
 MOST = 1e9

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.service.fields import Fields
 from machining.service.wire import number, numbers
 from machining.task import ALONG
+from robots.arrays import Array
 from robots.robot import rotation_rpy
-
-Array = NDArray[np.float64]
 
 FRAME_FORM = "[x, y, z, a, b, c] in mm and deg: turned by a, b, c about the fixed axes x, then y, then z"
 # A frame may be given in one of these ways.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene, clearance
@@ -38,9 +37,8 @@ from machining.service.wire import number, numbers
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from robots import InverseSolutions, Reason
+from robots.arrays import Array
 from robots.inverse.branches import SINGULARITIES
-
-Array = NDArray[np.float64]
 
 # Bodies farther apart than this (mm) are not measured unless asked for.
 WITHIN = 50.0

@@ -8,14 +8,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import Cell
 from machining.service.fields import Fields
 from machining.service.frames import frame_of, shown
 from machining.service.wire import number, numbers
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 FRAMES = ("part", "base")
 KEYS = ("tool_mm_deg", "part_mm_deg", "travel_mm", "table_deg", "reference", "relative_to")

@@ -10,14 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.inputs import as_rotations, as_vectors
 from machining.stiffness.loaded import loaded_compliance
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # The inverse loses as many digits as this has; beyond, its entries are noise. A pose is that close to a singular
 # one only by construction.
@@ -133,7 +132,7 @@ def inverse(C: Array, what: str) -> Array:
     return np.asarray(np.linalg.inv(C))
 
 
-def is_singular(C: Array) -> NDArray[np.bool_]:
+def is_singular(C: Array) -> Bools:
     """Which compliances (n, k, k) have no usable inverse; units are scaled away by the diagonal."""
     size = np.sqrt(np.maximum(np.diagonal(C, axis1=1, axis2=2), 0.0))
     rigid = np.asarray((size <= 0.0).any(axis=1))

@@ -25,6 +25,7 @@ from fem.springs import ConstantSpring
 from machining.inputs import as_units
 from machining.task import Task
 from robots import InputError, Reason, Robot
+from robots.arrays import Array, Bools
 from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
 from robots.inverse.wrist import BOUNDARY
@@ -33,8 +34,6 @@ from robots.robot import LIMIT_TOLERANCE_RAD
 if TYPE_CHECKING:
     from machining.stiffness.kernels import Figures
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Fewer targets than this numpy has done in some 30 ms; loading numba takes 0.3 s, once.
 FEWEST = 5_000

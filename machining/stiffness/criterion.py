@@ -18,11 +18,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # N/m for one N/mm, the paper's unit of stiffness.
 N_PER_MM = 1e3

@@ -15,18 +15,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.stiffness.objective import Objective
 from machining.sweep_parts import Progress, sweep_parts
 from machining.task import Task, ToolPath
 from robots import InputError, Reason
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.solutions import why_no_closed_form
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 Over = Literal["reached", "common"]
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.inputs import as_compliances, as_units
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Of the largest principal compliance; below it a direction counts as rigid, its stiffness as infinite.
 RIGID = 1e-13

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from math import prod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.task import Task, tool_path
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 # Smallest step (m) of a grid: nothing in a cell is known to a micrometre.
 SMALLEST = 1e-6

@@ -16,15 +16,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from machining.inputs import as_compliances, as_units, as_vectors
 from machining.stiffness.cartesian import is_singular
 from machining.stiffness.ellipsoid import ellipsoid_radius, reciprocal, stiffness_ellipsoid
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 Change = Literal[
     "normal",

@@ -21,10 +21,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robots.arrays import Array, Integers
 from robots.inverse.branches import Reason
 from robots.inverse.turns import TURN
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 # Tuples, because numba counts references of arrays, and threads would wait for one another there.
 Pair = tuple[float, float]
@@ -174,7 +174,7 @@ def _unit(x: float, y: float, size: float, W: Array, row: int, i: int) -> Pair:
 
 
 @compiled
-def solve(f: Figures, points: Array, point: NDArray[np.int64], along: bool, W: Array) -> None:
+def solve(f: Figures, points: Array, point: Integers, along: bool, W: Array) -> None:
     """Fill the rows of W (ROWS * BLOCK,) for targets at these points (BLOCK,); limits are not looked at.
 
     ``points`` (n, 18): tip m, tool axis, x and y across it at gamma = 0, load, surface normal, in axes of joint 1 about

@@ -9,14 +9,13 @@ tool, and a load that pushes towards the base softens the arm.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import fem
 from fem.statics.inputs import as_points, as_wrenches
 from robots import InputError, Robot, forward_kinematics, jacobian
+from robots.arrays import Array
 from robots.kinematics import as_poses
-
-Array = NDArray[np.float64]
 
 
 def jacobian_derivative(robot: Robot, q: Array, point: Array | None = None) -> Array:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.statics.small_displacements import beyond_small, refuse_beyond
@@ -15,9 +14,7 @@ from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.task import Task
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 DISPLACEMENTS = ("displacement", "normal displacement")
 

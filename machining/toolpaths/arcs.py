@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.magnitudes import FARTHEST, PLACES
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Start and end nearer than this (m) across the axis are one point: the arc is a full turn.
 CLOSED = 1e-9

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from machining.task import REPEATED, ToolPath
 from machining.toolpaths.motions import Motions
 from robots import InputError
+from robots.arrays import Array, Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +22,11 @@ class CuttingPath:
     """
 
     path: ToolPath
-    moves: NDArray[np.int64]
-    points: NDArray[np.int64]
+    moves: Integers
+    points: Integers
 
 
-def cutting_runs(motions: Motions) -> list[NDArray[np.int64]]:
+def cutting_runs(motions: Motions) -> list[Integers]:
     """Moves of each unbroken run of moves at feed, with the move before it, which ends where the run starts."""
     cutting = motions.cutting
     starts = np.flatnonzero(cutting & ~np.append(False, cutting[:-1]))
@@ -77,7 +78,7 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
     return CuttingPath(path, ends, points)
 
 
-def _first_of_repeated(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _first_of_repeated(points: Array) -> Integers:
     """Indices of the points that stay; each is at least ``REPEATED`` from the one kept before it."""
     kept = np.arange(len(points))
     while True:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining import magnitudes as limits
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools, Integers
 
 # Longest text (characters) that an event or a name keeps, so that a file cannot fill messages and reports.
 TEXT_LIMIT = 200
@@ -83,13 +81,13 @@ class Motions:
 
     points: Array
     axes: Array
-    rapid: NDArray[np.bool_]
+    rapid: Bools
     feed: Array
-    line: NDArray[np.int64]
-    tool: NDArray[np.int64]
+    line: Integers
+    tool: Integers
     spindle: Array
     dwell: Array
-    operation: NDArray[np.int64]
+    operation: Integers
     tools: tuple[Tool, ...] = (Tool(),)
     operations: tuple[str, ...] = ("",)
     events: tuple[Event, ...] = field(default=())
@@ -122,14 +120,14 @@ class Motions:
         return len(self.points)
 
     @property
-    def cutting(self) -> NDArray[np.bool_]:
+    def cutting(self) -> Bools:
         """Moves (n,) at feed; the first point has no move that leads to it, so it is not one of them."""
         out = ~self.rapid
         out[:1] = False
         return out
 
 
-def _within(index: NDArray[np.int64] | Array, size: float) -> bool:
+def _within(index: Integers | Array, size: float) -> bool:
     return bool(((index >= 0) & (index < size)).all())
 
 

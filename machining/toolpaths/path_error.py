@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Integers
 
 
 class PathError(InputError):
@@ -13,7 +13,7 @@ class PathError(InputError):
 
     def __init__(
         self,
-        points: int | NDArray[np.int64],
+        points: int | Integers,
         what: str,
         *,
         value: object = None,
@@ -28,6 +28,6 @@ class PathError(InputError):
         """The first point."""
         return int(self.points[0])
 
-    def at(self, points: int | NDArray[np.int64], where: str) -> PathError:
+    def at(self, points: int | Integers, where: str) -> PathError:
         """The same at other points, of a finer path or under another name."""
         return PathError(points, f"{where}: {self.what}", value=self.value, allowed=self.allowed, remedy=self.remedy)

@@ -11,8 +11,9 @@ import numpy as np
 
 from machining.faults import Faults
 from machining.magnitudes import FARTHEST, FASTEST, FEEDS, PLACES, SLOWEST
-from machining.task import REPEATED, Array, ToolPath
+from machining.task import REPEATED, ToolPath
 from robots import InputError
+from robots.arrays import Array
 from robots.errors import listed
 from robots.files.reading import read_text
 

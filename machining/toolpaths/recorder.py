@@ -6,12 +6,12 @@ from array import array
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining import magnitudes as limits
 from machining.faults import Faults
 from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
 from robots import InputError
+from robots.arrays import Array, Bools, Integers
 
 Vector = tuple[float, float, float]
 
@@ -59,7 +59,7 @@ class Recorder:
         self.rapids.append(rapid)
         self.lines.append(line)
 
-    def moves(self, line: int, points: NDArray[np.float64], axes: NDArray[np.float64], rapid: bool) -> None:
+    def moves(self, line: int, points: Array, axes: Array, rapid: bool) -> None:
         """Moves (m, 3) of one statement."""
         self.room(len(points))
         self.points.frombytes(np.ascontiguousarray(points).tobytes())
@@ -124,7 +124,7 @@ class Recorder:
             self.note(0, f"{self._lost_events} words that are no motion are not kept, beyond {EVENTS}")
         return self._table(points, axes, line)
 
-    def _checked(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    def _checked(self) -> tuple[Array, Array, Integers]:
         line = np.frombuffer(self.lines, dtype=np.int64) if len(self.lines) else np.zeros(0, dtype=np.int64)
         points = np.frombuffer(self.points, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
         axes = np.frombuffer(self.axes, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
@@ -145,7 +145,7 @@ class Recorder:
         length[bad] = 1.0
         return points, axes / length[:, None], line
 
-    def _check_states(self, line: NDArray[np.int64]) -> None:
+    def _check_states(self, line: Integers) -> None:
         """Faults of feeds and spindle speeds, each with the line of the first move that it holds for."""
         starts = np.append(np.array(self._starts, dtype=np.int64), len(line))
         rapid = np.append(np.array(self.rapids, dtype=bool), True)
@@ -164,7 +164,7 @@ class Recorder:
                 )
                 self.error(int(line[first]), "spindle speed, rpm", value=value, allowed=allowed)
 
-    def _turns(self, axes: NDArray[np.float64], rapid: NDArray[np.bool_], line: NDArray[np.int64]) -> None:
+    def _turns(self, axes: Array, rapid: Bools, line: Integers) -> None:
         """Remark on moves at feed that turn the tool far: how it turns on the way is the control's."""
         cosine = np.einsum("ij,ij->i", axes[1:], axes[:-1])
         cosine[rapid[1:]] = 1.0
@@ -174,7 +174,7 @@ class Recorder:
             far = int((cosine < TURN).sum())
             self.note(int(line[worst + 1]), f"{far} moves at feed turn the tool by more than 10 deg, up to {angle:.4g}")
 
-    def _table(self, points: NDArray[np.float64], axes: NDArray[np.float64], line: NDArray[np.int64]) -> Motions:
+    def _table(self, points: Array, axes: Array, line: Integers) -> Motions:
         n = len(line)
         counts = np.diff(np.append(np.frombuffer(self._starts, dtype=np.int64), n))
         rapid = np.frombuffer(self.rapids, dtype=np.int8).astype(bool)

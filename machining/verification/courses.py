@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from machining.cell.cell import inverse
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
 from machining.verification.moving_axes import MovingAxes, moving_axes
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.search import refine
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move
 # leaves the line by nearly a parabola, whose top lies in the middle: eight pieces see it to 2 %.

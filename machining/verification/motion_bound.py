@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import Scene
 from machining.verification.moving_axes import MovingAxes
 from robots import forward_kinematics
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools, Integers
 
 # Added to distances from axes, m: they are differences of squares.
 ROUNDING = 1e-6
@@ -31,8 +29,8 @@ class MotionBound:
     scene: Scene
     axes: MovingAxes
     corners: Array
-    frame: NDArray[np.int64]
-    moves: NDArray[np.bool_]
+    frame: Integers
+    moves: Bools
     lever: Array
     table_reach: float
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import Cell
 from machining.programs.program import JointProgram
 from robots import Robot
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.posture.drive import singular_distance
 from machining.programs.program import frame_distance
 from machining.verification.courses import PIECES, Courses, frames_between
 from machining.verification.demands import Demands
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 CHUNK = 4096
 SIGNS = ("shoulder", "elbow", "wrist")

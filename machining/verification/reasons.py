@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell.cell import LIMIT_TOLERANCE
 from machining.verification.courses import PIECES, Courses
@@ -15,8 +14,7 @@ from machining.verification.offences import Kind, Offence, Severity
 from machining.verification.path_checks import SIGNS, PathChecks, counts
 from machining.verification.sweep import Swept
 from machining.verification.timing import Timing
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Bools
 
 # Rates that exceed their limits by less are rounding.
 RATE_TOLERANCE = 1e-6
@@ -219,5 +217,5 @@ def _branch_jump(reported: Reported, move: int, path: PathChecks, demands: Deman
     )
 
 
-def _where(flags: NDArray[np.bool_]) -> list[int]:
+def _where(flags: Bools) -> list[int]:
     return [int(i) for i in np.flatnonzero(flags)]

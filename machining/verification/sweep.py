@@ -12,16 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import Scene, clearance
 from machining.cell.scene import Pair
 from machining.verification.courses import Courses
 from machining.verification.motion_bound import MotionBound, motion_bound
+from robots.arrays import Array, Bools, Integers
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 # Moves whose intervals are held at once.

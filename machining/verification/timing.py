@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.verification.courses import PIECES, Courses
 from machining.verification.moving_axes import MovingAxes
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # Shorter ways of the tip (m) count as none: the feed says nothing about turning on the spot.
 NO_WAY = 1e-9

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import ArmBodies, Scene, scene_of
 from machining.cell.scene import CUTTER, PART
@@ -21,9 +20,6 @@ from machining.verification.reasons import Reported, axis_offences, body_offence
 from machining.verification.sweep import Progress, Swept, sweep
 from machining.verification.timing import Timing, timing_of
 from robots import InputError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

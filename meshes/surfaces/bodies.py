@@ -9,17 +9,14 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from meshes.beams import body_tip
 from meshes.surfaces.distance_grid import sample
 from meshes.surfaces.reading import read_surface
 from meshes.surfaces.rings import Interface
 from robots import InputError, Robot
+from robots.arrays import Array, Integers
 from robots.urdf.reading import Primitive, Visual
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Samples of a neighbour's surface, over its diagonal.
 SAMPLE_SHARE = 1.0 / 100.0
@@ -31,7 +28,7 @@ class BodySurface:
     """All shapes of a body in its frame: nodes (n, 3) m, faces (m, 3); ``sources``: file names or kinds."""
 
     nodes: Array
-    faces: Indices
+    faces: Integers
     sources: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -63,7 +60,7 @@ def body_surface(visuals: Sequence[Visual]) -> BodySurface:
     return BodySurface(np.vstack(nodes), np.vstack(faces), tuple(sources), tuple(notes))
 
 
-def _shape(visual: Visual) -> tuple[Array, Indices, list[str]]:
+def _shape(visual: Visual) -> tuple[Array, Integers, list[str]]:
     """Corners and faces of one shape in its own axes, and what was read."""
     if isinstance(visual.source, Path):
         return read_surface(visual.source, None, heed_up_axis=False)

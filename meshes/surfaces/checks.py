@@ -11,14 +11,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import trimesh
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles
@@ -36,7 +33,7 @@ FLAT_FACE = 1e-6
 SECOND_BODY = 0.2
 
 
-def census(nodes: Array, faces: Indices) -> tuple[int, int]:
+def census(nodes: Array, faces: Integers) -> tuple[int, int]:
     """Bodies of a surface, and its edges with one face only, once corners at the same place are merged."""
     nodes, faces, _ = _merged(nodes, faces)
     if not len(faces):
@@ -47,7 +44,7 @@ def census(nodes: Array, faces: Indices) -> tuple[int, int]:
     return int(np.unique(label[faces[:, 0]]).size), len(_open_edges(faces))
 
 
-def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[Array, Indices, list[str]]:
+def repair_surface(name: str, nodes: Array, faces: Integers, hole: float) -> tuple[Array, Integers, list[str]]:
     """One closed body, facing outward: merge, drop, keep the largest body, fill holes up to ``hole`` m around.
 
     Raises
@@ -77,7 +74,7 @@ def repair_surface(name: str, nodes: Array, faces: Indices, hole: float) -> tupl
     return nodes[used], flat.reshape(-1, 3), [*notes, *dropped, *more, *filled]
 
 
-def _merged(nodes: Array, faces: Indices) -> tuple[Array, Indices, list[str]]:
+def _merged(nodes: Array, faces: Integers) -> tuple[Array, Integers, list[str]]:
     """Merge corners at the same place, then drop faces with repeated corners and doubled faces."""
     step = SAME_POINT * max(float(np.linalg.norm(np.ptp(nodes, axis=0))), np.finfo(float).tiny)
     # Not rounding to a grid: that would part two corners on both sides of a grid line.
@@ -97,7 +94,7 @@ def _merged(nodes: Array, faces: Indices) -> tuple[Array, Indices, list[str]]:
     return nodes[first], kept[np.sort(single)], notes
 
 
-def _without_flat(name: str, nodes: Array, faces: Indices) -> tuple[Indices, list[str]]:
+def _without_flat(name: str, nodes: Array, faces: Integers) -> tuple[Integers, list[str]]:
     """Drop triangles without area, where no neighbour needs them."""
     corners = nodes[faces]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
@@ -115,7 +112,7 @@ def _without_flat(name: str, nodes: Array, faces: Indices) -> tuple[Indices, lis
     return faces[~flat], [f"{int(flat.sum())} degenerate triangles without area dropped"]
 
 
-def _largest_body(name: str, nodes: Array, faces: Indices) -> tuple[Indices, list[str]]:
+def _largest_body(name: str, nodes: Array, faces: Integers) -> tuple[Integers, list[str]]:
     """Faces of the body with the largest area."""
     n = len(nodes)
     rows, columns = np.concatenate([faces[:, :2], faces[:, 1:]]).T
@@ -137,7 +134,7 @@ def _largest_body(name: str, nodes: Array, faces: Indices) -> tuple[Indices, lis
     return faces[body == order[0]], [f"{order.size - 1} smaller bodies dropped, {lost:.1f} % of the area"]
 
 
-def _wound(name: str, faces: Indices) -> tuple[Indices, int]:
+def _wound(name: str, faces: Integers) -> tuple[Integers, int]:
     """Turn faces until neighbours run along their common edge in opposite ways; how many were turned."""
     m = len(faces)
     half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -159,14 +156,14 @@ def _wound(name: str, faces: Indices) -> tuple[Indices, int]:
     return np.where(turned[:, None], faces[:, ::-1], faces), int(turned.sum())
 
 
-def _open_edges(faces: Indices) -> Indices:
+def _open_edges(faces: Integers) -> Integers:
     """Edges (e, 2) with one face only, in that face's sense."""
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     _, inverse, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(edges[count[inverse.ravel()] == 1])
 
 
-def _fill_holes(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[Array, Indices, list[str]]:
+def _fill_holes(name: str, nodes: Array, faces: Integers, hole: float) -> tuple[Array, Integers, list[str]]:
     """Close holes up to ``hole`` m around with a fan about their middle; refuse larger ones."""
     edges = _open_edges(faces)
     if not len(edges):
@@ -191,7 +188,7 @@ def _fill_holes(name: str, nodes: Array, faces: Indices, hole: float) -> tuple[A
     return np.vstack([nodes, middles]), np.vstack([faces, fan]), [note]
 
 
-def crossings(nodes: Array, faces: Indices) -> Indices:
+def crossings(nodes: Array, faces: Integers) -> Integers:
     """Pairs (p, 2) of faces that cross, of a mesh with even element sizes; faces that share a corner do not count."""
     corners = nodes[faces]
     centre = corners.mean(axis=1)
@@ -210,7 +207,7 @@ def crossings(nodes: Array, faces: Indices) -> Indices:
     return np.asarray(pairs[hit])
 
 
-def _pierces(start: Array, end: Array, triangle: Array) -> NDArray[np.bool_]:
+def _pierces(start: Array, end: Array, triangle: Array) -> Bools:
     """Whether segments (p, 3) pass through triangles (p, 3, 3); touching does not count."""
 
     def volume(a: Array, b: Array, c: Array, d: Array) -> Array:

@@ -12,16 +12,12 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 import trimesh
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 from vtkmodules.vtkImagingStencil import vtkImageStencilToImage, vtkPolyDataToImageStencil
 
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from robots.arrays import Array, Bools, Integers
 
 # 300 bytes a point on the way to a contour.
 MOST_POINTS = 12_000_000
@@ -72,7 +68,7 @@ def sample(corners: Array, spacing: float) -> Array:
     return np.asarray(start[row] + share[:, None] * (end - start)[row])
 
 
-def _lattice(length: Array, spacing: float) -> tuple[Indices, Array]:
+def _lattice(length: Array, spacing: float) -> tuple[Integers, Array]:
     """Split each length evenly: the length (p,) that each point belongs to and its share 0 to 1 of it."""
     count = np.ceil(length / spacing).astype(np.int64) + 1
     owner = np.repeat(np.arange(len(count)), count)
@@ -95,7 +91,7 @@ def distance(grid: Grid, points: Array, low: float, high: float) -> Array:
     return field
 
 
-def enclosed(grid: Grid, nodes: Array, faces: Indices) -> Flags:
+def enclosed(grid: Grid, nodes: Array, faces: Integers) -> Bools:
     """Which grid points a closed surface encloses."""
     stencil = vtkPolyDataToImageStencil()
     stencil.SetInputData(pv.PolyData.from_regular_faces(nodes, faces.astype(int)))
@@ -113,7 +109,7 @@ def enclosed(grid: Grid, nodes: Array, faces: Indices) -> Flags:
     return np.asarray(values).reshape(grid.shape, order="F") > 0.5
 
 
-def contour(grid: Grid, field: Array) -> tuple[Array, Indices]:
+def contour(grid: Grid, field: Array) -> tuple[Array, Integers]:
     """Closed surface where ``field`` is zero, facing towards larger values.
 
     Raises
@@ -135,13 +131,13 @@ def contour(grid: Grid, field: Array) -> tuple[Array, Indices]:
     return nodes, faces if signed_volume(nodes, faces) > 0.0 else faces[:, ::-1].copy()
 
 
-def signed_volume(nodes: Array, faces: Indices) -> float:
+def signed_volume(nodes: Array, faces: Integers) -> float:
     """Volume m^3 that a closed surface encloses; negative where it faces inward."""
     a, b, c = np.moveaxis(nodes[faces], 1, 0)
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
-def bodies(nodes: Array, faces: Indices) -> list[tuple[Array, Indices]]:
+def bodies(nodes: Array, faces: Integers) -> list[tuple[Array, Integers]]:
     """Bodies of a surface that hang together by edges, the largest area first."""
     mesh = trimesh.Trimesh(nodes, faces, process=False)
     parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(faces)))
@@ -153,7 +149,7 @@ def bodies(nodes: Array, faces: Indices) -> list[tuple[Array, Indices]]:
     return out
 
 
-def thinned(nodes: Array, faces: Indices, count: int) -> tuple[Array, Indices] | None:
+def thinned(nodes: Array, faces: Integers, count: int) -> tuple[Array, Integers] | None:
     """About ``count`` triangles in place of more, where they are needed most; None where that tears the surface."""
     if count >= len(faces):
         return None

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from meshes.shell_mesh import ShellMesh
 from meshes.surfaces.checks import SurfaceFault, census
@@ -17,9 +17,8 @@ from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring
 from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
 from robots import InputError
+from robots.arrays import Array, Integers
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
 
 # Has no type hints.
@@ -124,7 +123,7 @@ def _interfaces(
 def prepare_link(
     name: str,
     nodes: Array,
-    faces: Indices,
+    faces: Integers,
     interfaces: Mapping[str, Interface],
     settings: ImportSettings,
     notes: tuple[str, ...] = (),
@@ -201,7 +200,7 @@ def quality_words(least_angle_deg: float) -> str:
     )
 
 
-def _quality(nodes: Array, faces: Indices, least: float) -> str:
+def _quality(nodes: Array, faces: Integers, least: float) -> str:
     mesh = trimesh.Trimesh(nodes, faces, process=False)
     edge = 1e3 * mesh.edges_unique_length
     return (

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles

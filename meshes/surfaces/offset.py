@@ -6,14 +6,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from meshes.surfaces.checks import SurfaceFault
 from meshes.surfaces.remesh import normals, unit
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from robots.arrays import Array, Bools, Integers
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles
@@ -24,7 +20,7 @@ LEAST_SHARE = 0.03
 FARTHEST = 2.5
 
 
-def offset_inward(name: str, nodes: Array, faces: Indices, depth: float) -> tuple[Array, int]:
+def offset_inward(name: str, nodes: Array, faces: Integers, depth: float) -> tuple[Array, int]:
     """Move nodes (n, 3) so that the planes of the faces around each move inward by ``depth`` m.
 
     Least squares over the faces, weighted by angle, so that sharp edges and corners keep the wall on all their
@@ -59,7 +55,7 @@ def offset_inward(name: str, nodes: Array, faces: Indices, depth: float) -> tupl
     )
 
 
-def _folded(before: Array, after: Array, faces: Indices) -> Flags:
+def _folded(before: Array, after: Array, faces: Integers) -> Bools:
     """Faces (m,) that turned by more than 60 deg or with an edge that all but vanished or turned round."""
     tilted = np.einsum("ij,ij->i", unit(normals(after, faces)), unit(normals(before, faces))) < 0.5
     old, new = (np.roll(nodes[faces], -1, axis=1) - nodes[faces] for nodes in (before, after))

@@ -12,13 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.files.reading import read_bytes
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 SUFFIXES = (".stl", ".obj", ".dae", ".ply")
 # Extents of a casing over the distance of its interfaces; beyond, the unit of length is in doubt.
@@ -32,7 +29,7 @@ LARGEST_COORDINATE = 1e9
 _HEAD_BYTES = 1 << 18
 
 
-def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> tuple[Array, Indices, list[str]]:
+def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> tuple[Array, Integers, list[str]]:
     """Corners in metres and faces of a STL, OBJ, DAE or PLY file; a scene's geometries where they stand in it.
 
     ``scale`` is metres for one unit of the file; None takes the file's own unit (DAE), else metres.

@@ -12,13 +12,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import trimesh
-from numpy.typing import NDArray
 
 from meshes.surfaces.nearest import NearestOn
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from robots.arrays import Array, Bools, Integers
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles
@@ -52,8 +48,8 @@ class _Limits:
 
 
 def remesh(
-    nodes: Array, faces: Indices, size: float, keep_edges: bool = True, start: tuple[Array, Indices] | None = None
-) -> tuple[Array, Indices]:
+    nodes: Array, faces: Integers, size: float, keep_edges: bool = True, start: tuple[Array, Integers] | None = None
+) -> tuple[Array, Integers]:
     """Even triangles of edge ``size`` m on a closed manifold surface.
 
     ``keep_edges``: edges sharper than 40 deg stay where they are. Without, they are rounded by up to an element,
@@ -74,7 +70,7 @@ def remesh(
     return _without_slivers(nodes, faces, target, limits)
 
 
-def _without_slivers(nodes: Array, faces: Indices, target: NearestOn, limits: _Limits) -> tuple[Array, Indices]:
+def _without_slivers(nodes: Array, faces: Integers, target: NearestOn, limits: _Limits) -> tuple[Array, Integers]:
     """Give up sharp edges where they force slivers; and nodes that the way back to such edges brought together."""
     limits = replace(limits, fold=min(limits.fold, float(np.cos(np.deg2rad(FOLD_DEG)))), lenient=True)
     for _ in range(ROUNDS):
@@ -88,7 +84,7 @@ def _without_slivers(nodes: Array, faces: Indices, target: NearestOn, limits: _L
     return nodes, faces
 
 
-def sharp_density(nodes: Array, faces: Indices) -> float:
+def sharp_density(nodes: Array, faces: Integers) -> float:
     """Length of a closed surface's edges sharper than 40 deg over its area, 1/m."""
     edges = _edges(faces)
     sharp = float(np.cos(np.deg2rad(SHARP_DEG)))
@@ -100,13 +96,13 @@ def sharp_density(nodes: Array, faces: Indices) -> float:
 class _Edges:
     """Edges of a closed manifold: ends (e, 2) in the first face's sense, both faces (e, 2), corners opposite (e, 2)."""
 
-    ends: Indices
-    faces: Indices
-    opposite: Indices
-    sides: Indices  # (m, 3): edge from corner i to corner i + 1 of each face
+    ends: Integers
+    faces: Integers
+    opposite: Integers
+    sides: Integers  # (m, 3): edge from corner i to corner i + 1 of each face
 
 
-def _edges(faces: Indices) -> _Edges:
+def _edges(faces: Integers) -> _Edges:
     half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     pairs = np.argsort(half.min(axis=1) * (faces.max() + 1) + half.max(axis=1), kind="stable").reshape(-1, 2)
     sides = np.empty(len(half), dtype=np.int64)
@@ -114,13 +110,13 @@ def _edges(faces: Indices) -> _Edges:
     return _Edges(half[pairs[:, 0]], pairs // 3, faces[pairs // 3, (pairs + 2) % 3], sides.reshape(-1, 3))
 
 
-def normals(nodes: Array, faces: Indices) -> Array:
+def normals(nodes: Array, faces: Integers) -> Array:
     """Normals (m, 3) as long as twice the area."""
     a, b, c = (nodes[faces[:, i]] for i in range(3))
     return np.asarray(np.cross(b - a, c - a))
 
 
-def _slivers(nodes: Array, faces: Indices, normal: Array) -> Flags:
+def _slivers(nodes: Array, faces: Integers, normal: Array) -> Bools:
     """Faces (m,) so flat that their normal says nothing of the surface; ``normal`` (m, 3) as from normals()."""
     return np.asarray(_length(normal) <= SLIVER * _longest(nodes, faces) ** 2)
 
@@ -130,7 +126,7 @@ def _length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
-def _longest(nodes: Array, faces: Indices) -> Array:
+def _longest(nodes: Array, faces: Integers) -> Array:
     """Longest edge (m,) of each face."""
     a, b, c = (nodes[faces[:, i]] for i in range(3))
     return np.asarray(np.maximum(np.maximum(_length(b - a), _length(c - b)), _length(a - c)))
@@ -141,7 +137,7 @@ def unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(_length(vectors), 1e-300)[:, None])
 
 
-def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limits: _Limits) -> tuple[Flags, Indices]:
+def _sharpness(nodes: Array, faces: Integers, edges: _Edges, limits: _Limits) -> tuple[Bools, Integers]:
     """Which edges (e,) are sharp, and the nodes' kind (n,): 0 on a face, 1 along a sharp edge, 2 a corner."""
     normal = unit(normals(nodes, faces))
     sharp = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[edges.faces[:, 1]]) < limits.sharp
@@ -162,7 +158,7 @@ def _sharpness(nodes: Array, faces: Indices, edges: _Edges, limits: _Limits) -> 
     return sharp, np.where(degree == 0, 0, np.where((degree == 2) & ~bent, 1, 2))
 
 
-def _first_of(rank: Array, groups: Indices, n: int) -> Array:
+def _first_of(rank: Array, groups: Integers, n: int) -> Array:
     """Smallest rank (n,) among the edges that touch each of n nodes."""
     first = np.full(n, np.inf)
     for column in groups.T:
@@ -170,7 +166,7 @@ def _first_of(rank: Array, groups: Indices, n: int) -> Array:
     return first
 
 
-def _split(nodes: Array, faces: Indices, longest: float) -> tuple[Array, Indices]:
+def _split(nodes: Array, faces: Integers, longest: float) -> tuple[Array, Integers]:
     """Halve edges longer than ``longest`` until there are none; neighbours stay joined."""
     while True:
         edges = _edges(faces)
@@ -196,7 +192,7 @@ def _split(nodes: Array, faces: Indices, longest: float) -> tuple[Array, Indices
         faces = np.concatenate(parts)
 
 
-def _collapse(nodes: Array, faces: Indices, limits: _Limits, shortest: float = SHORT) -> tuple[Array, Indices]:
+def _collapse(nodes: Array, faces: Integers, limits: _Limits, shortest: float = SHORT) -> tuple[Array, Integers]:
     """Collapse edges below ``shortest`` of the size, where form and manifold allow it."""
     # In random order many collapses are independent of each other; the fixed seed makes meshes repeatable.
     order = np.random.default_rng(0)
@@ -223,8 +219,8 @@ def _collapse(nodes: Array, faces: Indices, limits: _Limits, shortest: float = S
 
 
 def _collapsible(
-    nodes: Array, faces: Indices, edges: _Edges, limits: _Limits, shortest: float
-) -> tuple[Indices, Indices]:
+    nodes: Array, faces: Integers, edges: _Edges, limits: _Limits, shortest: float
+) -> tuple[Integers, Integers]:
     """Pairs (gone, kept) of nodes whose collapse keeps form, edge length and manifold, each judged by itself."""
     sharp, kind = _sharpness(nodes, faces, edges, limits)
     length = _length(nodes[edges.ends[:, 1]] - nodes[edges.ends[:, 0]])
@@ -259,7 +255,7 @@ def _collapsible(
     return gone[~bad], kept[~bad]
 
 
-def _flip(nodes: Array, faces: Indices, limits: _Limits) -> Indices:
+def _flip(nodes: Array, faces: Integers, limits: _Limits) -> Integers:
     """Turn edges within their two faces until the mesh is Delaunay, but for sharp edges."""
     order = np.random.default_rng(0)
     for _ in range(60):
@@ -290,7 +286,7 @@ def _flip(nodes: Array, faces: Indices, limits: _Limits) -> Indices:
     return faces
 
 
-def _smooth(nodes: Array, faces: Indices, target: NearestOn, limits: _Limits) -> Array:
+def _smooth(nodes: Array, faces: Integers, target: NearestOn, limits: _Limits) -> Array:
     """Move nodes towards their neighbours' middle and back on the surface; corners stay."""
     edges = _edges(faces)
     sharp, kind = _sharpness(nodes, faces, edges, limits)

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from meshes.surfaces.remesh import normals, unit
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from robots.arrays import Array, Integers
 
 LEAST_RING = 6
 # Interfaces reach no further than this share of the way to the next one.
@@ -52,13 +48,13 @@ class Interface:
 class Ring:
     """Nodes of an interface, how far they reach (m) from the axis or the point, and how they were chosen."""
 
-    nodes: Indices
+    nodes: Integers
     radius: float
     words: str
 
 
 def choose_rings(
-    interfaces: Mapping[str, Interface], nodes: Array, faces: Indices, size: float, link: str = ""
+    interfaces: Mapping[str, Interface], nodes: Array, faces: Integers, size: float, link: str = ""
 ) -> tuple[dict[str, Ring], list[str]]:
     """Nodes of each interface on a surface (n, 3), (m, 3) with elements of ``size`` m; notes of what was shrunk.
 
@@ -104,7 +100,7 @@ class _Skin:
     """
 
     nodes: Array
-    faces: Indices
+    faces: Integers
     normal: Array
     size: float
     of: str = ""
@@ -164,7 +160,7 @@ def _band_ring(point: Array, others: list[Array], distance: Array, skin: _Skin) 
     return Ring(ring, float(distance[ring].max()), "band around the point")
 
 
-def _pieces(ring: Indices, faces: Indices) -> Indices:
+def _pieces(ring: Integers, faces: Integers) -> Integers:
     """Which connected piece (r,) of the surface each node of a set belongs to."""
     place = np.full(int(faces.max()) + 1, -1)
     place[ring] = np.arange(ring.size)
@@ -190,7 +186,7 @@ def _ball_ring(distance: Array, size: float, limit: float) -> Ring | None:
 class _Seat:
     """A flat place around an axis: its nodes, their area (m^2), its place along the axis and its gap (m)."""
 
-    nodes: Indices
+    nodes: Integers
     area: float
     along: float
     gap: float
@@ -240,7 +236,7 @@ def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) ->
     return Ring(ring, radius, f"disc of {1e3 * radius:.4g} mm about the joint's axis at {places} mm{near_words}")
 
 
-def _sectors(across: Array, axis: Array) -> Indices:
+def _sectors(across: Array, axis: Array) -> Integers:
     """Fine sector (n,) of the full turn that each arm (n, 3) at right angles to the axis points into."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
@@ -249,9 +245,9 @@ def _sectors(across: Array, axis: Array) -> Indices:
     return np.asarray(np.floor(angle / (2.0 * np.pi) * count).astype(np.int64) % count)
 
 
-def _levels(facing: Indices, along: Array, skin: _Skin) -> list[Indices]:
+def _levels(facing: Integers, along: Array, skin: _Skin) -> list[Integers]:
     """Sets of nodes that lie within a few elements along the axis, the largest areas first."""
-    levels: list[Indices] = []
+    levels: list[Integers] = []
     weight = np.linalg.norm(skin.normal, axis=1)
     first = 0.0
     while facing.size >= LEAST_RING:
@@ -271,7 +267,7 @@ def _levels(facing: Indices, along: Array, skin: _Skin) -> list[Indices]:
     return levels
 
 
-def _disc(ring: Indices, off: Array, sector: Indices, size: float) -> Indices:
+def _disc(ring: Integers, off: Array, sector: Integers, size: float) -> Integers:
     """Cut a seat to the lower quartile of its reach around the axis."""
     reach = [off[ring[sector[ring] == k]].max(initial=0.0) for k in range(SECTORS * FINE)]
     radius = float(np.quantile([r for r in reach if r > 0.0], 0.25))

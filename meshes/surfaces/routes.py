@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from meshes.surfaces.checks import SurfaceFault, crossings, repair_surface
 from meshes.surfaces.offset import offset_inward
@@ -16,12 +15,11 @@ from meshes.surfaces.reading import SPAN_RATIO
 from meshes.surfaces.remesh import remesh, sharp_density
 from meshes.surfaces.rings import Interface, Ring, choose_rings
 from robots import InputError
+from robots.arrays import Array, Integers
 
 if TYPE_CHECKING:
     from meshes.surfaces.wrap import Departure, Method, Wrap
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Repair = Literal["auto", "none", "wrap"]
 
 # Has no type hints.
@@ -76,7 +74,7 @@ class Meshed:
     """
 
     nodes: Array
-    faces: Indices
+    faces: Integers
     rings: dict[str, Ring]
     size: float
     report: tuple[str, ...]
@@ -89,7 +87,7 @@ def usual_size(area: float, wall: float) -> float:
 
 
 def as_it_is(
-    name: str, nodes: Array, faces: Indices, interfaces: Mapping[str, Interface], settings: ImportSettings
+    name: str, nodes: Array, faces: Integers, interfaces: Mapping[str, Interface], settings: ImportSettings
 ) -> Meshed:
     """Mesh a closed skin with its own edges; SurfaceFault where it has no clean one."""
     size = settings.target_size or usual_size(float(_triangles.area(nodes[faces]).sum()), settings.wall)
@@ -115,7 +113,7 @@ def as_it_is(
 
 
 def wrapped(
-    name: str, nodes: Array, faces: Indices, interfaces: Mapping[str, Interface], settings: ImportSettings
+    name: str, nodes: Array, faces: Integers, interfaces: Mapping[str, Interface], settings: ImportSettings
 ) -> Meshed:
     """Wrap any surface and mesh the wrap's mid-surface; where no opening is asked for, the width is found by trial."""
     # Brings VTK with it, which only wrapping needs.
@@ -151,7 +149,7 @@ class _Casing:
     """Nodes, faces, lines for the report and departure of a wrapped mid-surface."""
 
     nodes: Array
-    faces: Indices
+    faces: Integers
     report: tuple[str, ...]
     off: Departure
 
@@ -159,7 +157,7 @@ class _Casing:
 def _casing(
     name: str,
     nodes: Array,
-    faces: Indices,
+    faces: Integers,
     wall: float,
     size: float,
     opening: float,
@@ -194,8 +192,8 @@ def _casing(
 
 
 def _remeshed(
-    name: str, wrap: Wrap, fine: tuple[Array, Indices], notes: tuple[str, ...], wall: float, size: float
-) -> tuple[Array, Indices, tuple[str, ...], bool]:
+    name: str, wrap: Wrap, fine: tuple[Array, Integers], notes: tuple[str, ...], wall: float, size: float
+) -> tuple[Array, Integers, tuple[str, ...], bool]:
     """Even triangles on a mid-surface, by the first of the attempts that is good; whether edges were kept."""
     from meshes.surfaces.distance_grid import thinned
     from meshes.surfaces.wrap import middle_surface
@@ -217,12 +215,12 @@ def _remeshed(
     return middle, cells, notes, edges
 
 
-def _elements(nodes: Array, faces: Indices, size: float) -> float:
+def _elements(nodes: Array, faces: Integers, size: float) -> float:
     """How many equilateral triangles of that size have the surface's area."""
     return float(_triangles.area(nodes[faces]).sum() / (np.sqrt(0.1875) * size**2))
 
 
-def _check_room(name: str, nodes: Array, faces: Indices, size: float, wall: float, offset: float = 0.0) -> None:
+def _check_room(name: str, nodes: Array, faces: Integers, size: float, wall: float, offset: float = 0.0) -> None:
     """Refuse target sizes out of all proportion, and skins that enclose the wall instead of the casing.
 
     ``offset`` m: how far the skin lies outside the casing's own.
@@ -245,7 +243,7 @@ def _check_room(name: str, nodes: Array, faces: Indices, size: float, wall: floa
         )
 
 
-def _refuse_crossings(name: str, nodes: Array, faces: Indices, what: str, remedy: str) -> None:
+def _refuse_crossings(name: str, nodes: Array, faces: Integers, what: str, remedy: str) -> None:
     pairs = crossings(nodes, faces)
     if len(pairs):
         place = np.round(nodes[faces[pairs[0, 0]]].mean(axis=0), 4).tolist()
@@ -254,6 +252,6 @@ def _refuse_crossings(name: str, nodes: Array, faces: Indices, what: str, remedy
         )
 
 
-def least_angle(nodes: Array, faces: Indices) -> float:
+def least_angle(nodes: Array, faces: Integers) -> float:
     """Smallest angle of all triangles, deg."""
     return float(np.rad2deg(_triangles.angles(nodes[faces]).min()))

@@ -12,14 +12,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes.surfaces.checks import SurfaceFault
 from meshes.surfaces.wrap import Departure, Method
 from robots import InputError
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 T = TypeVar("T")
 
 # Widths tried where none is given, in element sizes.

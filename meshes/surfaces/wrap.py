@@ -18,17 +18,15 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
 from meshes.surfaces.checks import SECOND_BODY, SurfaceFault
 from meshes.surfaces.distance_grid import Grid, bodies, contour, distance, enclosed, grid_around, sample, signed_volume
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.files.unfinished import tidied_by
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Method = Literal["auto", "alpha", "grid"]
 METHODS: tuple[Method, ...] = ("auto", "alpha", "grid")
 
@@ -64,7 +62,7 @@ class Wrap:
     """A closed skin, nodes (n, 3) m and faces (m, 3), that lies ``offset`` m outside the original surface."""
 
     nodes: Array
-    faces: Indices
+    faces: Integers
     offset: float
     notes: tuple[str, ...]
 
@@ -81,7 +79,7 @@ def check_method(method: str) -> None:
 
 
 def wrap_surface(
-    name: str, nodes: Array, faces: Indices, size: float, opening: float | None = None, method: Method = "auto"
+    name: str, nodes: Array, faces: Integers, size: float, opening: float | None = None, method: Method = "auto"
 ) -> Wrap:
     """Closed skin around triangles of any kind; the largest body that results.
 
@@ -121,7 +119,7 @@ def wrap_surface(
     return Wrap(*found[0], offset, tuple(notes))
 
 
-def _refuse_second_body(name: str, found: list[tuple[Array, Indices]], why: str, remedy: str) -> None:
+def _refuse_second_body(name: str, found: list[tuple[Array, Integers]], why: str, remedy: str) -> None:
     if len(found) < 2:
         return
     first, second = (signed_volume(*body) for body in found[:2])
@@ -133,7 +131,7 @@ def _refuse_second_body(name: str, found: list[tuple[Array, Indices]], why: str,
         )
 
 
-def _grid_wrapped(name: str, corners: Array, ball: float, offset: float, step: float) -> tuple[Array, Indices]:
+def _grid_wrapped(name: str, corners: Array, ball: float, offset: float, step: float) -> tuple[Array, Integers]:
     """Contour at ``offset`` around triangles (m, 3, 3), and across openings that a ball does not pass."""
     grid = grid_around(name, corners.reshape(-1, 3), step, ball + 4.0 * step)
     far = distance(grid, sample(corners, step / 3.0), 0.0, offset + 1.5 * step)
@@ -144,7 +142,7 @@ def _grid_wrapped(name: str, corners: Array, ball: float, offset: float, step: f
     return contour(grid, np.minimum(far - offset, ball - offset + step - reached))
 
 
-def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset: float) -> tuple[Array, Indices]:
+def _alpha_wrapped(name: str, nodes: Array, faces: Integers, alpha: float, offset: float) -> tuple[Array, Integers]:
     """CGAL's alpha wrap in a process of its own, so that a crash there is a message here."""
     with tempfile.TemporaryDirectory() as folder, tidied_by(lambda: shutil.rmtree(folder, ignore_errors=True)):
         source, target = Path(folder) / "surface.npz", Path(folder) / "wrap.npz"
@@ -169,7 +167,7 @@ def _alpha_wrapped(name: str, nodes: Array, faces: Indices, alpha: float, offset
 
 def middle_surface(
     name: str, wrap: Wrap, wall: float, size: float, margin: float
-) -> tuple[tuple[Array, Indices], tuple[str, ...]]:
+) -> tuple[tuple[Array, Integers], tuple[str, ...]]:
     """Mid-surface of a wall ``wall`` m thick under the wrapped surface, finer than ``size``; and notes.
 
     The inside of the mid-surface is eroded by ``margin`` m, and what is far from the rest goes: parts thinner than
@@ -209,7 +207,7 @@ def middle_surface(
     return middle, notes
 
 
-def _signed_distance(grid: Grid, nodes: Array, faces: Indices, least: float, most: float) -> Array:
+def _signed_distance(grid: Grid, nodes: Array, faces: Integers, least: float, most: float) -> Array:
     """Distance to a closed surface on the grid, negative inside; exact from ``least`` to ``most`` and a step beyond."""
     reach = 1.5 * grid.step
     points = even(sample(nodes[faces], 0.5 * grid.step), 0.1 * grid.step)
@@ -258,7 +256,7 @@ def original_seen(wrap: Wrap, corners: Array, size: float) -> Original:
     return Original(KDTree(points), some[near])
 
 
-def departure(original: Original, middle: tuple[Array, Indices], wall: float, size: float) -> Departure:
+def departure(original: Original, middle: tuple[Array, Integers], wall: float, size: float) -> Departure:
     """How far a mid-surface and the original are from being half a wall apart, by samples of equal area."""
     ours = even(sample(middle[0][middle[1]], size / 3.0), size / 6.0)
     bridged, lost = (

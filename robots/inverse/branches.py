@@ -10,13 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
 from robots.inverse.turns import EquivalentPoses, every_turn
 from robots.robot import Robot
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 Method = Literal["closed form", "closed form, refined", "numerical search"]
 
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.inverse.branches import Reason
 from robots.inverse.spherical_wrist import SphericalWristArm
 from robots.inverse.wrist import BOUNDARY, SINGULAR, root, solve_wrist
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Targets a pass: the arrays of one pass then stay in the processor's cache.
 CHUNK = 2048

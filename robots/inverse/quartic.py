@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from robots.arrays import Array, Bools
 
 # A root this far (rad) off the real axis may be a double one spread by rounding; the equation itself decides.
 NEARLY_REAL = 1e-5

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.axis_lines import axis_lines
 from robots.kinematics import forward_kinematics, tool_position
 from robots.robot import Robot
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Solutions closer than this in every joint (rad, whole turns aside) are one.
 SAME_RAD = 1e-5
@@ -37,8 +34,8 @@ class Found:
     """
 
     q: Array
-    hits: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    hits: Integers
+    starts: Integers
     unseen: Array
     sure: Bools
     beyond: Bools
@@ -156,7 +153,7 @@ def _beyond(robot: Robot, T: Array) -> Bools:
     return np.asarray(np.linalg.norm(T[:, :3, 3] - lines.point[0], axis=1) > lines.length * (1.0 + 1e-9))
 
 
-def _enter(found: Found, rows: NDArray[np.int64], q: Array, met: Bools) -> None:
+def _enter(found: Found, rows: Integers, q: Array, met: Bools) -> None:
     """Count each start's end as a hit on a known solution, or enter it as a new one; a loop over starts."""
     for start in range(q.shape[1]):
         apart = q[:, start, None, :] - found.q[rows]
@@ -171,7 +168,7 @@ def _enter(found: Found, rows: NDArray[np.int64], q: Array, met: Bools) -> None:
         found.hits[rows[room], place[room]] += 1
 
 
-def _judge(found: Found, rows: NDArray[np.int64], dof: int) -> None:
+def _judge(found: Found, rows: Integers, dof: int) -> None:
     hits = found.hits[rows]
     count, total = (hits > 0).sum(axis=1), hits.sum(axis=1)
     found.unseen[rows] = np.where(total > 0, (hits == 1).sum(axis=1) / np.maximum(total, 1), 1.0)

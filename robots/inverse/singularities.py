@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Integers
 from robots.errors import InputError
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm, why_not_spherical
 from robots.kinematics import as_poses, forward_kinematics, jacobian
 from robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 # Smallest singular value of the Jacobian (lengths over the arm's) below which a pose is near a singular one: a hand
 # then turns or moves in some direction a hundred times slower than its joints.
@@ -81,7 +79,7 @@ def configuration(arm: SphericalWristArm, robot: Robot, q: Array) -> Array:
     return np.stack([shoulder, elbow, _half_turn(q[:, 4] + arm.wrist.zero + straight)])
 
 
-def branch_of(robot: Robot, q: Array) -> NDArray[np.int64]:
+def branch_of(robot: Robot, q: Array) -> Integers:
     """Index into :data:`robots.inverse.branches.BRANCHES` of poses q (n, 6) rad; any turn of the joints.
 
     At a singularity, where branches meet, rounding decides.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import AxisLines, axis_lines, nearest_point
 from robots.inverse.branches import Reason
 from robots.inverse.closed_form import ClosedForm, times
@@ -15,8 +15,6 @@ from robots.inverse.spherical_wrist import DEGENERATE, NEARLY_LENGTH, why_no_sph
 from robots.inverse.wrist import BOUNDARY, SINGULAR, Wrist, root, solve_wrist, wrist_from
 from robots.kept import once_per_robot
 from robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 SKEW_NAMES = tuple(f"arm {i // 2 + 1}, {'flip' if i % 2 else 'no flip'}" for i in range(8))
 # Axes 1 and 2 this close to meeting (share of the arm's length) or to parallel (sine) are taken to be so.
@@ -134,7 +132,7 @@ def solve_skew_arm(arm: SkewArm, T_base_flange: Array, near: Array) -> ClosedFor
     return ClosedForm(np.moveaxis(q, -1, 0), reason.T, np.moveaxis(singular, -1, 0))
 
 
-def _circles(arm: SkewArm, target: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _circles(arm: SkewArm, target: Array) -> tuple[Array, Array, Bools]:
     """Angles q3 (4, k), NaN if missing, points v (4, 3, k) from ``p[0]`` on axis 1's circle, and double roots (4, k).
 
     ``target`` (3, k): the wrist centre from ``p[0]``.

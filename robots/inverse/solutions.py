@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.branches import BRANCH_NAMES, InverseSolutions, Reason, as_near, twins_of
@@ -15,8 +15,6 @@ from robots.inverse.spherical_wrist import spherical_wrist_arm, why_no_spherical
 from robots.inverse.turns import nearest_turn
 from robots.kinematics import jacobian
 from robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 # Rotations from files are rounded; further off they are no rotations, and nobody knows what was meant.
 ROTATION_TOLERANCE = 1e-6
@@ -144,7 +142,7 @@ def _sigma_min(robot: Robot, q: Array) -> Array:
     return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1])
 
 
-def _twins(q: Array, reached: NDArray[np.bool_], singular: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _twins(q: Array, reached: Bools, singular: Bools) -> Bools:
     """Twins of the closed form: branches only meet at singularities, so only such targets are looked at."""
     twin = np.zeros(reached.shape, dtype=np.bool_)
     rows = np.flatnonzero(singular.any(axis=(1, 2)))

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.errors import InputError
 from robots.inverse.axis_lines import axis_lines, basis, nearest_point
 from robots.inverse.wrist import BOUNDARY, Wrist, wrist_from
 from robots.kept import once_per_robot
 from robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 # Axes that miss by less than this (m, rad) do so by rounding: the closed form is then as exact as the frames.
 EXACT = 1e-11

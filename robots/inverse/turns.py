@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools, Integers
 from robots.robot import LIMIT_TOLERANCE_RAD, Robot
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 TURN = 2.0 * np.pi
 
@@ -21,8 +18,8 @@ TURN = 2.0 * np.pi
 class EquivalentPoses:
     """k poses within limits: the ``target`` (k,) and ``column`` (k,) each belongs to, and its ``q`` (k, dof) rad."""
 
-    target: NDArray[np.int64]
-    column: NDArray[np.int64]
+    target: Integers
+    column: Integers
     q: Array
 
 

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import AxisLines, basis
 from robots.inverse.branches import Reason
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # A target this far out of reach (share of the arm's length; rad) is on the boundary, rounded.
 BOUNDARY = 1e-10

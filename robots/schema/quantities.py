@@ -8,9 +8,9 @@ from numbers import Real
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, field_validator, model_validator
 
+from robots.arrays import Array
 from robots.schema.units import check_magnitude, factor
 
 # Of numbers without a unit of their own: squares of them, and products of a few, stay within what a float holds.
@@ -85,7 +85,7 @@ class Quantity(Strict):
         return self.value * factor(self.dimension, self.unit)
 
     @property
-    def si_array(self) -> NDArray[np.float64]:
+    def si_array(self) -> Array:
         """The values in SI units, shape (m,)."""
         return np.atleast_1d(np.asarray(self.value, dtype=np.float64)) * factor(self.dimension, self.unit)
 

@@ -6,9 +6,9 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Discriminator, Tag, model_validator
 
+from robots.arrays import Array
 from robots.schema.quantities import Compliance, RotationalStiffness, Strict, TranslationalStiffness
 from robots.schema.units import check_magnitude
 
@@ -168,7 +168,7 @@ class PlaceStiffness(Strict):
     entry: tuple[ComplianceEntry, ...] = ()
 
     @property
-    def compliance(self) -> NDArray[np.float64]:
+    def compliance(self) -> Array:
         """The compliance matrix (6, 6), SI, forces before moments."""
         given = (self.tx, self.ty, self.tz, self.rx, self.ry, self.rz)
         C = np.diag([0.0 if k is None else 1.0 / k.si for k in given])

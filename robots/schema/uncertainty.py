@@ -6,12 +6,9 @@ from collections import Counter
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from robots.schema.quantities import Strict
-
-Array = NDArray[np.float64]
 
 NumberVariable = Literal["1/value", "ln value", "value"]
 NumberStatus = Literal["determined", "one-sided", "not identified"]

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.errors import InputError, InputErrors, listed
-
-Array = NDArray[np.float64]
 
 # Names that ROS-Industrial and others give the mounting plate; tool0 has its z axis out of the plate.
 _PLATES = (re.compile(r"(^|[^a-z0-9])tool0$", re.I), re.compile(r"(^|[^a-z0-9])flange$", re.I))

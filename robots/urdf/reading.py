@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from robots.arrays import Array
 from robots.errors import InputError, InputErrors
 from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 from robots.schema.quantities import AngleRange, Angles, Mass, Position
@@ -22,8 +22,6 @@ from robots.urdf.shapes import Primitive, Visual, visuals_of
 from robots.urdf.xml import read_urdf_text
 
 __all__ = ["Primitive", "UrdfRobot", "Visual", "read_urdf"]
-
-Array = NDArray[np.float64]
 
 SOURCE = "urdf"
 # Continuous joints have no limits; coordinates need some, and a turn each way holds every pose.

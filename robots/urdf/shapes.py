@@ -10,11 +10,10 @@ from typing import Any, Literal
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.urdf.chain import Tree
 
-Array = NDArray[np.float64]
 Kind = Literal["visuals", "collisions"]
 
 

@@ -12,12 +12,10 @@ from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.style import OKABE_ITO
-
-Array = NDArray[np.float64]
 
 SERIES: Final = tuple(OKABE_ITO[c] for c in ("blue", "vermillion", "green", "purple", "orange", "sky"))
 MARKERS: Final = "osD^vP"

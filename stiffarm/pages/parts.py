@@ -15,8 +15,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from robots import Robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def render_page(template: str, data: dict[str, Any], scripts: tuple[str, ...], **words: Any) -> str:

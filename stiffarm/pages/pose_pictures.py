@@ -9,14 +9,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from robots import ModelDescription, Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from stiffarm.pages import style
 from stiffarm.pages.robot_drawing import M_TO_MM, DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Window, z_buffer_image
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 # Width and height in pixels: some 300 dpi at the size on the page.

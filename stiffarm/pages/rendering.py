@@ -20,7 +20,6 @@ from typing import Final, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from robots import InputError
 from stiffarm.pages import style
@@ -28,7 +27,6 @@ from stiffarm.pages.robot_drawing import DrawnBody
 from stiffarm.pages.scenes import Image, Scene, Window, gl_image, z_buffer_image
 from surrogate.maps.vtk_files import M_TO_MM, N_PER_M_TO_N_PER_MM, StiffnessMap
 
-Array = NDArray[np.float64]
 Renderer = Literal["pyvista", "matplotlib"]
 
 NO_GL_VARIABLE: Final = "STIFFARM_NO_GL"

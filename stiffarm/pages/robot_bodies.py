@@ -7,16 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from meshes.beams import body_index
 from robots import ModelDescription, Robot, forward_kinematics, tool_position
+from robots.arrays import Array, Integers
 from robots.kinematics import BodyFrames
 from stiffarm.commands.maps.sweep import middle_pose
 from stiffarm.pages.robot_drawing import M_TO_MM, DrawnBody, Role, draw_robot
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Thickness of a rod over the arm's size, where the links have no sections.
 _ROD = 0.03
@@ -30,7 +27,7 @@ class FramedBody(NamedTuple):
     role: Role
     frame: int
     vertices: Array
-    triangles: Indices
+    triangles: Integers
 
 
 def frame_transforms(robot: Robot, frames: BodyFrames, pose: int = 0) -> Array:

@@ -11,15 +11,15 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from meshes.beams import body_index
 from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from robots.kinematics import BodyFrames
 from robots.schema.description import BoxSection, Link, TubeSection
 
-Array = NDArray[np.float64]
 Role = Literal["base", "link", "joint", "parallelogram", "flange", "tool"]
 
 # All near grey: colour in the picture means stiffness and nothing else.

@@ -12,12 +12,11 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
+from robots.arrays import Array, Integers
 from stiffarm.pages import style
 from stiffarm.pages.robot_drawing import ROBOT_COLOURS, DrawnBody
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-Indices = NDArray[np.int64]
 
 # Direction to each light (right, up, towards the eye) and its strength.
 _LIGHTS: Final = (((0.0, 0.0, 1.0), 0.5), ((-0.45, 0.67, 0.59), 0.55))
@@ -30,7 +29,7 @@ class Surface(NamedTuple):
     """A painted surface, seen from both sides: vertices (k, 3) mm, triangles (m, 3), RGB of each (m, 3), 0 to 1."""
 
     vertices: Array
-    triangles: Indices
+    triangles: Integers
     colours: Array
 
 
@@ -139,7 +138,7 @@ def _surface(image: Image, depth: Array, surface: Surface, scene: Scene, window:
         _fill(image, depth, triangle, normal, colour, _AMBIENT_BALL)
 
 
-def corner_normals(vertices: Array, triangles: Indices) -> Array:
+def corner_normals(vertices: Array, triangles: Integers) -> Array:
     """Unit normals (m, 3, 3) at the triangles' corners: the mean over neighbours that are not across a sharp edge.
 
     All triangles must be wound the same way round, as those of a swept or closed surface are.

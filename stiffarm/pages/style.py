@@ -22,12 +22,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from robots.files.written import written_whole
-
-Array = NDArray[np.float64]
 
 # Okabe and Ito, "Color Universal Design" (2008): eight colours that the common kinds of colour
 # blindness keep apart.

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
 from fem import FLANGES, LINK_KINDS, LinkKind
@@ -16,11 +15,10 @@ from fem.arm import Arm, with_flanges
 from fem.effects import LOAD_PATH, Maker
 from fem.effects import with_load_path as described_with_load_path
 from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, content_hash, load_description
+from robots.arrays import Array
 from stiffarm.session.console import progress, say
 from stiffarm.session.softness import refuse_too_soft
 from surrogate import Surrogate, default_sweep, load_surrogate
-
-Array = NDArray[np.float64]
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 # Far above any load; beyond about 1e150 squares overflow.

@@ -7,15 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables.columns import Faults, RawTable, drop_ragged, parse_number, read_table, texts
 from robots import InputError
+from robots.arrays import Array
 from robots.errors import listed
 from stiffarm.session.inputs import parse_pairs
 from surrogate import Surrogate
-
-Array = NDArray[np.float64]
 
 
 def query_poses(learned: Surrogate, pose: list[str] | None, table: Path | None) -> tuple[Array, list[str], list[str]]:

@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, read_measurements
 from doe.tables.units_check import check_units
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
+from robots.arrays import Array, Bools
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
-
-Array = NDArray[np.float64]
 
 FEWEST, LISTED = 3, 10
 # A reading against its load by less than this (m/N) is noise about zero; arms give 20 times as much and more.
@@ -87,7 +85,7 @@ def against_load(data: Measurements) -> str | None:
     return f"{data.source}: {odd.size} of {len(work)} readings move against their load: the sign? Rows {rows}"
 
 
-def _work(data: Measurements) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _work(data: Measurements) -> tuple[Array, Array, Bools]:
     """Force times displacement (k,), force (k,) and which (n,) of the readings had their loaded directions all read."""
     force = data.wrench[:, :3]
     work = np.where(force != 0.0, force * data.displacement[:, :3], 0.0).sum(axis=1)

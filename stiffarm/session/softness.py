@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.tables.arm_class import arm_class, usual_load
 from fem import ArmModel
 from fem.statics.small_displacements import FLAG, LIMIT, beyond_small, refuse_beyond, worst_turns
 from robots import InputError, ModelDescription, Robot
+from robots.arrays import Array
 from stiffarm.session.console import say
-
-Array = NDArray[np.float64]
 
 
 def refuse_too_soft(description: ModelDescription, model: ArmModel) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import (
     ConstantFit,
@@ -35,13 +34,13 @@ from fem import ArmModel, LinkKind, directional_stiffness
 from fem.effects import History, PlacedEffect, observed
 from fem.statics.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
+from robots.arrays import Array
 from robots.files.reading import read_bytes
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
 from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
 from surrogate.model import predict_compliance
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.

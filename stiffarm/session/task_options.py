@@ -8,13 +8,11 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from machining import GammaRange
 from robots import InputError, Robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Angles gamma of a range at most.
 MOST_ANGLES = 1440

@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from fem import compliance
 from machining import Drive, Task, ToolPath, read_path
@@ -17,11 +16,10 @@ from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance, clearance_o
 from machining.cutting import ConstantForce, CuttingForce, ToolBending, read_milling
 from machining.toolpaths import Motions, ReadOptions, read_toolpath, to_tool_path
 from robots import InputError, Robot
+from robots.arrays import Array
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.task_options import parse_frame, parse_joint_figures, parse_vector
-
-Array = NDArray[np.float64]
 
 CellOpt = Annotated[
     Path | None,

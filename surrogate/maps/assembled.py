@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools, Integers
 from surrogate.maps.blocks import Engine
 from surrogate.maps.data import Field, MapData
 from surrogate.maps.store import MapStore
-
-Array = NDArray[np.float64]
 
 # Rows looked at at once.
 ROWS = 1 << 17
@@ -87,7 +86,7 @@ def figures(values: Array) -> Figures | None:
     return Figures(count, low, median, high, at_low, at_high, len(sample))
 
 
-def counts(values: Array, categories: int) -> NDArray[np.int64]:
+def counts(values: Array, categories: int) -> Integers:
     """How many points (categories,) have each whole number 0, 1, ..."""
     out = np.zeros(categories, dtype=np.int64)
     for rows in _row_blocks(len(values)):
@@ -96,7 +95,7 @@ def counts(values: Array, categories: int) -> NDArray[np.int64]:
     return out
 
 
-def number_true(flags: NDArray[np.bool_]) -> int:
+def number_true(flags: Bools) -> int:
     """How many of flags (n,) are set, a block at a time."""
     return sum(int(np.count_nonzero(flags[rows])) for rows in _row_blocks(len(flags)))
 

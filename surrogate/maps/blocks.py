@@ -15,7 +15,6 @@ from surrogate.maps.poses import Extreme, PoseRule
 from surrogate.maps.quantities import Quantities
 from surrogate.maps.store import Column, MapStore
 
-Array = NDArray[np.float64]
 Block = Mapping[str, NDArray[np.generic]]
 Progress = Callable[[int, int], None]
 

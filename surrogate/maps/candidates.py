@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import Robot, forward_kinematics, inverse_kinematics
+from robots.arrays import Array, Bools, Indices
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
 from surrogate.maps.self_motion import brought_back, improve
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Merit = Callable[[Array], Array]
 
 # Targets a call of the inverse kinematics: bounds its memory, not the result.
@@ -96,7 +94,7 @@ class Peaks:
     merit: Array
     sure: Bools
 
-    def joined(self, other: Peaks, rows: NDArray[np.intp]) -> Peaks:
+    def joined(self, other: Peaks, rows: Indices) -> Peaks:
         """With further peaks at some of the points, ``rows``."""
         q, merit = (
             np.full((len(self.q), *a.shape[1:]), fill) for a, fill in ((other.q, np.nan), (other.merit, -np.inf))
@@ -127,7 +125,7 @@ def best_of_sample(
         np.full((m, starts), -np.inf),
         np.ones(m, dtype=np.bool_),
     )
-    near, lost = np.flatnonzero(_within(arm, points)), list[tuple[NDArray[np.intp], Array]]()
+    near, lost = np.flatnonzero(_within(arm, points)), list[tuple[Indices, Array]]()
     size = max(1, TARGETS // r)
     for rows in (near[i : i + size] for i in range(0, len(near), size)):
         k = len(rows)
@@ -167,7 +165,7 @@ def _nearest_to_limits(robot: Robot, q: Array) -> Array:
     return np.take_along_axis(q, np.argsort(far, axis=1)[:, :RESCUED, None], axis=1)
 
 
-def _rescue(arm: Arm, points: Array, sign: float, rows: NDArray[np.intp], q: Array, out: Peaks) -> None:
+def _rescue(arm: Arm, points: Array, sign: float, rows: Indices, q: Array, out: Peaks) -> None:
     """Bring poses q (k, s, dof) within limits, for points ``rows`` (k,) at which no sampled pose keeps them.
 
     At the rim of reach few orientations are left, and a sample meets none of them.

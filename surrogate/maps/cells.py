@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
 from surrogate.maps.columns import row_blocks
-from surrogate.maps.data import Array, Bools, Layout
-
-Indices = NDArray[np.int64]
+from surrogate.maps.data import Layout
 
 VTK_VERTEX = 1
 # Corners of a cell as index steps (fastest axis first), in VTK's order, and VTK's number of the kind, by dimension.
@@ -62,7 +60,7 @@ class CellGrid:
         """Corners of a cell."""
         return len(_CORNERS[len(self.axes)])
 
-    def blocks(self, points: Array) -> Iterator[Indices]:
+    def blocks(self, points: Array) -> Iterator[Integers]:
         """Cells (m, corners) block by block, as numbers of points of the layout, hexahedra turned right-handed."""
         strides = np.cumprod((1, *self.layout.shape[:0:-1]))[::-1]
         for rows in row_blocks(self.layout.n):
@@ -76,7 +74,7 @@ class CellGrid:
                 cells += jump[:, None] * _CORNERS[len(self.axes)][:, column]
             yield self._turned(cells, points) if self.kind == _HEXAHEDRON else cells
 
-    def _turned(self, cells: Indices, points: Array) -> Indices:
+    def _turned(self, cells: Integers, points: Array) -> Integers:
         """Hexahedra with upper and lower face exchanged where they are left-handed."""
         if self.layout.kind == "joints":  # how a sweep is bent into space differs from place to place
             left = _volumes(cells, points) < 0.0
@@ -125,7 +123,7 @@ def _is_full_turn(layout: Layout, axis: int) -> bool:
     return bool(abs(gap - steps.mean()) < _TURN_TOLERANCE * steps.mean())
 
 
-def _volumes(cells: Indices, points: Array) -> Array:
+def _volumes(cells: Integers, points: Array) -> Array:
     """Signed volumes (m,) that the mean edges of hexahedra span, times 64."""
     corner = np.asarray(points[cells.ravel()], dtype=np.float64).reshape(-1, 8, 3)
     along = corner[:, [1, 2, 5, 6]].sum(1) - corner[:, [0, 3, 4, 7]].sum(1)

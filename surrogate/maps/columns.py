@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.errors import InputError
-from surrogate.maps.data import Array, Field, MapData
+from surrogate.maps.data import Field, MapData
 
 # Rows in memory at a time: one megabyte a column.
 ROWS_A_BLOCK = 1 << 17
@@ -34,7 +35,7 @@ class Column:
     unit: str
     label: str
     categories: tuple[str, ...]
-    read: Callable[[slice], NDArray[np.float64] | NDArray[np.int32]]
+    read: Callable[[slice], Array | NDArray[np.int32]]
 
     def dtype(self, single: bool) -> np.dtype[np.generic]:
         """Type in a file, little-endian; ``single`` halves the floating-point ones."""
@@ -88,7 +89,7 @@ def free_name(name: str, taken: Container[str]) -> str:
 
 
 def _of_field(data: MapData, name: str, field: Field) -> Column:
-    def numbers(rows: slice) -> NDArray[np.float64]:
+    def numbers(rows: slice) -> Array:
         return _where_reached(data, rows, field.values[rows])
 
     def categories(rows: slice) -> NDArray[np.int32]:
@@ -99,7 +100,7 @@ def _of_field(data: MapData, name: str, field: Field) -> Column:
 
 
 def _of_share(data: MapData, shares: Array, index: int, part: str) -> Column:
-    def percent(rows: slice) -> NDArray[np.float64]:
+    def percent(rows: slice) -> Array:
         return _where_reached(data, rows, shares[rows, index]) * 100.0
 
     name = f"share_of_{'_'.join(part.split())}_percent"
@@ -107,11 +108,11 @@ def _of_share(data: MapData, shares: Array, index: int, part: str) -> Column:
 
 
 def _of_joint(data: MapData, index: int, name: str) -> Column:
-    def degrees(rows: slice) -> NDArray[np.float64]:
+    def degrees(rows: slice) -> Array:
         return np.degrees(_where_reached(data, rows, data.q[rows, index]))
 
     return Column(name, "deg", f"joint coordinate {name.removesuffix('_deg')}", (), degrees)
 
 
-def _where_reached(data: MapData, rows: slice, values: Array) -> NDArray[np.float64]:
+def _where_reached(data: MapData, rows: slice, values: Array) -> Array:
     return np.where(data.reached[rows], values, np.nan)

@@ -8,12 +8,10 @@ from math import prod
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Bools, Indices
 from robots.errors import InputError
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 LayoutKind = Literal["joints", "slice", "box", "cylinder"]
 
 
@@ -49,7 +47,7 @@ class Layout:
         """Number of points."""
         return prod(self.shape)
 
-    def indices(self, rows: slice) -> tuple[NDArray[np.intp], ...]:
+    def indices(self, rows: slice) -> tuple[Indices, ...]:
         """Index along each axis of the points ``rows`` (without forming those of all points)."""
         return np.unravel_index(np.arange(*rows.indices(self.n)), self.shape)
 

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots import InputError, Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from surrogate.maps.data import Axis, Layout
-
-Array = NDArray[np.float64]
 
 # Points of a map at most: their numbers must fit an index, and a disk.
 MOST_POINTS = 2_000_000_000

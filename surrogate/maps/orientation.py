@@ -8,12 +8,11 @@ the tool axis; at 0 the tool frame's x is a reference direction laid onto the pl
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Cosine between reference direction and tool axis above which the next base axis is taken.
 NEAR = 0.966

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
+from robots.arrays import Array
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.candidates import Arm, Chosen, best_of_sample, best_of_starts, refined, refined_gamma
 from surrogate.maps.orientation import spread_rotations, tool_rotations, unit_vector
-
-Array = NDArray[np.float64]
 
 # Orientations nearer to each other than this many spacings of the sample lie on one peak.
 APART = 2.0

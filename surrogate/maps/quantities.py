@@ -6,17 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from fem.statics.budget import whole_joints
 from robots import InputError, singularity_distance
+from robots.arrays import Array
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot
 from surrogate.maps.orientation import unit_vector
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 N_PER_M_TO_N_PER_MM = 1e-3
 # Share of a pose's whole compliance below which that along the load is rounding.

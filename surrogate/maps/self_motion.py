@@ -9,15 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import Robot
+from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import axis_lines
 from robots.kinematics import forward_kinematics, tool_position
 from surrogate.maps.orientation import pattern
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Poses worked on at once: bounds memory, not the result.
 BATCH = 20_000

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError, Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from surrogate.maps.vtk_files import StiffnessMap, grid_cells
-
-Array = NDArray[np.float64]
 
 POSES_A_BLOCK = 16384
 

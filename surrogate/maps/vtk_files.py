@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.files.written import written_whole
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 STIFFNESS_ARRAY = "stiffness_N_per_mm"
 N_PER_M_TO_N_PER_MM = 1e-3
@@ -52,7 +50,7 @@ class StiffnessMap:
     joints: Mapping[str, Array] = field(default_factory=dict)
     scalars: Mapping[str, Array] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
-    cells: Indices | None = None
+    cells: Integers | None = None
 
     def __post_init__(self) -> None:
         positions = np.asarray(self.positions, dtype=np.float64)
@@ -92,10 +90,10 @@ class VtuContents:
     points_mm: Array
     point_arrays: dict[str, Array]
     metadata: dict[str, str]
-    cells: Indices | None
+    cells: Integers | None
 
 
-def grid_cells(shape: Sequence[int], keep: ArrayLike) -> Indices:
+def grid_cells(shape: Sequence[int], keep: ArrayLike) -> Integers:
     """Cells of a structured index grid, without those that have a corner not kept.
 
     Parameters
@@ -239,7 +237,7 @@ def _vtk_cells(stiffness_map: StiffnessMap) -> tuple[Any, Any]:
     return _numpy_support().numpy_to_vtk(kinds, deep=True), array
 
 
-def _numpy_cells(grid: Any, path: Path) -> Indices | None:
+def _numpy_cells(grid: Any, path: Path) -> Integers | None:
 
     if grid.GetNumberOfCells() == 0:
         return None
@@ -275,7 +273,7 @@ def _require_finite(name: str, values: Array) -> None:
         )
 
 
-def _checked_cells(cells: ArrayLike, n: int) -> Indices:
+def _checked_cells(cells: ArrayLike, n: int) -> Integers:
     out = np.asarray(cells)
     if out.ndim != 2 or out.shape[1] not in (4, 8) or out.dtype.kind not in "iu":
         raise InputError("map cells", value=f"shape {out.shape}, {out.dtype}", allowed="(m, 8) or (m, 4) int")

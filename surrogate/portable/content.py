@@ -9,14 +9,13 @@ from enum import IntEnum
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Integers
 from robots.errors import InputError
 from robots.robot import LIMIT_TOLERANCE_RAD
-from surrogate.expansion import Expansion, Integers
+from surrogate.expansion import Expansion
 from surrogate.scope import Couplings
 
-Array = NDArray[np.float64]
 Link = Literal["identity", "exp", "squares", "factor"]
 
 LINKS: tuple[Link, ...] = get_args(Link)
@@ -157,7 +156,7 @@ class Portable:
         return c.lower - LIMIT_TOLERANCE_RAD, c.upper + LIMIT_TOLERANCE_RAD
 
 
-def reference(portable: Portable, Q: Array) -> tuple[Array, NDArray[np.int64]]:
+def reference(portable: Portable, Q: Array) -> tuple[Array, Integers]:
     """What every portable form must answer: Q (n, k) rad -> values (n, *shape), NaN without one, and status (n,)."""
     poses = np.asarray(Q, dtype=np.float64)
     lower, upper = portable.bounds

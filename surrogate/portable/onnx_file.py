@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.arrays import Array
 from robots.errors import InputError
 from robots.files.written import write_whole
-from surrogate.expansion import TURN, Array, Expansion, Family
+from surrogate.expansion import TURN, Expansion, Family
 from surrogate.portable.content import ROWS, SCHEMA, Portable, Status, content_hash
 from surrogate.portable.words import identifier, provenance, with_unit
 

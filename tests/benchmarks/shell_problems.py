@@ -19,13 +19,12 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.elements.assembly import assemble_shell, freedoms
 from fem.elements.condensation import solve_positive_definite
 from meshes.shell_mesh import ShellMesh
+from robots.arrays import Array, Bools, Integers
 
-Array = NDArray[np.float64]
 Shape = Literal["tri", "quad"]
 Direction = Literal["in-plane", "out-of-plane"]
 U, V, W, RX, RY, RZ = range(6)
@@ -39,7 +38,7 @@ class Problem:
     """
 
     mesh: ShellMesh
-    fixed: NDArray[np.int64]
+    fixed: Integers
     load: Array
     reading: Array
     reference: float
@@ -59,7 +58,7 @@ class Problem:
 
 def grid(
     n: int, m: int, place: Callable[[Array, Array], Array], shape: Shape, *, falling: bool = False
-) -> tuple[Array, dict[str, NDArray[np.int64]]]:
+) -> tuple[Array, dict[str, Integers]]:
     """Nodes and elements of n x m cells; ``place(s, t)`` maps the unit square, node number ``i (m + 1) + j``.
 
     Triangles: each cell is cut along its rising diagonal, from (s, t) = (0, 0), or the falling one.
@@ -77,12 +76,12 @@ def grid(
     return nodes, {"triangles": triangles, "quads": np.zeros((0, 4), np.int64)}
 
 
-def _mesh(name: str, nodes: Array, cells: dict[str, NDArray[np.int64]], t: float, E: float, nu: float) -> ShellMesh:
+def _mesh(name: str, nodes: Array, cells: dict[str, Integers], t: float, E: float, nu: float) -> ShellMesh:
     count = sum(len(c) for c in cells.values())
     return ShellMesh(name, nodes, cells["triangles"], cells["quads"], np.full(count, t), E, nu, interfaces={})
 
 
-def _dofs(nodes: NDArray[np.bool_], *components: int) -> NDArray[np.int64]:
+def _dofs(nodes: Bools, *components: int) -> Integers:
     return np.asarray(freedoms(np.flatnonzero(nodes))[:, list(components)].ravel())
 
 

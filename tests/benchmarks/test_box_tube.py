@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from shell_problems import Shape
 
 from fem.elements import couplings
@@ -18,8 +17,6 @@ from fem.elements.couplings import rigid_motion
 from fem.elements.shell import shell_superelement
 from meshes import section_properties
 from meshes.shell_mesh import ShellMesh
-
-Array = NDArray[np.float64]
 
 TABLES = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_triangle.md"
 E, NU = 210e9, 0.3

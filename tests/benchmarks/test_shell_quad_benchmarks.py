@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from shell_problems import Problem, pinched_cylinder, pinched_hemisphere, scordelis_lo_roof, twisted_beam
 from skfem import Basis, ElementQuad1
 
 from fem.elements import quad as shell_quad
 from fem.elements import quad_bending as shell_quad_bending
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_quad.md"
 PROBLEMS: dict[str, Callable[[int], Problem]] = {

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from shell_problems import Problem, pinched_cylinder, pinched_hemisphere, scordelis_lo_roof, twisted_beam
 
 from fem.elements import triangle as shell_triangle
+from robots.arrays import Array
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_triangle.md"
 
@@ -36,7 +36,7 @@ def sizes(name: str) -> tuple[int, ...]:
     return (12, 24, 48, 96) if name.startswith("twisted") else (4, 8, 16, 32, 64)
 
 
-def rates(name: str, last: int) -> NDArray[np.float64]:
+def rates(name: str, last: int) -> Array:
     """Orders of convergence from differences of three meshes in turn, free of any reference."""
     steps = np.abs(np.diff([ratio(name, n) for n in (last // 8, last // 4, last // 2, last)]))
     return np.asarray(np.log2(steps[:-1] / steps[1:]))
@@ -125,7 +125,7 @@ def test_constant_strain_membrane_fails_the_course(monkeypatch: pytest.MonkeyPat
 def test_bending_without_kirchhoffs_sides_fails_the_course(monkeypatch: pytest.MonkeyPatch) -> None:
     true = shell_triangle._fibre_rotations
 
-    def wrong(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def wrong(xy: Array) -> Array:
         beta = true(xy)
         beta[:, :, 3:] *= 0.9
         return beta

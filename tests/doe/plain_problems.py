@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.estimation.problem import Problem
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
+from robots.arrays import Array, Integers
 
-Array = NDArray[np.float64]
 Evaluate = Callable[[Array], tuple[Array, Array]]
 
 DZ = 2
@@ -35,7 +34,7 @@ class PlainModel:
         return self.evaluate(u)[0]
 
 
-def problem_of(model: PlainModel, value: Array, pose: NDArray[np.int64] | None = None) -> Problem:
+def problem_of(model: PlainModel, value: Array, pose: Integers | None = None) -> Problem:
     """One reading of dz a row; ``pose`` (m,), by default a pose each."""
     rows = np.arange(len(value))
     where = rows if pose is None else pose
@@ -45,7 +44,7 @@ def problem_of(model: PlainModel, value: Array, pose: NDArray[np.int64] | None =
 
 
 def linear(
-    A: Array, value: Array, pose: NDArray[np.int64] | None = None, ranges: Sequence[tuple[float, float]] | None = None
+    A: Array, value: Array, pose: Integers | None = None, ranges: Sequence[tuple[float, float]] | None = None
 ) -> Problem:
     """Readings A u with linear variables in ``ranges``, by default -1000 to 1000."""
     ends = ranges or [(-1e3, 1e3)] * A.shape[1]

@@ -6,15 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.tables.arm_class import arm_class
 from fem import ArmModel, build_model, deflection
 from robots import ModelDescription
 from robots.robot import Robot, robot_from
-
-Array = NDArray[np.float64]
 
 
 def _value(value: object, unit: str) -> dict[str, object]:

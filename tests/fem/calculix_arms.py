@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
 from fem.elements.couplings import Coupling
@@ -13,8 +12,8 @@ from fem.elements.shell import shell_superelement
 from fem.model import LinkPart
 from meshes import casing_mesh
 from robots import load_description
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 
 COARSE_M = 0.14

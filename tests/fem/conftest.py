@@ -7,14 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel
 from fem.model import JointPart
 from robots import ModelDescription, Robot
+from robots.arrays import Array
 from robots.library.models import parse_description
-
-Array = NDArray[np.float64]
 
 BOOM = """
 schema = "stiffarm-model/1"

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from doe import bundled_data, read_measurements
 from doe.certainty.uncertainty import certainty
@@ -31,7 +30,6 @@ from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.session import steps
 from stiffarm.session.inputs import ModelInput, read_model, read_scheme
 
-Array = NDArray[np.float64]
 Table = list[list[str]]
 
 # Springs and ends of intervals: the optimiser stops where a step changes ln k by less than about 1e-8, and the search

@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import fem
 import robots
+from robots.arrays import Array
 from robots.library.models import parse_description
-
-Array = NDArray[np.float64]
 
 PLANAR = """
 schema = "stiffarm-model/1"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from posture_cases import part, spindle
 
 import fem
@@ -11,8 +10,7 @@ from machining.cutting import EndMill, MillingForce, down_milling, published
 from machining.posture.points import postures_at
 from machining.stiffness.objective import Objective
 from machining.task import Task, tool_path
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 MILL = EndMill(0.010, 4, np.radians(30.0))
 CHIP = 2.5e-5

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from posture_cases import part, spindle
 
 import fem
@@ -15,8 +14,6 @@ from machining.placement import Goal, Problem, space_of
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
 from machining.task import ToolPath, tool_path
-
-Array = NDArray[np.float64]
 
 
 def rail(name: str = "rail", direction: tuple[float, float, float] = (1.0, 0.0, 0.0), **more: Any) -> LinearAxis:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.task import Task, ToolPath, tool_path
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Where gamma counts from on the curved paths: angles about 0 are within reach.
 ALONG_Y = np.array([0.0, 1.0, 0.0])

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from posture_cases import dome, part, spindle
 
 from machining.cell import Cell, LinearAxis, Tool, Turntable
@@ -14,8 +13,7 @@ from machining.programs.program import JointProgram, tool_in_part
 from machining.toolpaths.motions import Event, Motions
 from machining.toolpaths.motions import Tool as Cutter
 from robots import Robot, inverse_kinematics, load_robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # A KUKA, ABB or any other controller that counts as this project does.
 PLAIN: dict[str, Any] = {"sign": (1,) * 6, "offset_deg": (0.0,) * 6, "base": {}}

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from posture_cases import part, spindle
 
 import fem
 from machining.cell import Cell, LinearAxis, Tool, arm_of, parse_cell
 from machining.service import Session
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 ROOT = Path(__file__).resolve().parents[2]
 RAIL = ROOT / "docs" / "examples" / "serve" / "cell.toml"

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import ArmBodies, Body, Cell, Fixture, Tool, arm_of, box, capsule
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Motions
 from robots import inverse_kinematics
+from robots.arrays import Array
 from robots.inverse.singularities import branch_of
-
-Array = NDArray[np.float64]
 
 ARM = arm_of("kr60-3")
 SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])

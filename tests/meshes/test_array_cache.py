@@ -13,12 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from meshes import array_cache
 from meshes.array_cache import ArrayCache, user_cache
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 KEY = hashlib.sha256(b"a link").hexdigest()
 OTHER = hashlib.sha256(b"another").hexdigest()

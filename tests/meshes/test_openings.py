@@ -6,15 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem.elements.shell import shell_superelement
 from meshes import BeamMesh, ShellMesh, casing_mesh
 from robots import InputError
+from robots.arrays import Array, Integers
 from robots.schema.description import Opening, Rim
 from robots.schema.quantities import PositiveLength
-
-Array = NDArray[np.float64]
 
 WIDTH, HEIGHT, WALL, LENGTH = 0.24, 0.16, 0.008, 1.0
 # Mid-surface.
@@ -63,14 +61,14 @@ def _areas(mesh: ShellMesh) -> Array:
     return np.asarray(0.5 * np.linalg.norm(np.cross(c - a, d - b), axis=1))
 
 
-def _free_edges(mesh: ShellMesh) -> NDArray[np.int64]:
+def _free_edges(mesh: ShellMesh) -> Integers:
     """Edges of one element only; asserts that no edge has more than two."""
     edges, count = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
     assert count.max() <= 2
     return np.asarray(edges[count == 1])
 
 
-def _inner_free_edges(mesh: ShellMesh) -> NDArray[np.int64]:
+def _inner_free_edges(mesh: ShellMesh) -> Integers:
     """Free edges that are not an interface's."""
     free = _free_edges(mesh)
     return free[~np.isin(free, np.concatenate(list(mesh.interfaces.values()))).all(axis=1)]

@@ -10,14 +10,12 @@ import numpy as np
 import oracles
 import pytest
 import tomlkit
-from numpy.typing import NDArray
 from pinocchio_chains import pinocchio_chain, raw
 
 from robots import InputError, Robot, bundled_names, forward_kinematics, jacobian, load_robot, tool_position
+from robots.arrays import Array
 from robots.library.models import parse_description
 from robots.robot import robot_from
-
-Array = NDArray[np.float64]
 
 # Lengths are near 3 m and a frame is some 20 products long: round-off is about 1e-14. A figure
 # wrong by a micrometre or a microradian is a million times over this.

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import oracles
 import pytest
-from numpy.typing import NDArray
 
 from robots import (
     InputError,
@@ -21,12 +20,12 @@ from robots import (
     read_urdf,
     save_description,
 )
+from robots.arrays import Array
 from robots.library.models import parse_description, to_toml
 from robots.robot import Robot, robot_from, rotation_rpy
 from robots.urdf.reading import Primitive, UrdfRobot, Visual, roll_pitch_yaw
 from robots.urdf.shapes import find_mesh
 
-Array = NDArray[np.float64]
 DATA = Path(__file__).parent / "data"
 SIX_AXIS, CROOKED, TWO_ARMS = (DATA / f"{name}.urdf" for name in ("six_axis", "crooked", "two_arms"))
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.estimation.campaign import Campaign
@@ -18,13 +17,13 @@ from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, describ
 from fem.elements.walls import wall_flexibilities
 from fem.free.parameters import Kind, Parameter
 from robots import ModelDescription, Robot, load_description, save_description
+from robots.arrays import Array
 from robots.robot import robot_from
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import inputs, steps
 from stiffarm.session.inputs import ModelInput
 
-Array = NDArray[np.float64]
 Points = Literal["tool", "own", "mixed"]
 
 SPRINGS = {"j1": 3e6, "j2": 1.4e6, "j3": 8e5, "j4": 6e5, "j5": 5e5, "j6": 4e5}

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.cell import (
     Body,
@@ -25,9 +24,8 @@ from machining.programs.program import JointProgram, tool_in_part
 from machining.toolpaths.motions import Motions
 from machining.verification import Demands, Verification, verify
 from robots import inverse_kinematics
+from robots.arrays import Array
 from robots.inverse.branches import BRANCH_NAMES
-
-Array = NDArray[np.float64]
 
 CELL = """
 schema = "stiffarm-cell/1"

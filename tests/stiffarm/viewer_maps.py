@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model, compliance_budget, directional_stiffness
 from robots import ModelDescription, forward_kinematics, inverse_kinematics, load_description, tool_position
+from robots.arrays import Array, Bools
 from surrogate.maps.data import Axis, Field, Layout, MapData
 
-Array = NDArray[np.float64]
 DOWN = np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
 
 
@@ -22,7 +21,7 @@ def arm(name: str) -> tuple[ModelDescription, ArmModel]:
     return description, build_model(description)
 
 
-def map_of(name: str, layout: Layout, points: Array, q: Array, reached: NDArray[np.bool_]) -> MapData:
+def map_of(name: str, layout: Layout, points: Array, q: Array, reached: Bools) -> MapData:
     """Stiffness, compliance, an index without a unit and the part that gives way most, at poses q (n, 6) rad."""
     _, model = arm(name)
     n, rows = len(q), np.flatnonzero(reached)

@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
 from robots import load_description
+from robots.arrays import Array
 from surrogate import factored, training
 from surrogate.designs import Density, space_filling_design
 from surrogate.error_bars import learn_bars
 from surrogate.fit import Fit, fit
 from surrogate.model import ErrorFigures, Surrogate
 from surrogate.scope import Couplings, Scope
-
-Array = NDArray[np.float64]
 
 NAMES = ("q2_deg", "q3_deg", "q4_deg", "q5_deg")
 LOWER = np.radians([-35.0, 40.0, -200.0, -100.0])

@@ -5,11 +5,9 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from surrogate.expansion import Expansion, Family
-
-Array = NDArray[np.float64]
 
 KINDS = ("polynomial", "harmonic", "mixed", "periodic", "gaps", "constant")
 

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 from expansion_cases import angles, expansion
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from surrogate.expansion import Expansion
 from surrogate.portable import Link, Portable
 from surrogate.scope import Couplings
-
-Array = NDArray[np.float64]
 
 # Link, kinds of functions, numbers at each pose: one to six inputs, each kind of family, 1 and 36 outputs.
 CASES: list[tuple[Link, tuple[str, ...], int]] = [

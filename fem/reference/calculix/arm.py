@@ -26,7 +26,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.model import ArmModel, LinkPart, independent_springs
 from fem.reference.calculix.deck import MM_PER_M, Deck, Freedom, ascii_text, number, safe_name
@@ -34,9 +34,8 @@ from fem.reference.calculix.links import Motion, add_link, follow
 from fem.reference.shell_arm import all_links, both, one_pose, shell_of
 from fem.statics.flexibility import deflection
 from robots import InputError
+from robots.arrays import Array
 from robots.kinematics import BodyFrames, forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
 
 # Names of the six directions of a joint, the base or the tool.
 DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")

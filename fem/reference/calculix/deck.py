@@ -13,12 +13,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes import ShellMesh
+from robots.arrays import Array, Integers
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Freedom = tuple[int, int]  # node and direction 1 to 6; 4 to 6 are rotations, which only shell nodes have
 
 MM_PER_M = 1e3
@@ -39,16 +37,16 @@ class QuadraticMesh:
     """
 
     nodes: Array
-    edges: Indices
-    triangles: Indices
-    quads: Indices
+    edges: Integers
+    triangles: Integers
+    quads: Integers
 
     @property
     def corners(self) -> int:
         """Number of nodes the mesh had before."""
         return len(self.nodes) - len(self.edges)
 
-    def edges_within(self, ring: Indices) -> Indices:
+    def edges_within(self, ring: Integers) -> Integers:
         """Numbers of the edges with both ends in a ring of nodes."""
         inside = np.zeros(self.corners, dtype=bool)
         inside[ring] = True
@@ -124,7 +122,7 @@ class Deck:
         self._ties: list[str] = []
         self._fixed: list[str] = []
 
-    def nodes(self, points: Array, name: str, what: str) -> Indices:
+    def nodes(self, points: Array, name: str, what: str) -> Integers:
         """Add nodes at ``points`` (k, 3) mm as a node set; returns their numbers (k,)."""
         self._name(name, f"{_span('node', self.nodes_made + 1, len(points))}: {what}")
         numbers = self.nodes_made + 1 + np.arange(len(points))
@@ -138,7 +136,7 @@ class Deck:
         self._name(name, f"node set: {what}")
         self._named += [f"*NSET,NSET={name}\n", _rows(list(numbers))]
 
-    def elements(self, kind: str, nodes: Indices, name: str, what: str) -> None:
+    def elements(self, kind: str, nodes: Integers, name: str, what: str) -> None:
         """Add elements of a CalculiX type from their nodes' numbers (e, n) as an element set."""
         first = self.elements_made + 1
         self._name(name, f"{_span('element', first, len(nodes))} ({kind}): {what}")

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.elements.couplings import Coupling, distributing_coupling, giving_way, rigid_motion
 from fem.elements.shell import ring_parts
@@ -27,9 +26,7 @@ from fem.reference.calculix.deck import (
 from fem.reference.shell_arm import shell_of
 from meshes import ShellMesh
 from robots import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 # The beams: side as a share of the thinnest wall, modulus as a share of the wall's.
 BEAM_SIDE, BEAM_SOFTNESS = 0.1, 1e-3
@@ -70,7 +67,7 @@ class _Interface:
 
     label: str
     what: str
-    ring: Indices
+    ring: Integers
     point: Array
     reference: int
     rotation: int
@@ -85,7 +82,7 @@ class _Placed:
     first: int
     wall: float
 
-    def numbers(self, nodes: Indices) -> Indices:
+    def numbers(self, nodes: Integers) -> Integers:
         """Numbers in the deck."""
         return np.asarray(self.first + nodes)
 
@@ -127,7 +124,7 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     return {name: Motion.of_nodes(interfaces[name].reference, interfaces[name].rotation) for name in others}
 
 
-def _interface(deck: Deck, label: str, what: str, ring: Indices, point: Array) -> _Interface:
+def _interface(deck: Deck, label: str, what: str, ring: Integers, point: Array) -> _Interface:
     reference = int(deck.nodes(point[None], f"REF_{label}", f"{what}; directions 1 to 3: displacement (mm)")[0])
     rotation = int(deck.nodes(point[None], f"ROT_{label}", f"{what}; directions 1 to 3: rotation (rad)")[0])
     return _Interface(label, what, ring, point, reference, rotation)
@@ -187,7 +184,7 @@ def _walls(mesh: ShellMesh) -> Array:
     return np.array([float(number(MM_PER_M * t)) for t in mesh.thickness.tolist()])
 
 
-def _steps(thickness: Array, mesh: QuadraticMesh) -> Indices:
+def _steps(thickness: Array, mesh: QuadraticMesh) -> Integers:
     """Numbers of the edges at which walls of different thickness (m + q,) meet."""
     sides = np.concatenate([mesh.triangles[:, 3:].ravel(), mesh.quads[:, 4:].ravel()]) - mesh.corners
     m = len(mesh.triangles)
@@ -216,7 +213,7 @@ def _rigid(deck: Deck, placed: _Placed, interface: _Interface) -> None:
             deck.equation((node, i + 3), {(interface.rotation, i): 1.0})
 
 
-def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: list[Indices]) -> None:
+def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: list[Integers]) -> None:
     """The weighted mean motion of the ring is the interface's; of each of its parts if it joins several bodies.
 
     Six freedoms of a part follow the interface and the rest of the part. The other way round every ring tied to
@@ -243,7 +240,7 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: li
     deck.node_set(members, f"RING_{interface.label}", f"distributing ring of {interface.what}, mid-side nodes included")
 
 
-def _weighted(placed: _Placed, ring: Indices) -> tuple[Indices, Array]:
+def _weighted(placed: _Placed, ring: Integers) -> tuple[Integers, Array]:
     """Nodes of a ring with middles and weights that integrate over its edges; equal ones if a node has no edge."""
     edges = placed.mesh.edges_within(ring)
     ends, middles = placed.mesh.edges[edges], placed.mesh.corners + edges

@@ -7,12 +7,10 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.toolpaths.apt.words import WordError, as_number, items, numbers
 from machining.toolpaths.arcs import sweep_about
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Sine of the angle by which INDIRV may miss the tangent; five decimals on a radius of 1 mm leave less than 1e-4.
 TANGENT = 0.02

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.toolpaths.apt import words
 from machining.toolpaths.apt.arcs import ArcWord, circle, movarc, tlon
@@ -18,6 +17,7 @@ from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.drilling import drill
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import Vector
+from robots.arrays import Array
 
 
 class AptMotion(AptState):
@@ -28,7 +28,7 @@ class AptMotion(AptState):
         self.here: Vector | None = None
         self.last_cycle: Cycle | None = None
         self.arc: ArcWord | None = None
-        self.tangent: NDArray[np.float64] | None = None
+        self.tangent: Array | None = None
 
     def motion_words(self) -> dict[str, Handler]:
         """Handlers by word."""

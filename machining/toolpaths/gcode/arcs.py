@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from machining.toolpaths.arcs import CLOSED
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.gcode.words import Block
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Indices of the plane's first and second axis and its normal, right-handed: G17 XY, G18 ZX, G19 YZ.
 PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}

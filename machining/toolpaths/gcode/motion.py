@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.toolpaths.arcs import ArcError, arc_points, between
 from machining.toolpaths.drilling import drill
@@ -16,6 +15,7 @@ from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import Recorder, Vector
 from machining.toolpaths.rotary import tool_axis
+from robots.arrays import Array
 
 
 class GcodeMotion:
@@ -175,7 +175,7 @@ class GcodeMotion:
         )
         target[along] = retract
         point = self._known(target)
-        here: NDArray[np.float64] | None = None
+        here: Array | None = None
         if None not in m.here:
             here = np.array([v or 0.0 for v in m.here]) + m.shift
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.law_band import LawBand, law_band
 from doe.estimation.calibration import StageResult
 from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
+from robots.arrays import Array
 from stiffarm.session.payloads import number
-
-Array = NDArray[np.float64]
 
 _POINTS = 181
 

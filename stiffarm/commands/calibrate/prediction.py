@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.estimation.calibration import Calibration, run_campaign, undetermined
@@ -17,8 +16,8 @@ from doe.tables.load_history import history_of
 from fem import ArmModel
 from fem.effects import History, Maker, PlacedEffect
 from robots import InputError, ModelDescription
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Count = Callable[[int, int], None]
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import datetime as dt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
+from robots.arrays import Array, Integers
 from stiffarm import __version__
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.figures.residuals import predictions_figure
@@ -19,8 +19,6 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
 from stiffarm.session.noise_words import scatter_name
 from stiffarm.session.outputs import OutputFolder
-
-Array = NDArray[np.float64]
 
 
 def write_report(c: Calibrated, folder: OutputFolder) -> None:
@@ -127,9 +125,7 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
     return Section("Prediction", tuple(blocks))
 
 
-def _by_pose(
-    error: Array, pose: NDArray[np.int64], component: NDArray[np.int64], labels: tuple[str, ...]
-) -> dict[str, float]:
+def _by_pose(error: Array, pose: Integers, component: Integers, labels: tuple[str, ...]) -> dict[str, float]:
     out = {}
     for k, label in enumerate(labels):
         mine = (pose == k) & ~np.isnan(error)

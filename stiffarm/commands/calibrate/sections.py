@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import equations
 from doe.certainty.identifiability import correlations
@@ -21,8 +20,6 @@ from stiffarm.commands.plan.words import direction_words
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
 from stiffarm.session.noise_words import scatter_name
-
-Array = NDArray[np.float64]
 
 _BLIND = 1e-9
 _AXES = ("X", "Y", "Z", "about X", "about Y", "about Z")

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, select_loads
 from doe.certainty.lack_of_fit import downweighted
@@ -32,14 +31,12 @@ from fem.effects import LOAD_PATH, build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
+from robots.arrays import Array, Integers
 from robots.schema.description import Calibration as Origin
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
-
-Array = NDArray[np.float64]
-Lines = NDArray[np.int64]
 
 SOURCE_KEY = "calibrated"
 
@@ -71,7 +68,7 @@ class StageFindings:
     """
 
     result: StageResult
-    lines: Lines
+    lines: Integers
     loads_N: Array  # noqa: N815 - the unit's letter
     phase: tuple[str | None, ...]
     left_out: Array

@@ -8,15 +8,14 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import error_count, free_numbers
 from fem.effects import History, PlacedEffect
 from fem.model import ArmModel
 from fem.springs import ConstantSpring
+from robots.arrays import Array, Bools, Indices
 
-Array = NDArray[np.float64]
 Axis = Literal["torque", "angle"]
 
 TORQUE_LAWS = ("hardening", "softening", "backlash", "friction")
@@ -45,7 +44,7 @@ class LawCurve:
     plain: Array
     read_x: Array
     read_y: Array
-    unloading: NDArray[np.bool_]
+    unloading: Bools
 
 
 def curve_of(state: State, number: int) -> LawCurve | None:
@@ -163,7 +162,7 @@ class _Bench:
         return angle[:, None]
 
 
-def _implied(s: Any, joint: str, plain: Array, extra: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+def _implied(s: Any, joint: str, plain: Array, extra: Array) -> tuple[Indices, Array, Bools]:
     """Rows (r,), turns (r,) rad of a joint that single readings imply, the rest as the model says, and their phase.
 
     ``plain`` (n,): the spring's turn; ``extra`` (n, 6): what the effect adds at the tool. Readings that the joint

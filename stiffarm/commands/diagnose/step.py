@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, select_loads
 from doe.diagnosis.diagnose import Diagnosis, Found
@@ -26,8 +25,6 @@ from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described
 from robots import InputError
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.session.inputs import ModelInput
-
-Array = NDArray[np.float64]
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
 # Twins are looked for among the codes that a reader asks about, most probable first.

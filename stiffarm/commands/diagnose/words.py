@@ -6,19 +6,17 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.published.readings import rms_mm
+from robots.arrays import Array
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text
 from stiffarm.session.noise_words import RESIDUAL, is_residual
-
-Array = NDArray[np.float64]
 
 # A group with at least this share is named as a place of the disagreement.
 LARGE = 0.15

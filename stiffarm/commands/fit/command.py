@@ -7,9 +7,9 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.session import inputs, steps
 from stiffarm.session.console import emit_json, progress, say, user_errors
@@ -27,8 +27,6 @@ from stiffarm.session.options import (
 )
 from surrogate import Surrogate
 from surrogate.model import COMPLIANCE
-
-Array = NDArray[np.float64]
 
 
 def fit(

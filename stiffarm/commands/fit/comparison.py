@@ -7,9 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.session.payloads import number
 from surrogate import Surrogate, Trained, predict
@@ -17,8 +17,6 @@ from surrogate.expansion import Expansion
 from surrogate.model import COMPLIANCE
 from surrogate.peer_comparison import PeerResult, compare_with_peers
 from surrogate.peer_estimators import OwnCandidate
-
-Array = NDArray[np.float64]
 
 
 def compare(trained: Trained, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.propagation import ParameterUncertainty, parameter_uncertainty, propagate
 from fem import ArmModel, compliance
@@ -14,13 +13,12 @@ from fem.effects import reading_effects
 from machining import INDICES
 from machining.stiffness.indices import evaluate
 from robots import InputError, ModelDescription, content_hash
+from robots.arrays import Array
 from stiffarm.commands.maps.sweep import middle_pose
 from stiffarm.session.console import progress, say
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import VERTICAL
 from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
-
-Array = NDArray[np.float64]
 
 STIFFNESS = "stiffness"
 # A held-out RMS error that no stiffness should be trusted with.

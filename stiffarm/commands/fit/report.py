@@ -6,8 +6,8 @@ import datetime as dt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from stiffarm import __version__
 from stiffarm.commands.fit.figures.bars import (
     LEVEL,
@@ -28,8 +28,6 @@ from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.training import NOTHING
-
-Array = NDArray[np.float64]
 
 
 def write_report(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from stiffarm.commands.fit.words import relative, share_words, size_words
@@ -19,8 +18,6 @@ from surrogate.error_bars import MATTERS, NORMAL_95
 from surrogate.model import COMPLIANCE
 from surrogate.query import full_poses
 from surrogate.training import NOTHING
-
-Array = NDArray[np.float64]
 
 _NAMED = 12
 _FILES = {

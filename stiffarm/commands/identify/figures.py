@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from doe.joint_twists import Direction, Identified
 from doe.joint_twists.substitute import Errors
@@ -18,8 +17,6 @@ from fem.statics.ports import ROWS
 from robots import InputError
 from stiffarm.pages.figure_parts import SERIES, above, log_ticks, note, title
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 _BLUE: Final = OKABE_ITO["blue"]
 _ORANGE: Final = OKABE_ITO["vermillion"]

@@ -5,19 +5,17 @@ from __future__ import annotations
 import datetime as dt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.joint_twists import Direction
 from doe.joint_twists.model_file import held_constant
 from fem.statics.ports import ROWS
+from robots.arrays import Array
 from stiffarm import __version__
 from stiffarm.commands.identify import figures, sections
 from stiffarm.commands.identify.step import JointTwists
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
 from stiffarm.session.outputs import OutputFolder
-
-Array = NDArray[np.float64]
 
 
 def write_report(d: JointTwists, folder: OutputFolder) -> None:

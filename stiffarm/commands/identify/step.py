@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.joint_twists import Identified, LawKind, TwistReadings, identify, joined, read_twists
@@ -26,10 +25,9 @@ from doe.joint_twists.substitute import (
 )
 from doe.joint_twists.workspace import Orientation, Window, stiffness_window
 from robots import InputError, ModelDescription, why_no_closed_form
+from robots.arrays import Array
 from robots.kinematics import forward_kinematics
 from stiffarm.session.inputs import ModelInput
-
-Array = NDArray[np.float64]
 
 # Random poses that models are compared at.
 POSES = 2000

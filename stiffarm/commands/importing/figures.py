@@ -13,12 +13,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from meshes import ShellMesh
+from robots.arrays import Array
 from stiffarm.pages import style
-
-Array = NDArray[np.float64]
 
 SHELL: Final = "#C9CDD2"
 RING_COLOURS: Final = (style.OKABE_ITO["blue"], style.OKABE_ITO["vermillion"], style.OKABE_ITO["green"])

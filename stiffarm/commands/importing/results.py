@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
 from meshes.surfaces.link import GOOD, ImportedLink, quality_words
 from robots import ModelDescription, save_description
+from robots.arrays import Array
 from robots.library.surface_files import surface_file_name
 from robots.robot import robot_from
 from robots.schema.description import Link, Surface
@@ -25,8 +25,6 @@ from stiffarm.commands.importing.step import ImportedPart, ImportOptions, OneLin
 from stiffarm.pages.style import save_png
 from stiffarm.session.console import say, show_table
 from stiffarm.session.outputs import OutputFolder
-
-Array = NDArray[np.float64]
 
 SOURCE = "meshes"
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshes import section_dimensions, shell_mass
 from meshes.beams import body_index, body_tip
@@ -18,12 +17,12 @@ from meshes.surfaces.link import ImportedLink, prepare_link
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings
 from robots import InputError, InputErrors, ModelDescription, Robot
+from robots.arrays import Array
 from robots.robot import robot_from
 from robots.schema.description import Link, Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
 from robots.urdf.reading import UrdfRobot, Visual
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 # Young's modulus (GPa), Poisson's ratio, density (kg/m^3): usual figures of structural steel, a cast aluminium

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from machining import INDICES
 from robots import InputError
+from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.index import results as index_results
 from stiffarm.session import inputs
@@ -21,7 +21,6 @@ from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.pose_tables import read_pose_table
 from stiffarm.session.task_options import NormalOpt, ToolOpt, frame_words, parse_vector, tool_of
 
-Array = NDArray[np.float64]
 # Rows of the table on the screen; files have all.
 SHOWN = 30
 

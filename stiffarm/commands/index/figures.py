@@ -9,14 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from machining import directional_stiffness, ellipsoid_radius, stiffness_ellipsoid
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import title
 from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 MOST_POSES: Final = 4
 _PLANES: Final = (("x", "y"), ("x", "z"), ("y", "z"))

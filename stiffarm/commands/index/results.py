@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining import (
@@ -20,10 +19,9 @@ from machining import (
     translational,
 )
 from robots import Robot
+from robots.arrays import Array
 from stiffarm.commands.index.units import shown
 from stiffarm.session.payloads import number
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from robots.files.csv_text import write_rows
 from stiffarm.commands.maps import sweep as maps
 from stiffarm.session.inputs import ModelInput
@@ -101,7 +101,7 @@ def write_table(data: MapData, path: Path) -> None:
             write_rows(file, zip(*cells, strict=True), "\r\n")
 
 
-def _cells(values: NDArray[np.float64], categories: Sequence[str] = ()) -> list[str]:
+def _cells(values: Array, categories: Sequence[str] = ()) -> list[str]:
     if categories:
         return [categories[int(v)] if v >= 0.0 else "" for v in values]
     # Poses on a limit are rounded to it; -0 is 0.

@@ -21,13 +21,12 @@ from matplotlib.colors import (
 )
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, colour_scale
 from surrogate.maps.data import Field
 
-Array = NDArray[np.float64]
 Kind = Literal["stiff", "soft", "error", "other", "category"]
 
 # Values that the ends of a scale are found from; more of them would not move its percentiles.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel
 from machining import GammaRange
 from robots import InputError, Robot
+from robots.arrays import Array
 from stiffarm.commands.maps.index.request import parse_values
 from stiffarm.commands.maps.request import MapRequest, grid_table, model_text, uncertainty_of
 from stiffarm.session.inputs import ModelInput, parse_direction, parse_layers, parse_names
@@ -36,8 +36,6 @@ from surrogate.maps.layouts import (
 )
 from surrogate.maps.poses import check_robot
 from surrogate.maps.quantities import MERITS, SHORTS, available
-
-Array = NDArray[np.float64]
 
 GRIDS = ("joints", "slice", "box", "cylinder")
 POSES = ("fixed", "best-gamma", "stiffest", "softest")

@@ -6,12 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robots.arrays import Array, Indices
 from surrogate.maps.data import Layout, MapData
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 # Values along an axis that a picture can show; of more, every k-th is drawn.
 MOST_VALUES: Final = 600
@@ -34,7 +31,7 @@ class Plane:
     closed : the first index runs all the way round, so that its last row borders on its first
     """
 
-    rows: Rows
+    rows: Indices
     centres: tuple[Array, Array]
     corners: tuple[Array, Array]
     labels: tuple[str, str]
@@ -80,7 +77,7 @@ def _across(layout: Layout) -> int:
     return min(range(3), key=lambda i: layout.shape[i])
 
 
-def _at(data: MapData, layout: Layout, grid: Rows, across: int, k: int, others: list[int]) -> Plane:
+def _at(data: MapData, layout: Layout, grid: Indices, across: int, k: int, others: list[int]) -> Plane:
     rows = np.take(grid, k, axis=across)
     axis = layout.axes[across]
     where = f"{axis.name} = {axis.values[k]:g} {axis.unit}".replace("-", "−")
@@ -113,7 +110,7 @@ def _at(data: MapData, layout: Layout, grid: Rows, across: int, k: int, others: 
     )
 
 
-def _cartesian(data: MapData, layout: Layout, rows: Rows, i: int, j: int, where: str | None = None) -> Plane:
+def _cartesian(data: MapData, layout: Layout, rows: Indices, i: int, j: int, where: str | None = None) -> Plane:
     up, right = layout.axes[i], layout.axes[j]
     if where is None:
         (normal,) = [n for n in "xyz" if n not in (up.name, right.name)]
@@ -132,7 +129,7 @@ def _step(values: Array) -> float:
     return float(np.diff(values).mean()) if len(values) > 1 else 100.0
 
 
-def _thinned(values: Array) -> Rows:
+def _thinned(values: Array) -> Indices:
     return np.arange(0, len(values), -(-len(values) // MOST_VALUES))
 
 

@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.parameter_uncertainty import parameter_uncertainty
 from doe.certainty.propagation import relative_sd
@@ -18,6 +17,7 @@ from fem import LINK_KINDS, ArmModel
 from fem.effects import build_arm
 from machining import normal_stiffness_index
 from robots import InputError, ModelDescription, content_hash
+from robots.arrays import Array
 from robots.files.reading import parse_json
 from robots.library.models import parse_description, to_toml
 from stiffarm import __version__
@@ -29,8 +29,6 @@ from surrogate.maps.data import Axis, Layout
 from surrogate.maps.layouts import MapGrid
 from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, PoseRule, last_joint_is_free
 from surrogate.maps.quantities import Quantities
-
-Array = NDArray[np.float64]
 
 FORM = "stiffarm-map/1"
 _CHECKSUM = "content_sha256"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import ModelDescription, Robot
+from robots.arrays import Array
 from stiffarm.pages.rendering import render_map
 from stiffarm.pages.robot_drawing import draw_robot
 from stiffarm.session.outputs import OutputFolder
@@ -19,7 +19,7 @@ from surrogate.maps.vtk_files import STIFFNESS_ARRAY, grid_cells
 VIEWS = ("oblique", "side")
 
 
-def middle_pose(robot: Robot) -> NDArray[np.float64]:
+def middle_pose(robot: Robot) -> Array:
     """A pose to draw the robot in: mid-range, moved towards zero until it can be taken."""
     zero = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
     middle = robot.limits.mean(axis=1)

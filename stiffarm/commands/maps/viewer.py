@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fem import ArmModel, PartKind
 from fem.statics.budget import part_kinds
 from robots import InputError, ModelDescription, content_hash, singularity_distance
+from robots.arrays import Array, Bools, Integers
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot
 from stiffarm import __version__
@@ -21,9 +22,6 @@ from stiffarm.pages.robot_bodies import framed_bodies
 from stiffarm.pages.robot_drawing import ROBOT_COLOURS
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
 from surrogate.maps.data import Field, Layout, MapData
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 # More points than these are thinned: about 120 bytes each in the file.
 MOST_POINTS: Final = 200_000
@@ -144,7 +142,7 @@ def viewer_data(
     }
 
 
-def kept_points(layout: Layout, most: int = MOST_POINTS) -> tuple[Layout, Rows | slice]:
+def kept_points(layout: Layout, most: int = MOST_POINTS) -> tuple[Layout, Integers | slice]:
     """The layout that the page holds and the numbers of its points: every k-th along the axes of a large map.
 
     The steps of an axis stay even, so slices and cells stay what they are.
@@ -224,9 +222,7 @@ def _relative_error(data: MapData, given: Array | None) -> Array | None:
     return np.asarray(_HALF_WIDTH / 100.0 * own.values)
 
 
-def _near_singular(
-    data: MapData, rows: Rows | slice, robot: Robot, q: Array, reached: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _near_singular(data: MapData, rows: Integers | slice, robot: Robot, q: Array, reached: Bools) -> Bools:
     """The map's own flag, or the same one computed here."""
     own = data.fields.get("near_singular")
     if own is not None:
@@ -237,7 +233,7 @@ def _near_singular(
     return near
 
 
-def _field(name: str, f: Field, rows: Rows | slice, colours: dict[str, str]) -> dict[str, Any]:
+def _field(name: str, f: Field, rows: Integers | slice, colours: dict[str, str]) -> dict[str, Any]:
     values = np.asarray(f.values[rows], dtype=np.float64)
     return {
         "name": name,
@@ -263,14 +259,14 @@ def _part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, 
     return out | {name: _STRUCTURE_COLOURS[i % len(_STRUCTURE_COLOURS)] for i, name in enumerate(structure)}
 
 
-def _shown_parts(data: MapData, rows: Rows | slice) -> list[int]:
+def _shown_parts(data: MapData, rows: Integers | slice) -> list[int]:
     if data.shares is None:
         return []
     shares = np.asarray(data.shares[rows])
     return [i for i in range(len(data.parts)) if np.any(shares[:, i] >= _LEAST_SHARE)]
 
 
-def _shares(data: MapData, rows: Rows | slice, shown: list[int]) -> str:
+def _shares(data: MapData, rows: Integers | slice, shown: list[int]) -> str:
     """Shares in tenths of a per cent, as the page writes them; (n, shown parts)."""
     if data.shares is None or not shown:
         return ""

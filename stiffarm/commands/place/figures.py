@@ -8,13 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import SERIES, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 # Why a position cannot be taken, and how it is drawn.
 ZONES = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime as dt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.placement import Along, Look
 from stiffarm import __version__
@@ -16,8 +15,6 @@ from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.session.outputs import OutputFolder
-
-Array = NDArray[np.float64]
 
 # Words and factor of the merit that the map shows.
 AIM_WORDS = {

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining import Drive, GammaRange, read_path
@@ -18,10 +17,7 @@ from machining.toolpaths import read_toolpath, to_tool_path
 from machining.toolpaths.neutral import MARK
 from machining.toolpaths.source import content
 from robots import InputError
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from robots.arrays import Array, Bools, Integers
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}

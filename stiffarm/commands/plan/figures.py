@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
@@ -19,7 +18,6 @@ from stiffarm.commands.plan.words import WIDE, factor95, is_open, quantity
 from stiffarm.pages.figure_parts import above, log_ticks, note, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
-Array = NDArray[np.float64]
 Row = tuple[Foresight, ParameterEstimate | None]
 
 _BEFORE, _AFTER, _RANDOM = FAINT, OKABE_ITO["blue"], OKABE_ITO["orange"]

@@ -9,16 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.planning.pose_designs import Zone, pose_design
 from robots import Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from stiffarm.commands.plan.options import resting_pose
 from stiffarm.commands.plan.sheets import SetUp, Sheet
 from stiffarm.session.payloads import number
 from surrogate import default_sweep
-
-Array = NDArray[np.float64]
 
 STEPS, REPEATS, COMPONENTS = 10, 3, (0, 1, 2)
 DIRECTIONS = (

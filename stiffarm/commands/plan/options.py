@@ -8,15 +8,13 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.planning.pose_designs import Zone
 from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot
+from robots.arrays import Array
 from stiffarm.session.inputs import LARGEST_LOAD
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.

@@ -8,15 +8,13 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, write_measurements
 from doe.tables.columns import DISPLACEMENTS, LOADS
 from robots import Robot
+from robots.arrays import Array
 from stiffarm.commands.plan.words import direction_words
 from stiffarm.pages.parts import rendered
-
-Array = NDArray[np.float64]
 
 # More boxes than these beside each other are too narrow to write into on A4.
 MOST_BOXES = 9

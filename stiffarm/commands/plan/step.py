@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
@@ -30,13 +29,13 @@ from doe.tables.idle_coordinates import idle_coordinates
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
 from robots import InputError, Robot
+from robots.arrays import Array
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
 from stiffarm.session import steps
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 # Poses in which a coordinate is moved to see whether it matters.

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Two-sided 95 % of a normal distribution.
 WIDE = 1.96

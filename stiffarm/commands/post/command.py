@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
@@ -18,6 +17,7 @@ from machining.programs.program import JointProgram, frame_distance, tool_in_par
 from machining.programs.write_options import WriteOptions, read_options
 from machining.toolpaths import Motions
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.step import PostRequest, PostRun, parse_targets, run_post
 from stiffarm.session import inputs
@@ -41,8 +41,6 @@ from stiffarm.session.task_setup import (
     read_moves,
     read_setup,
 )
-
-Array = NDArray[np.float64]
 
 # Tool frames (m, rad) that a placement and the program made with it may differ by, and joint angles (rad).
 SAME_FRAME, SAME_POSTURE = 1e-5, 1e-4

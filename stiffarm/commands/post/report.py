@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from machining import singular_distance
 from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
+from robots.arrays import Array
 from stiffarm import __version__
 from stiffarm.commands.index.units import shown
 from stiffarm.commands.post.step import PostRun
@@ -22,8 +22,6 @@ from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Ta
 from stiffarm.pages.style import house_style, new_figure
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.payloads import number
-
-Array = NDArray[np.float64]
 
 SCHEMA = "stiffarm-post-run/1"
 UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."

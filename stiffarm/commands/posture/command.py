@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
+from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.commands.posture.step import CHOSEN, Posed, PostureRequest, pose_along
@@ -46,8 +46,6 @@ from stiffarm.session.task_setup import (
     require_springs,
     task_in,
 )
-
-Array = NDArray[np.float64]
 
 # A range so narrow (rad) is one angle.
 FIXED_HALF_WIDTH = 1e-10

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.cutting import Estimated
+from robots.arrays import Array
 from stiffarm.commands.index.units import shown
 from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from stiffarm.session.payloads import number
 from stiffarm.session.task_options import frame_words
-
-Array = NDArray[np.float64]
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
 

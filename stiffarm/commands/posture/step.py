@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining import (
@@ -22,9 +21,8 @@ from machining import (
 from machining.cutting import Comparison, SurfaceError, compare, surface_error
 from machining.posture.axes_map import AxesMap, axes_map
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.session.task_setup import Cut
-
-Array = NDArray[np.float64]
 
 # Passes of finer grids of gamma: from 5 deg to 0.02 deg.
 PASSES = 4

@@ -11,15 +11,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from fem import ArmModel
 from robots import InputError
+from robots.arrays import Array, Bools, Indices
 from stiffarm.commands.run.samples import POSES, PoseSample, Progress, Samples, influences, sample_model
 
-Array = NDArray[np.float64]
 Verdict = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 
 # Rank correlations: below -0.5 is what Cohen (1988) calls a large effect, above -0.3 less than a medium one, and
@@ -64,9 +63,9 @@ class Finding:
 class LocalRanges(NamedTuple):
     """Around k poses: their rows, the ratio of the 95th to the 5th percentile, whether both end tenths are there."""
 
-    rows: NDArray[np.intp]
+    rows: Indices
     ratio: Array
-    both_tenths: NDArray[np.bool_]
+    both_tenths: Bools
 
 
 def findings(samples: Samples) -> list[Finding]:
@@ -183,7 +182,7 @@ def neighbour_finding(poses: PoseSample, neighbourhood: float = NEIGHBOURHOOD_M)
     return Finding(key, claim, verdict, figures, limits, words)
 
 
-def local_ranges(poses: PoseSample, rows: NDArray[np.intp], radius: float = NEIGHBOURHOOD_M) -> LocalRanges:
+def local_ranges(poses: PoseSample, rows: Indices, radius: float = NEIGHBOURHOOD_M) -> LocalRanges:
     """Ranges of stiffness in balls of ``radius`` (m) around some of the poses ``rows`` that have enough others near."""
     centres = rows[:: max(1, len(rows) // MOST_CENTRES)]
     around = [np.asarray(one) for one in cKDTree(poses.points).query_ball_point(poses.points[centres], radius)]
@@ -194,7 +193,7 @@ def local_ranges(poses: PoseSample, rows: NDArray[np.intp], radius: float = NEIG
     return LocalRanges(centres[enough], np.array([spread_ratio(v) for v in values]), both)
 
 
-def middle_of_reach(poses: PoseSample) -> NDArray[np.bool_]:
+def middle_of_reach(poses: PoseSample) -> Bools:
     """Which poses (n,) have the tool in the middle third of the distances from the main axis that are reached."""
     # Not by single stray poses.
     low, high = np.percentile(poses.radius, [1.0, 99.0])

@@ -8,18 +8,17 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, PoseFit, Scheme, SpringEstimate, loaded_points, select_loads
 from fem import LinkKind
 from fem.statics.budget import compliance_budget
 from robots import LoadPath
+from robots.arrays import Array
 from stiffarm.session import inputs, steps
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.spring_words import at_widest_bound
 from stiffarm.session.steps import Variant
 
-Array = NDArray[np.float64]
 Agreement = Literal["within", "outside", "unknown"]
 
 BESIDE: Final[Mapping[LinkKind, LinkKind]] = MappingProxyType({"shell": "beam", "beam": "rigid", "rigid": "beam"})

@@ -7,9 +7,9 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import LinkKind
+from robots.arrays import Bools
 from stiffarm.commands.run.link_models import LinkCalibrations, LinkModels, Pair, SpringPair
 from stiffarm.pages.blocks import percent
 
@@ -53,7 +53,7 @@ def _alone(both: LinkModels) -> str:
     )
 
 
-def _vertical(both: LinkModels) -> NDArray[np.bool_]:
+def _vertical(both: LinkModels) -> Bools:
     return np.asarray(both.own.variants[0].system.component == 2)
 
 

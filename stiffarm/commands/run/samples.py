@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.planning.pose_designs import pose_design
 from fem import ArmModel, directional_stiffness
 from robots import Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from surrogate.maps.sweep import default_sweep
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 POSES: Final = 20_000

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, PoseEffects, Scheme, select_loads
 from fem import deflection_by_part
 from robots import save_description
+from robots.arrays import Array
 from stiffarm.commands.fit import learning
 from stiffarm.commands.maps import sweep as maps
 from stiffarm.commands.run import held_out, link_models
@@ -25,8 +25,6 @@ from stiffarm.session.options import open_measured
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns, RigidJoints, Variant
 from surrogate import Surrogate, Trained, save_surrogate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements, loaded_points
 from doe.estimation.campaign import Campaign
@@ -19,12 +18,12 @@ from fem.free.model import FreeModel
 from fem.free.parameters import Parameter, parameter
 from fem.statics.loads import as_loaded
 from robots import InputError
+from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import is_joint_spring, spoken_unit
 from stiffarm.commands.plan.words import direction_words
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.payloads import number
 
-Array = NDArray[np.float64]
 Method = Literal["morris", "sobol", "derivative"]
 
 COMPONENTS: Final = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
@@ -132,7 +131,7 @@ def _stiffness_range(p: Parameter, springs: tuple[float, float]) -> tuple[float,
     return BASE_TILT if p.place == "base" else TILT
 
 
-def _cases(data: Measurements) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+def _cases(data: Measurements) -> tuple[Indices, tuple[str, ...]]:
     """Row of the largest load of each pose and direction, and the directions in words."""
     force = data.loads_N > 0.0
     size = np.where(force, data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1))

@@ -8,16 +8,14 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
+from robots.arrays import Array, Integers
 from stiffarm.session.payloads import number
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
 from surrogate.maps.vtk_files import M_TO_MM
-
-Array = NDArray[np.float64]
 
 WORKSPACE_POSES: Final = 2000
 # A part is named as leading where it leads in this share of the poses at least.
@@ -118,7 +116,7 @@ class WorkspaceBudget:
             edges = np.delete(edges, -2)
         return np.asarray(edges)
 
-    def _count(self, edges: Array) -> NDArray[np.int64]:
+    def _count(self, edges: Array) -> Integers:
         return np.asarray(np.histogram(self.reach_mm, edges)[0])
 
     def mean_share(self, edges: Array) -> Array:

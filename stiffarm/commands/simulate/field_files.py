@@ -9,15 +9,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmFields
 from meshes import ShellMesh
 from robots import InputError
+from robots.arrays import Array, Integers
 from surrogate.maps.vtk_files import M_TO_MM, write_grid
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Share of the arm's size that the largest displacement is drawn as.
 DRAWN_SHARE: Final = 0.08
@@ -38,9 +35,9 @@ class FieldGrid:
     parts: tuple[str, ...]
     nodes: Array
     displacement: Array
-    cells: Indices
-    starts: Indices
-    part: Indices
+    cells: Integers
+    starts: Integers
+    part: Integers
     energy: Array
     volume: Array
     thickness: Array
@@ -55,7 +52,7 @@ class FieldGrid:
         """Nodes (k, 3) m with their displacement drawn ``scale`` times."""
         return np.asarray(self.nodes + scale * self.displacement[:, :3])
 
-    def triangles(self) -> tuple[Indices, Indices]:
+    def triangles(self) -> tuple[Integers, Integers]:
         """Quads halved: triangles (m, 3) of nodes, and the cell (m,) each belongs to."""
         first, size = self.starts[:-1], np.diff(self.starts)
         quad = np.flatnonzero(size == 4)
@@ -211,7 +208,7 @@ def _vtk_grid(grid: FieldGrid, scale: float) -> Any:
     return out
 
 
-def _numbers(name: str, values: Array | Indices) -> Any:
+def _numbers(name: str, values: Array | Integers) -> Any:
     array = _numpy_support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)
     array.SetName(name)
     return array

@@ -15,11 +15,11 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from fem import ArmFields
 from fem.elements.couplings import distributing_coupling
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
+from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import PoseBudget
 from stiffarm.commands.simulate.field_files import FieldGrid
 from stiffarm.pages import style
@@ -27,8 +27,6 @@ from stiffarm.pages.rendering import VIEWS, Picture, Renderer, chosen, drawn, sh
 from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Surface
 from surrogate.maps.vtk_files import M_TO_MM
-
-Array = NDArray[np.float64]
 
 # Colour stands for the largest densities and two decades below; what is less takes the darkest.
 _DECADES: Final = 2.0

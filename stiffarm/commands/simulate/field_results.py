@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel, arm_fields
 from fem.statics.budget import whole_joints
 from robots import InputError, ModelDescription, Robot, content_hash, load_description
+from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import pose_budget
 from stiffarm.commands.simulate.field_files import checked_scale, field_grid, write_field
 from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, render_field
@@ -20,8 +20,6 @@ from stiffarm.pages.style import save_png
 from stiffarm.session.inputs import WRENCH_NAMES
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.payloads import number
-
-Array = NDArray[np.float64]
 
 
 def field_links(model: str, links: str | None) -> str:

@@ -10,15 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from fem import PartKind
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget
 from stiffarm.pages.figure_parts import above, joint_colour, note, paler, title
 from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 # Structure is grey in these figures, so that joints and links are told apart; the hatch is for those who cannot.
 _KIND_LOOKS: Final[dict[PartKind, tuple[str, str, str]]] = {

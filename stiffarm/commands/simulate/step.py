@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Measurements
 from doe.tables.load_history import history_of
@@ -15,6 +14,7 @@ from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.statics.loads import LoadedPoses
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.session import steps
 from stiffarm.session.console import say, show_table
 from stiffarm.session.effect_words import history_notes
@@ -22,8 +22,6 @@ from stiffarm.session.inputs import WRENCH_NAMES, ModelInput
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.payloads import number
 from stiffarm.session.softness import flagged
-
-Array = NDArray[np.float64]
 
 NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 

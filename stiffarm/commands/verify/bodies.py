@@ -7,13 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyvista as pv
 import trimesh
-from numpy.typing import NDArray
 
 from machining.cell import Scene, Solid
 from machining.cell.scene import ARM, CARRIAGE, CUTTER, FIXED, HOLDER, PART
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 KIND_NAMES = {ARM: "arm", HOLDER: "holder", CUTTER: "cutter", CARRIAGE: "carriage", FIXED: "fixture", PART: "part"}
 # Most triangles of one body; closed surfaces with more are thinned out, hulls are small anyway.
@@ -30,7 +27,7 @@ class BodySurface(NamedTuple):
     kind: str
     frame: int
     vertices: Array
-    triangles: Indices
+    triangles: Integers
 
 
 def body_surfaces(scene: Scene, most: int = MOST_TRIANGLES) -> list[BodySurface]:
@@ -48,7 +45,7 @@ def body_surfaces(scene: Scene, most: int = MOST_TRIANGLES) -> list[BodySurface]
     return out
 
 
-def _mesh(solid: Solid, most: int) -> tuple[Array, Indices]:
+def _mesh(solid: Solid, most: int) -> tuple[Array, Integers]:
     nodes, faces = solid.nodes, solid.faces
     if solid.convex and solid.radius > 0.0:
         ball = np.asarray(_creation.icosphere(subdivisions=2, radius=solid.radius).vertices)

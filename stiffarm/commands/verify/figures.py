@@ -10,13 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from machining.verification import Kind, Verification
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, joint_colour, log_ticks, title
 from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 # More bins than this a page cannot show.
 BINS: Final = 1200

@@ -8,16 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from machining.verification import Offence, Verification
+from robots.arrays import Array, Bools, Integers
 from stiffarm.commands.verify.bodies import BodySurface, body_surfaces, placed_in_world
 from stiffarm.pages import style
 from stiffarm.pages.rendering import Picture, Renderer, chosen, show
 from stiffarm.pages.scenes import Scene, Surface
-
-Array = NDArray[np.float64]
 
 # Near grey, so that colour means offence; cutter and part are what a reader looks for.
 COLOURS = {
@@ -93,7 +91,7 @@ def place_of(found: Verification, offence: Offence, pair: list[Array]) -> Array:
     return np.asarray((cell.T_world_part(np.array([offence.table]))[0] @ tip[0])[:3, 3])
 
 
-def _dense(vertices: Array, triangles: NDArray[np.int64]) -> Array:
+def _dense(vertices: Array, triangles: Integers) -> Array:
     """Points (k, 3) all over triangles: corners, and a grid within each."""
     share = np.array([[i, j, 8 - i - j] for i in range(9) for j in range(9 - i)]) / 8.0
     return np.asarray((share @ vertices[triangles]).reshape(-1, 3))
@@ -127,7 +125,7 @@ def _near_points(place: Array, points: Array) -> Array:
     return np.asarray(near[np.linspace(0, len(near) - 1, min(len(near), RAYS)).astype(int)])
 
 
-def _seen(points: Array, way: Array, triangles: Array) -> NDArray[np.bool_]:
+def _seen(points: Array, way: Array, triangles: Array) -> Bools:
     """Whether nothing stands between points (k, 3) and an eye far off along ``way`` (T. Moeller, B. Trumbore 1997)."""
     way = way / np.linalg.norm(way)
     # A step off the surface that a point is on.

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.verification import Offence, Verification
+from robots.arrays import Array, Integers
 from stiffarm.commands.verify.bodies import body_surfaces
 from stiffarm.commands.verify.words import offence_words, value_words
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
-
-Array = NDArray[np.float64]
 
 # Points kept of a long program: 60 bytes each in the file.
 MOST_POINTS = 40_000
@@ -88,7 +86,7 @@ def replay_data(found: Verification) -> dict[str, Any]:
     }
 
 
-def kept_points(found: Verification, most: int = MOST_POINTS) -> NDArray[np.int64]:
+def kept_points(found: Verification, most: int = MOST_POINTS) -> Integers:
     """Numbers of the points that the page holds: all, or of a long program some, with those at offences."""
     n = found.program.n
     if n <= most:
@@ -98,7 +96,7 @@ def kept_points(found: Verification, most: int = MOST_POINTS) -> NDArray[np.int6
     return np.unique(np.clip(np.concatenate([even, marked.ravel()]), 0, n - 1))
 
 
-def _least_between(values: Array, kept: NDArray[np.int64]) -> Array:
+def _least_between(values: Array, kept: Integers) -> Array:
     """Least value of all moves that lead from one kept point to the next."""
     first = np.concatenate([[0], kept[:-1] + 1])
     return np.asarray(np.minimum.reduceat(values, first))

@@ -6,9 +6,9 @@ import datetime as dt
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
+from robots.arrays import Array
 from stiffarm import __version__
 from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, straightness_figure
 from stiffarm.commands.verify.picture import offence_picture
@@ -17,8 +17,6 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.session.console import say
 from stiffarm.session.outputs import OutputFolder
-
-Array = NDArray[np.float64]
 
 # Offences that the page lists; offences.csv has all.
 LISTED = 60

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from doe.tables.columns import Array
 from doe.tables.measurements import Measurements, bundled_data, read_measurements, write_measurements
 from robots import InputError, InputErrors, Robot, load_robot
+from robots.arrays import Array
 
 HEADER = "q2_deg,q3real_deg,fz_N,dz_mm"
 ROW = "5,77.5,-650,-1.88"

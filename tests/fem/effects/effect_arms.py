@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem import ArmModel
 from fem.effects import Effect, History, PlacedEffect, catalogue, observed
 from fem.model import BodyMass
 from fem.statics.loads import LoadedPoses
 from robots import ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 LENGTH, STIFFNESS = 1.5, 2e5
 # A dozen products of numbers of order one.

@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
 from fem.model import BodyMass
 from fem.statics.gravity import STANDARD_GRAVITY, gravity_torque
 from robots import load_description
+from robots.arrays import Array
 from robots.kinematics import forward_kinematics
-
-Array = NDArray[np.float64]
 
 # Central differences of an energy of 1e4 J with a step of 1e-5: 1e-16 * 1e4 / 1e-5, and more in cancellation.
 DIFFERENCE = 1e-5

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from skfem import Basis, BilinearForm, ElementLineP1, ElementVector, MeshLine, condense, solve
 
 from fem.elements import beam
 from meshes import BeamMesh, link_beam_mesh, section_properties
 from robots import load_description
+from robots.arrays import Array
 from robots.robot import robot_from
-
-Array = NDArray[np.float64]
 
 E, NU, LENGTH = 210e9, 0.3, 1.2
 G = E / (2.0 * (1.0 + NU))

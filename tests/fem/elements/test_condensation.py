@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem.elements import beam
 from fem.elements.condensation import Superelement, condense
 from meshes import BeamMesh, link_beam_mesh
 from robots import load_description
+from robots.arrays import Integers
 from robots.robot import robot_from
-
-Array = NDArray[np.float64]
 
 # A forearm with three interfaces (root, tip, pin of the bar), one with a kink, and a pedestal.
 LINKS = [("xr701", "forearm"), ("kr60-3", "forearm"), ("tx200", "pedestal")]
@@ -33,7 +31,7 @@ def _condensed(mesh: BeamMesh) -> Superelement:
     return condense(mesh.name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
 
 
-def _interface_rows(mesh: BeamMesh) -> NDArray[np.int64]:
+def _interface_rows(mesh: BeamMesh) -> Integers:
     return (6 * np.array(list(mesh.interfaces.values()))[:, None] + np.arange(6)).ravel()
 
 

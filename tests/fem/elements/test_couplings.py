@@ -8,16 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.elements.condensation import condense
 from fem.elements.couplings import Coupling, distributing_coupling, edge_weights, led_by, rigid_motion
 from fem.elements.shell import CoupledShell, couple, shell_superelement
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from robots.arrays import Array
 
 SIDE, LENGTH, WALL = 0.2, 0.5, 0.006
 ENDS = np.array([[0.0, 0.0, 0.0], [LENGTH, 0.0, 0.0]])

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, arm_fields, build_model, compliance, deflection_by_part, link_shapes, solve_shell_arm
 from fem.elements.couplings import Coupling
@@ -16,8 +15,8 @@ from fem.model import LinkPart
 from fem.reference.shell_arm import all_links, couple_links
 from meshes import casing_mesh
 from robots import InputError, ModelDescription, load_description
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import build_model
 from fem.elements import link_cache
@@ -20,8 +19,7 @@ from meshes import ShellMesh, formulation
 from meshes.array_cache import ArrayCache
 from meshes.formulation import formulation_hash
 from robots import InputError, ModelDescription
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 RIGID: dict[str, Coupling] = {"root": "rigid", "tip": "rigid"}
 POINTS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]])

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
@@ -29,9 +28,7 @@ from fem.elements.shell import (
 from meshes import section_properties
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from robots.arrays import Array, Integers
 
 E, NU = 210e9, 0.3
 SIDE, LENGTH, WALL = 0.3, 1.0, 0.008
@@ -62,7 +59,7 @@ def box_tube(shape: str, n: int, m: int) -> ShellMesh:
     return _mesh(nodes, mixed, quads[half:], rings)
 
 
-def _mesh(nodes: Array, triangles: Ints, quads: Ints, rings: dict[str, Ints]) -> ShellMesh:
+def _mesh(nodes: Array, triangles: Integers, quads: Integers, rings: dict[str, Integers]) -> ShellMesh:
     return ShellMesh("box", nodes, triangles, quads, np.full(len(triangles) + len(quads), WALL), E, NU, rings)
 
 

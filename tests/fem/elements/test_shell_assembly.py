@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem.elements import quad as shell_quad
 from fem.elements import triangle as shell_triangle
 from fem.elements.assembly import assemble_shell, element_stiffness, freedoms
 from meshes.shell_mesh import ShellMesh
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def sheet(kind: str, rng: np.random.Generator, n: int = 4) -> ShellMesh:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 from skfem import Basis, ElementQuad1
@@ -15,10 +14,8 @@ from skfem import Basis, ElementQuad1
 from fem.elements import quad as shell_quad
 from fem.elements import quad_bending as shell_quad_bending
 from fem.elements.quad import quad_frames, quad_stiffness
+from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 E, NU, T = 1e6, 0.25, 0.01
 FLAT = np.array([[0.0, 0.0, 0.0], [1.1, 0.1, 0.0], [1.3, 0.9, 0.0], [-0.1, 1.2, 0.0]])
@@ -37,14 +34,14 @@ PATCH_ROUND_OFF = 1e-10
 ROUND_OFF = 1e-12
 
 
-def _global(nodes: Array, elements: Ints, thickness: float = T, nu: float = NU, youngs: float = E) -> sp.csc_array:
+def _global(nodes: Array, elements: Integers, thickness: float = T, nu: float = NU, youngs: float = E) -> sp.csc_array:
     K = quad_stiffness(nodes[elements], youngs, nu, np.full(len(elements), thickness))
     dofs = (6 * elements[:, :, None] + np.arange(6)).reshape(-1, 24)
     rows, columns = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
     return sp.coo_array((K.ravel(), (rows, columns)), shape=(6 * len(nodes), 6 * len(nodes))).tocsc()
 
 
-def _solve(K: sp.csc_array, fixed: Ints, load: Array, prescribed: Array | None = None) -> Array:
+def _solve(K: sp.csc_array, fixed: Integers, load: Array, prescribed: Array | None = None) -> Array:
     free = np.setdiff1d(np.arange(K.shape[0]), fixed)
     u = np.zeros(K.shape[0]) if prescribed is None else prescribed.copy()
     u[free] = 0.0
@@ -53,11 +50,11 @@ def _solve(K: sp.csc_array, fixed: Ints, load: Array, prescribed: Array | None =
     return u
 
 
-def _freedoms(nodes: NDArray[np.bool_], which: list[int]) -> Ints:
+def _freedoms(nodes: Bools, which: list[int]) -> Integers:
     return np.asarray((6 * np.flatnonzero(nodes)[:, None] + which).ravel())
 
 
-def _grid(nx: int, ny: int) -> tuple[Array, Array, Ints]:
+def _grid(nx: int, ny: int) -> tuple[Array, Array, Integers]:
     """Parameters u, v in [0, 1] of the nodes and the elements of a regular grid."""
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1), indexing="ij"))
     i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
@@ -117,7 +114,7 @@ def test_constant_transverse_shear_has_its_energy(direction: int) -> None:
     assert 0.5 * u @ K @ u == pytest.approx(0.5 * 5 / 6 * E / (2 * (1 + NU)) * T * AREA, rel=ROUND_OFF)
 
 
-def _roof_patch() -> tuple[Array, Ints]:
+def _roof_patch() -> tuple[Array, Integers]:
     """Nine warped elements on a saddle, one node of the inside moved."""
     u, v, elements = _grid(3, 3)
     nodes = np.stack([u, v, 0.6 * (u - 0.4) * (v - 0.5) + 0.1 * u**2], axis=1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fem.elements import triangle as shell_triangle
@@ -12,8 +11,7 @@ from fem.elements.shell import assemble_shell, freedoms, rigid_motion
 from fem.elements.triangle import plane_stress, triangle_stiffness
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 E, NU, T = 70e9, 0.3, 0.01
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
 from fem.effects import History, PlacedEffect, catalogue, observed
@@ -14,8 +13,6 @@ from fem.free.laws import FourierBasis, FreeLaw, law_parameters
 from fem.free.model import FreeModel, LoadedPoses
 from fem.free.parameters import Parameter, parameter
 from robots import InputError, load_description
-
-Array = NDArray[np.float64]
 
 DESCRIPTION = load_description("xr701")
 VALUES = {

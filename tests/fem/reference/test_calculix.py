@@ -10,14 +10,12 @@ import oracles
 import pytest
 from calculix_arms import COARSE_M, SPRINGS, WRENCH, WRITTEN, coarse, coarse_link, compliant, in_file_order, pose
 from calculix_runs import Freedom, Read, read_deck, run_ccx
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model
 from fem.reference.calculix.arm import ArmDeck, arm_deck
 from fem.reference.calculix.deck import Deck, ascii_text, comment, number, safe_name
 from robots import InputError, load_description
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import fem.elements.beam
 import fem.statics.transfers
@@ -23,9 +22,9 @@ from fem.model import LinkKind
 from fem.reference.direct import CHUNK, assemble_direct
 from meshes import SectionProperties, section_properties
 from robots import InputError, LoadPath, load_description
+from robots.arrays import Array
 from robots.schema.description import LogPolynomialLaw
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]

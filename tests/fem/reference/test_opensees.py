@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import oracles
 import pytest
-from numpy.typing import NDArray
 from opensees_shell import run_opensees
 
 import fem
@@ -16,11 +15,10 @@ from fem.elements.shell import shell_superelement
 from meshes.casings import casing_mesh
 from meshes.shell_mesh import ShellMesh
 from robots import load_description
+from robots.arrays import Array
 
 pytestmark = pytest.mark.oracle
 oracles.load_apart("openseespy.opensees")
-
-Array = NDArray[np.float64]
 
 
 def forearm(size: float, shape: str) -> tuple[ShellMesh, Array]:

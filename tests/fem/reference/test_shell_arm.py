@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model, compliance, deflection
 from fem.elements.shell import CoupledShell, couple, rigid_motion
 from fem.reference.shell_arm import couple_links, solve_shell_arm
 from fem.statics.transfers import transfers
 from robots import InputError, load_description
+from robots.arrays import Array
 from robots.kinematics import forward_kinematics, tool_position
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, arm_fields, build_model, compliance_budget, deflection, deflection_by_part
 from fem.statics.budget import whole_joints
 from robots import InputError, ModelDescription, Robot, load_description
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 W = np.array([300.0, -200.0, -650.0, 40.0, -30.0, 50.0])
 DOWN = np.array([0.0, 0.0, -650.0, 0.0, 0.0, 0.0])
 # Sums of the same few products in another order.

@@ -8,7 +8,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model, compliance, compliance_factor
 from fem.free.law_bases import FourierBasis
@@ -16,8 +15,8 @@ from fem.model import LinkKind
 from fem.springs import LawSpring
 from fem.statics.factor import _square_root
 from robots import InputError, LoadPath, load_description
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]

@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import oracles
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import fem.compiled.compliance
@@ -20,6 +19,7 @@ from fem.free.law_bases import FourierBasis
 from fem.model import LinkKind, LinkPart
 from fem.springs import ConstantSpring, LawSpring
 from robots import InputError, LoadPath, Robot, load_description
+from robots.arrays import Array
 
 # Compiling takes its time.
 pytestmark = pytest.mark.slow
@@ -29,7 +29,6 @@ kernels = fem.compiled.compliance.kernels()
 assert kernels is not None
 BLOCK = kernels.BLOCK
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fem import ArmModel, build_model, deflection, deflection_by_part
@@ -17,8 +16,8 @@ from fem.reference.shell_arm import couple_links, solve_shell_arm
 from fem.statics.fields import LinkShapes, arm_fields, face_stress, link_shapes, von_mises
 from meshes import ShellMesh
 from robots import InputError, ModelDescription, load_description
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]

@@ -12,14 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fem import ArmModel, build_model, compliance, deflection, deflection_by_part, spring_influence
 from fem.statics.flexibility import CHUNK
 from fem.statics.transfers import transfers
 from robots import InputError, forward_kinematics, load_description, tool_position
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # The assumed geometry of the xr701 (robots/data/xr701.toml), m.
 UPPER_ARM, FOREARM, WRIST, LEVER = 1.10, 1.25, 0.30, 0.40

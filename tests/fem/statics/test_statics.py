@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import fem.statics.flexibility
 from fem import (
@@ -20,8 +19,8 @@ from fem import (
 )
 from fem.statics.transfers import transfers
 from robots import InputError, forward_kinematics, jacobian, load_description, tool_position
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 ROBOTS = ("xr701", "kr60-3", "tx200")
 
 # A few dozen products and sums of well-scaled numbers: round-off, with room for cancellation in a pose.

@@ -9,7 +9,6 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from machining import Drive
@@ -34,8 +33,7 @@ from machining.cell import (
 from machining.cell.cell import inverse
 from machining.cell.exact import OVERLAP, exact_distance
 from robots import InputError, forward_kinematics, inverse_kinematics
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def at(x: float, y: float, z: float) -> Array:

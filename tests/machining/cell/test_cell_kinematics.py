@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from machining.cell import Body, Cell, Fixture, LinearAxis, Tool, Turntable, box
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def frame(R: Array, p: list[float]) -> Array:

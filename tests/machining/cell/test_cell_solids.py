@@ -9,7 +9,6 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from machining.cell import Solid, box, capsule, cylinder, hull, mesh_file, sphere, surface
@@ -17,8 +16,7 @@ from machining.cell.bounds import bounds_of, box_gaps, sphere_gaps
 from machining.cell.exact import OVERLAP, ExactSolid, exact_distance
 from machining.cell.solids import inside
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array, Integers
 
 
 def apart(a: Solid, b: Solid, t: Array, R: Array | None = None, below: float = np.inf) -> float:
@@ -33,7 +31,7 @@ def tube_surface() -> trimesh.Trimesh:
     return mesh
 
 
-def shell_surface() -> tuple[Array, NDArray[np.int64]]:
+def shell_surface() -> tuple[Array, Integers]:
     """A box of 1 m with a cavity of 0.6 m: two surfaces, the inner one facing inward."""
     outer, inner = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((0.6, 0.6, 0.6))
     nodes = np.vstack([outer.vertices, inner.vertices])

@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting_cases import wall_task
-from numpy.typing import NDArray
 from posture_cases import dome_task, part, spindle
 
 from machining.cutting import ConstantForce, process_axes
 from machining.cutting.process_axes import arc_length, weights
 from machining.task import Task, tool_path
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def task_of(points: object, axes: object = (0.0, 0.0, 1.0)) -> Task:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting_cases import CHIP, MILL, SOFT, STIFF, postures, wall_force, wall_task
-from numpy.typing import NDArray
 from posture_cases import dome_task
 from scipy.optimize import brentq
 
@@ -27,8 +26,7 @@ from machining.cutting import (
 from machining.posture.points import best_postures
 from machining.stiffness.objective import Objective
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 F = np.array([40.0, 60.0, -20.0])
 

@@ -9,12 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kr60_readings import TABLE_4, UP, B, Reading, arm, flange_frames, path, postures
-from numpy.typing import NDArray
 
 from machining.cutting import ConstantForce, SurfaceError, surface_error
 from machining.task import Task, tool_path
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 MEASURED_M = TABLE_4[:, 2] * 1e-3
 

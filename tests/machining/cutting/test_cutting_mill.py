@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting_cases import CHIP, MILL, wall_force, wall_task
-from numpy.typing import NDArray
 
 from machining.cutting import EndMill, Engagement, MillingForce, down_milling, published, slotting, up_milling
 from machining.cutting.coefficients import PUBLISHED, CuttingCoefficients, shop_coefficients
@@ -20,8 +19,7 @@ from machining.cutting.end_mill import (
     peak_forces,
 )
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 K = published("al7075-t6").values
 ONE = np.array([CHIP])

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting_cases import SOFT, STIFF, postures, wall_force, wall_task
-from numpy.typing import NDArray
 
 import fem
 import robots
@@ -32,8 +31,7 @@ from machining.cutting import (
 from machining.cutting.spread import covariance
 from machining.task import Task
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 F = np.array([40.0, 60.0, -20.0])
 # A standard deviation from n draws is known to 1/sqrt(2 n): 1.1 % here; four times that is allowed.

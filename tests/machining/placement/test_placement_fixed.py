@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from placement_cases import cell_of, line, problem_of, rail
 from posture_cases import dome, part
 
@@ -22,9 +21,7 @@ from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import directional_stiffness
 from machining.task import tool_path
 from robots import InputError, forward_kinematics
-
-Array = NDArray[np.float64]
-
+from robots.arrays import Array
 
 # Where gamma does not matter, or any will do.
 ANY = GammaRange(count=18)

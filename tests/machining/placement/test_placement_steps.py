@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from placement_cases import cell_of, line, problem_of, rail
 from posture_cases import dome, part
 
@@ -34,8 +33,8 @@ from machining.stiffness.criterion import Criterion
 from machining.task import ToolPath, tool_path
 from machining.toolpaths.motions import Motions
 from robots import InputError
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 ANY = GammaRange(count=18)
 
 

@@ -6,7 +6,6 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from posture_cases import dome_task, part, spindle
 
 import fem
@@ -15,8 +14,8 @@ from machining import sweep_parts as parts
 from machining.posture.axes_map import Zone, axes_map
 from machining.posture.points import sweep_gamma
 from robots import InputError, inverse_kinematics
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 GAMMA = np.radians(np.arange(-180.0, 180.0, 15.0))
 
 

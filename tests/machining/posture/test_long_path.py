@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from posture_cases import ALONG_Y, dome, dome_task, part, spindle
 
 import fem
@@ -17,8 +16,8 @@ from machining.posture.points import GammaRange
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
 from robots import InputError, forward_kinematics
+from robots.arrays import Array, Integers
 
-Array = NDArray[np.float64]
 SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 
 
@@ -135,7 +134,7 @@ def test_clearance_may_depend_on_the_path_point(kr60: fem.ArmModel) -> None:
     blocked = np.zeros(60, dtype=np.bool_)
     blocked[25:35] = True
 
-    def clearance(q: Array, point: NDArray[np.int64]) -> Array:
+    def clearance(q: Array, point: Integers) -> Array:
         near = np.abs(np.sin(0.5 * (q - free.q[point]))).max(axis=1)
         return np.where(blocked[point], near, 1.0)
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from posture_cases import dome, dome_task, part, spindle
 
 import fem
@@ -16,7 +15,6 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError, forward_kinematics, inverse_kinematics
 
-Array = NDArray[np.float64]
 F = np.array([200.0, -100.0, 150.0])
 
 

@@ -6,11 +6,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, course_cost, highest_floor
 
-Array = NDArray[np.float64]
 N, DOF = 5, 3
 
 

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from posture_cases import dome_task, spindle
 
 import fem
@@ -19,8 +18,7 @@ from machining.posture.problem import is_better
 from machining.stiffness.objective import Objective
 from machining.task import Task, tool_path
 from robots import InputError, forward_kinematics, inverse_kinematics, singularity_distance
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 BARE = Drive(jump=np.inf, motion=0.0, limit=0.0, singular=0.0, singular_least=0.0)
 SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])

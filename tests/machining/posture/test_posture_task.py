@@ -6,14 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from posture_cases import dome, part, spindle
 
 from machining.task import Task, tool_path
 from machining.toolpaths.path_file import read_path
 from robots import InputError, InputErrors
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 HEAD = "x_mm,y_mm,z_mm,nx,ny,nz"
 

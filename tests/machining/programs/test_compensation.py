@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from posture_cases import dome
 from test_posting import asked, cell_of, motions_of
 
@@ -16,8 +15,7 @@ from machining.programs.compensation import compensate, cuts_of, milling_force
 from machining.programs.posting import Posted, PostSettings, post
 from machining.task import Task, ToolPath
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from posture_cases import ALONG_Y, dome, part, spindle
 
 import fem
@@ -23,8 +22,7 @@ from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Event, Motions
 from machining.toolpaths.motions import Tool as Cutter
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def motions_of(path: ToolPath, **more: Any) -> Motions:

@@ -6,7 +6,6 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from program_cases import PLAIN, cell_of, posed, program_of, rail, random_poses, turntable
 
 from machining.programs.configuration import abb_configuration, kuka_status_turn, val3_configuration
@@ -23,8 +22,7 @@ from machining.programs.orientation import (
 )
 from machining.programs.write_options import WriteOptions, parse_options
 from robots import InputError, Robot, forward_kinematics, inverse_kinematics, load_robot
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def turn(axis: str, degrees: float) -> Array:

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from program_cases import PLAIN, busy, cell_of, motions_of, program_of, rail, random_poses, spindle, turntable
 
 from machining.cell import Cell, LinearAxis, Tool, Turntable
@@ -22,7 +21,6 @@ from machining.programs.program import JointProgram, tool_in_part
 from machining.programs.write_options import WriteOptions, parse_options
 from robots import InputError, load_robot
 
-Array = NDArray[np.float64]
 BOTH = [(name, kind) for name, f in FORMATS.items() for kind in f.kinds]
 
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from numpy.typing import NDArray
 from posture_cases import spindle
 from service_cases import POINT, ask, on_rail, plain, refused, turned_part, with_bodies
 
@@ -20,7 +19,6 @@ from machining.posture.long_path import follow_gamma, optimise_long_path
 from machining.service import Session
 from robots import forward_kinematics
 
-Array = NDArray[np.float64]
 X = np.array([1.0, 0.0, 0.0])
 # A block where the arm would like to have its wrist, with the tool at the part's origin.
 BLOCK = """

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from numpy.typing import NDArray
 from posture_cases import spindle
 from service_cases import POINT, POSE, ask, on_rail, plain, refused, turned_part, with_bodies
 
@@ -17,8 +16,8 @@ from machining.cell import clearance
 from machining.placement import on_axes
 from machining.service import Session
 from robots import forward_kinematics, inverse_kinematics
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 # Angles and lengths in answers are rounded to 1e-9 deg and mm.
 ROUNDED = 1e-8
 

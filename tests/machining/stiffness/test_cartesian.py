@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
-from numpy.typing import NDArray
 
 import fem
 import robots
@@ -26,8 +25,7 @@ from machining import (
     translational,
 )
 from robots import InputError, forward_kinematics, jacobian
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 def springs_of(model: fem.ArmModel) -> Array:

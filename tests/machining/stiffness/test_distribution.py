@@ -15,8 +15,7 @@ from machining.stiffness.distribution import Distribution, best_gamma, distribut
 from machining.stiffness.grid import Grid, box_grid, grid_task, in_box, in_polygon, nearest_to, plane_grid
 from machining.sweep_parts import sweep_parts
 from robots import InputError, inverse_kinematics
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 NAN = np.nan
 # Points x angles; the last point is reached by none, the second not by the third angle.

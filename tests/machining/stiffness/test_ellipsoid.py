@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from machining import ellipsoid_radius, stiffness_ellipsoid
 from robots import InputError
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import oracles
 import pytest
-from numpy.typing import NDArray
 from posture_cases import dome, dome_task, part, spindle
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
@@ -19,6 +18,7 @@ from machining.stiffness import compiled as fast_index
 from machining.stiffness.objective import Objective
 from machining.task import Task, tool_path
 from robots import InputError, Reason, Robot, forward_kinematics, load_description
+from robots.arrays import Array
 from robots.inverse.spherical_wrist import spherical_wrist_arm
 
 # Compiling takes its time.
@@ -26,7 +26,6 @@ pytestmark = pytest.mark.slow
 
 oracles.load("numba")
 
-Array = NDArray[np.float64]
 F = np.array([200.0, -100.0, 150.0])
 COMPILED = ["k_fs", "directional", "rayleigh", "nspi", "displacement", "normal displacement"]
 NEVER = 1_000_000_000

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import fem
 import robots
@@ -28,8 +27,7 @@ from machining import (
 )
 from machining.stiffness.indices import CHANGES, Change
 from robots import InputError, forward_kinematics
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # The smallest principal compliance is some 1e-4 of the largest, and the indices are quotients of those.
 SAME = 1e-10

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import fem
 from machining import normal_stiffness_index, stiffness_index, translational
 from robots import forward_kinematics, tool_position
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Gao 2024, Table 4: x on the path from P1 to P2, k_fs.
 X_MM = np.array([-40.0, -20.0, 0.0, 10.0, 30.0])

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import fem
 import robots
@@ -20,8 +19,7 @@ from machining import (
     spring_jacobian,
 )
 from robots import InputError, bundled_names, forward_kinematics, jacobian, load_robot, tool_position
-
-Array = NDArray[np.float64]
+from robots.arrays import Array
 
 # Lengths near 3 m, some 20 products.
 ROUND_OFF = 1e-12

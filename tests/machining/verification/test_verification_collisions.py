@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from verification_cases import ARM, cell, line, pillar, placed, program, tool
 
 from machining.cell import Body, Cell, Fixture, LinearAxis, Turntable, arm_of, box, clearance, scene_of
@@ -17,8 +16,8 @@ from machining.verification import Demands, Kind, Severity, moving_axes, verify
 from machining.verification.courses import courses_of
 from machining.verification.motion_bound import motion_bound
 from machining.verification.sweep import sweep
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 Faulty = tuple[JointProgram, int, set[str]]
 
 # Along x over the part in 5 mm moves; point i is at -150 mm + 5 i mm, its line is i + 11.

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from verification_cases import ARM, SPEED, cell, line, motions, program, zigzag
 
 from machining.cell import LinearAxis, Turntable, arm_of
@@ -15,9 +14,8 @@ from machining.verification import Demands, Kind, Severity, verify
 from machining.verification.courses import courses_of
 from machining.verification.timing import timing_of
 from robots import InputError, inverse_kinematics
+from robots.arrays import Array
 from robots.inverse.singularities import branch_of
-
-Array = NDArray[np.float64]
 
 ROBOT = ARM.robot
 LOOSE = Demands(tolerance=1.0, axis_tolerance=9.0)

@@ -6,12 +6,11 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from robots import InverseSolutions, Robot, forward_kinematics, load_robot
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 DATA = Path(__file__).parents[1] / "data"
 
 # The promise of the issue. Measured: 2e-15 of some metres; next to the edge of reach 1e-10 is let through.

@@ -8,7 +8,6 @@ import numpy as np
 import oracles
 import pytest
 from inverse_cases import DATA, MAPS_BACK, apart, chain, random_arm, tool_frames, within_limits, worst_error
-from numpy.typing import NDArray
 from pinocchio_chains import pinocchio_chain, raw
 from scipy.spatial.transform import Rotation
 
@@ -24,12 +23,11 @@ from robots import (
     read_urdf,
     why_no_closed_form,
 )
+from robots.arrays import Array
 from robots.inverse.quartic import quartic_roots
 from robots.inverse.search import search
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
 from robots.robot import robot_from
-
-Array = NDArray[np.float64]
 
 # Rounding of 1e-15 grows by the inverse Jacobian; poses drawn at random come within 1e-4 of singular.
 SAME_POSE = 1e-8

@@ -8,12 +8,10 @@ import itertools
 import numpy as np
 import pytest
 from inverse_cases import tool_frames, within_limits
-from numpy.typing import NDArray
 
 from robots import CouplingLimit, InputError, Reason, Robot, inverse_kinematics, load_robot
+from robots.arrays import Array
 from robots.inverse.turns import TURN, every_turn, nearest_turn
-
-Array = NDArray[np.float64]
 
 ROUND_OFF_RAD = 1e-9  # sums of whole turns; limits themselves are kept to 1e-9
 

@@ -7,13 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 from inverse_cases import MAPS_BACK, apart, chain, random_arm, tool_frames, within_limits, worst_error
-from numpy.typing import NDArray
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 from robots import InputError, Reason, Robot, inverse_kinematics, jacobian, load_robot, singularity_distance
+from robots.arrays import Array
 
-Array = NDArray[np.float64]
 RIGHT = np.pi / 2
 # A spherical wrist behind a shoulder with a lateral offset of 0.1 m.
 LATERAL = chain(

@@ -5,18 +5,16 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 import robots
+from robots.arrays import Array
 from robots.library.models import parse_description
 from surrogate.maps.blocks import Engine
 from surrogate.maps.candidates import Arm
 from surrogate.maps.layouts import MapGrid
 from surrogate.maps.poses import PoseRule, last_joint_is_free
 from surrogate.maps.quantities import Quantities
-
-Array = NDArray[np.float64]
 
 L1, L2, K1, K2 = 0.5, 0.4, 2e5, 1e5
 DOWN = np.array([0.0, 0.0, -1.0])

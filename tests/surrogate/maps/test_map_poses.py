@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 import fem
 from machining.task import Task, tool_path
 from robots import InputError, forward_kinematics, inverse_kinematics, tool_position
+from robots.arrays import Array
 from surrogate.maps.candidates import Arm
 from surrogate.maps.layouts import box_layout, cylinder_layout, points_of, slice_layout
 from surrogate.maps.orientation import directions, spread_rotations, tool_rotations
 from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, check_robot, last_joint_is_free, shortfall
-from surrogate.maps.quantities import Array
 
 UP = np.array([0.0, 0.0, 1.0])
 OFF_AXIS = np.eye(4)

@@ -13,8 +13,9 @@ import fem
 from machining import INDICES
 from machining.stiffness.indices import evaluate
 from robots import InputError, load_description
+from robots.arrays import Array
 from surrogate.maps.layouts import joint_layout, poses_of
-from surrogate.maps.quantities import MERITS, NEAR_SINGULAR, SHORTS, Array, Quantities, available, field_of
+from surrogate.maps.quantities import MERITS, NEAR_SINGULAR, SHORTS, Quantities, available, field_of
 
 ALL = slice(None)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robots import Robot, forward_kinematics, load_robot, tool_position
-from surrogate.maps.self_motion import THERE, Array, brought_back, improve, self_motions
+from robots.arrays import Array
+from surrogate.maps.self_motion import THERE, brought_back, improve, self_motions
 
 TIP = np.array([0.05, 0.0, 0.2])
 

@@ -11,15 +11,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.commands.calibrate.words import interval_text, known, shown_unit, value_text
 from stiffarm.pages.figure_parts import log_ticks, note, title
 from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 _COLOURS: Final = {
     "determined": OKABE_ITO["blue"],

@@ -8,15 +8,12 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from robots import InputError
+from robots.arrays import Array, Bools
 from stiffarm.pages.figure_parts import SERIES, above, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _GOOD: Final = OKABE_ITO["blue"]
 _FLAGGED: Final = OKABE_ITO["vermillion"]
@@ -28,7 +25,7 @@ _ROOM: Final = 1.6
 
 
 def residuals_figure(
-    residual: Array, unit: str, groups: Mapping[str, Sequence[str]], flagged: Mask, sd: Array | None = None
+    residual: Array, unit: str, groups: Mapping[str, Sequence[str]], flagged: Bools, sd: Array | None = None
 ) -> Figure:
     """Draw residuals (m,) by each grouping (its name -> a label for each residual), a panel each.
 
@@ -56,7 +53,7 @@ def residuals_figure(
     return figure
 
 
-def _strip(ax: Axes, residual: Array, labels: list[str], flagged: Mask) -> None:
+def _strip(ax: Axes, residual: Array, labels: list[str], flagged: Bools) -> None:
     names = list(dict.fromkeys(labels))
     place = np.array([names.index(label) for label in labels], dtype=np.float64)
     spread = np.zeros(len(place))
@@ -78,7 +75,7 @@ def _strip(ax: Axes, residual: Array, labels: list[str], flagged: Mask) -> None:
     ax.grid(visible=False, axis="x")
 
 
-def checks_figure(predicted: Array, measured: Array, own: Array, unit: str, flagged: Mask) -> Figure:
+def checks_figure(predicted: Array, measured: Array, own: Array, unit: str, flagged: Bools) -> Figure:
     """Draw measured against predicted, residuals against predicted, and standardised residuals against a normal law.
 
     ``own`` (m,): residuals without what set-ups have in common, over their standard deviations.
@@ -121,7 +118,7 @@ def _mean(values: Array) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def _dots(ax: Axes, x: Array, y: Array, flagged: Mask) -> None:
+def _dots(ax: Axes, x: Array, y: Array, flagged: Bools) -> None:
     """Points; outliers as diamonds, as triangles at the edge if they are too far off for the axis."""
     look: dict[str, Any] = {"s": 24 if len(x) < 200 else 11, "linewidths": 0, "zorder": 2}
     ax.scatter(x[~flagged], y[~flagged], color=_GOOD, alpha=0.75, **look)

@@ -9,13 +9,11 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import above, note, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 BEFORE: Final = OKABE_ITO["vermillion"]
 AFTER: Final = OKABE_ITO["blue"]

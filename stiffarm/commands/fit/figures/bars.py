@@ -10,14 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.commands.fit.figures.effects import percent_label
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, title
 from stiffarm.pages.style import FAINT, INK, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 0.95
 PARTS: Final = 10

@@ -13,14 +13,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import SERIES, above, angle_label, note, title
 from stiffarm.pages.style import FAINT, OKABE_ITO, house_style, new_figure
 from surrogate.main_effects import MainEffect
-
-Array = NDArray[np.float64]
 
 # A surrogate whose largest error is below this part of the others' is not drawn beside them.
 _FAR_BELOW: Final = 1e-5

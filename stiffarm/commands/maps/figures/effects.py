@@ -8,16 +8,14 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array, Integers
 from stiffarm.commands.maps.figures.slices import headings
 from stiffarm.commands.maps.looks import Look
 from stiffarm.pages.figure_parts import angle_label, log_ticks
 from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
 from surrogate.maps.data import MapData
-
-Array = NDArray[np.float64]
 
 # Ends of the band in %.
 BAND: Final = (5.0, 95.0)
@@ -30,7 +28,7 @@ class SweptEffect(NamedTuple):
     low: Array
     median: Array
     high: Array
-    poses: NDArray[np.int64]
+    poses: Integers
 
 
 def swept_effects(data: MapData, name: str) -> dict[str, SweptEffect]:

@@ -9,14 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from robots import ModelDescription, Robot
+from robots.arrays import Array, Bools
 from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.style import INK
-
-Array = NDArray[np.float64]
 
 # Points on the outline of a body that are tested for lying inside another one.
 _SAMPLES: Final = 240
@@ -67,7 +65,7 @@ def _densified(closed: Array) -> Array:
     return np.stack([np.interp(where, at, closed[:, i]) for i in (0, 1)], axis=1)
 
 
-def inside(points: Array, polygon: Array) -> NDArray[np.bool_]:
+def inside(points: Array, polygon: Array) -> Bools:
     """Which points (n, 2) lie inside a convex counter-clockwise polygon (k, 2), its border left out."""
     start, way = polygon, np.roll(polygon, -1, axis=0) - polygon
     off = points[:, None] - start

@@ -11,17 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from robots import InputError, ModelDescription, Robot
+from robots.arrays import Array, Bools
 from stiffarm.commands.maps.figures.robot import draw_outlines, robot_outlines
 from stiffarm.commands.maps.looks import Look, category_patches, look_bar
 from stiffarm.commands.maps.planes import Plane
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, house_style, new_figure
 from surrogate.maps.data import MapData
-
-Array = NDArray[np.float64]
 
 # Contour lines: about so many in a slice that stands alone, and in one of many.
 _LINES: Final = (6, 3)
@@ -173,7 +171,7 @@ def contour_levels(look: Look, values: Array, lines: int) -> Array:
     return np.asarray(inner[:: max(1, round(len(inner) / lines))])
 
 
-def seams(look: Look, values: Array) -> NDArray[np.bool_]:
+def seams(look: Look, values: Array) -> Bools:
     """Points (a, b) beside which the colour jumps: by over a tenth of the scale, and unlike elsewhere in the plane.
 
     Maps of the stiffest of several postures change abruptly where another one takes over. A contour line would run
@@ -233,7 +231,7 @@ def _robot(data: MapData, look: Look, plane: Plane, description: ModelDescriptio
     return robot_outlines(description, robot, np.asarray(data.q[point]), plane.right, plane.up)
 
 
-def _frame(plane: Plane, reached: NDArray[np.bool_], polygons: Sequence[Array]) -> tuple[Array, Array]:
+def _frame(plane: Plane, reached: Bools, polygons: Sequence[Array]) -> tuple[Array, Array]:
     """Corners of what a panel shows: reached points and robot, or only the points if they became too small."""
     x, y = (_at_cells(c, reached) for c in plane.corners)
     low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
@@ -246,7 +244,7 @@ def _frame(plane: Plane, reached: NDArray[np.bool_], polygons: Sequence[Array]) 
     return low - pad, high + pad
 
 
-def _at_cells(corners: Array, reached: NDArray[np.bool_]) -> Array:
+def _at_cells(corners: Array, reached: Bools) -> Array:
     """Corners (a + 1, b + 1) of the cells (a, b) that are reached, in no order."""
     return np.concatenate(
         [corners[i : i + len(reached), j : j + reached.shape[1]][reached] for i in (0, 1) for j in (0, 1)]

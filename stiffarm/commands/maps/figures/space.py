@@ -9,18 +9,15 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from robots import InputError, ModelDescription, Robot
+from robots.arrays import Array, Bools, Indices, Integers
 from stiffarm.commands.maps.looks import Look, category_patches, look_bar
 from stiffarm.pages import style
 from stiffarm.pages.rendering import VIEWS, show
 from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Surface
 from surrogate.maps.data import MapData
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 M_TO_MM: Final = 1e3
 # Points of a grid that surfaces are made from, and triangles that are drawn: a page shows no more.
@@ -88,7 +85,7 @@ def iso_surfaces(data: MapData, look: Look, levels: Array, cut_mm: float | None)
     return out
 
 
-def _smooth_cells(scaled: Array) -> Flags:
+def _smooth_cells(scaled: Array) -> Bools:
     """Which cells of a grid (a, b, c) of values from 0 to 1 have eight finite corners and no jump between them.
 
     Where another posture takes over, stiffness jumps; a surface there would be a wall that is not in the quantity.
@@ -106,7 +103,7 @@ def _smooth_cells(scaled: Array) -> Flags:
     return np.asarray(known & ~(span > max(_JUMP, _STANDS_OUT * float(np.median(span[known])))))
 
 
-def _without_slivers(points: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+def _without_slivers(points: Array, triangles: Integers) -> tuple[Array, Integers]:
     """Triangles with an area: contours through a grid's point leave some that have none, and no normal."""
     if not len(triangles):
         return points, triangles
@@ -215,7 +212,7 @@ def _joined(*parts: str) -> str:
 
 
 def robot_at_best(
-    data: MapData, look: Look, rows: NDArray[np.intp], depth_mm: Array, description: ModelDescription, robot: Robot
+    data: MapData, look: Look, rows: Indices, depth_mm: Array, description: ModelDescription, robot: Robot
 ) -> list[DrawnBody]:
     """The robot at the stiffest point near the cut (depth 0), where it stands free; of other quantities the largest."""
     q = np.asarray(data.q)[rows]

@@ -13,17 +13,14 @@ from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from machining.stiffness.distribution import Distribution, GammaChoice
 from machining.stiffness.grid import Grid
 from robots import InputError
+from robots.arrays import Array, Bools
 from stiffarm.commands.index.units import Shown, shown
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, colour_scale, house_style, new_figure
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Where no posture is: pale and hatched, unlike any colour of the scale.
 NOTHING: Final = "#ECECEC"

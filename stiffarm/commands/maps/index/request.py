@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining import INDICES, GammaRange, Objective
 from machining.stiffness.distribution import best_gamma, distribution, why_not_reached
@@ -16,12 +15,10 @@ from machining.stiffness.grid import Grid, box_grid, grid_task, in_box, in_polyg
 from machining.stiffness.objective import DISPLACEMENTS
 from machining.sweep_parts import Progress
 from robots import InputError, content_hash
+from robots.arrays import Array, Bools
 from stiffarm.commands.maps.index.files import IndexMap, drawn_columns
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.task_options import frame_words, parse_frame, parse_gammas, parse_vector, tool_of
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 GAMMA = "-180:180:5"
 # Share of a step by which a range may miss a whole number of steps: rounding of decimals.

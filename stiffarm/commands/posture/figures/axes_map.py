@@ -13,18 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
-from numpy.typing import NDArray
 
 from machining import Course
 from machining.posture.axes_map import AxesMap, Zone
 from machining.posture.path import PathPosture
 from robots import InputError
+from robots.arrays import Array, Bools
 from stiffarm.commands.index.units import shown
 from stiffarm.commands.maps.index.figures import angle_ticks, stiffness_colours, value_bar
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, OKABE_ITO, colour_scale, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 TURN: Final = 360.0
 
@@ -149,7 +147,7 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
     return window
 
 
-def _hatched(ax: Axes, xe: Array, ye: Array, mask: NDArray[np.bool_], face: str | None, tone: _Tone) -> None:
+def _hatched(ax: Axes, xe: Array, ye: Array, mask: Bools, face: str | None, tone: _Tone) -> None:
     fine = np.repeat(np.repeat(mask.astype(np.float64), 2, axis=0), 2, axis=1)
     shades = [to_rgba(face)] if face else ["none"]
     drawn = ax.contourf(xe, ye, fine.T, levels=[0.5, 1.5], colors=shades, hatches=[tone.hatch])

@@ -7,13 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import SERIES, angle_label, title
 from stiffarm.pages.style import FAINT, INK, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 
 def joints_figure(arc_mm: Array, courses: Mapping[str, Array], names: Sequence[str], limits_deg: Array) -> Figure:

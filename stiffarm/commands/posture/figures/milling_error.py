@@ -10,15 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from machining.cutting import Comparison, SurfaceError
 from machining.cutting.stiffness_uncertainty import NORMAL_95
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import SERIES, above, note, title
 from stiffarm.pages.style import INK, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 # Told apart without colour too.
 _LINES: Final = ("-", "--", "-.", ":")

@@ -11,13 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import above, joint_colour, note, paler, title
 from stiffarm.pages.style import INK, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 _GREYS: Final = ("#6B7178", "#9AA0A7", "#C4C8CD")
 _JOINT: Final = re.compile(r"(?:j|a|joint)[ _-]?\d+", re.IGNORECASE)

@@ -10,16 +10,14 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import NDArray
 
+from robots.arrays import Array
 from stiffarm.commands.maps.figures.slices import headings
 from stiffarm.commands.maps.looks import COLOURS
 from stiffarm.commands.run.findings import LARGE_SHARE, NEIGHBOURHOOD_M, local_ranges, middle_of_reach, spread_ratio
 from stiffarm.commands.run.samples import PoseSample, Samples, influences
 from stiffarm.pages.figure_parts import log_ticks, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 _BINS: Final = 24
 # Bins with fewer poses have no percentiles worth drawing; points beyond these are one grey mass.

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, axis_limit, log_ticks, note, paler, same_length, title
 from stiffarm.pages.style import FAINT, INK, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from doe import Measurements
 from robots import InputError, Robot
+from robots.arrays import Array
 from stiffarm.pages.figure_parts import SERIES, above, note, paler, title
 from stiffarm.pages.style import INK, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 _HATCHES: Final = ("////", "xxxx", "....")
 # From this many bars on, their numbers stand upright; from the second on they are left out.

@@ -9,17 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from doe import SpringEstimate, SpringPoints
 from fem.springs import spring_from
 from robots import InputError, Robot
+from robots.arrays import Array
 from robots.schema.description import LogPolynomialLaw
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, log_ticks, note, power_of_ten, title
 from stiffarm.pages.style import FAINT, OKABE_ITO, house_style, new_figure
 from stiffarm.session.spring_words import UNIT, spring_text
-
-Array = NDArray[np.float64]
 
 _SURFACE: Final = OKABE_ITO["green"]
 # Marker, face and edge of a point by its origin, and what the legend calls it.

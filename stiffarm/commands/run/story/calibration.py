@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import PoseFit, SpringEstimate
+from robots.arrays import Array
 from stiffarm.commands.run.figures import match as figures_match
 from stiffarm.commands.run.figures import readings as figures_data
 from stiffarm.commands.run.figures import springs as figures_springs
@@ -72,7 +72,7 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     return Section("The measurements", tuple(blocks))
 
 
-def _proportionality(f: Findings, levels: NDArray[np.float64]) -> str:
+def _proportionality(f: Findings, levels: Array) -> str:
     rows = [np.isclose(f.data.loads_N, load) & f.data.used[:, 2] for load in levels]
     means = [np.abs(f.data.displacement[row, 2]).mean() / load * 1e6 for row, load in zip(rows, levels, strict=True)]
     listed = ", ".join(f"{mean:.2f} um/N at {load:g} N" for mean, load in zip(means, levels, strict=True))

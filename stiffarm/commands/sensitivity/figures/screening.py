@@ -9,14 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from doe.planning.screening import Screening, variance_shares
 from robots import InputError
 from stiffarm.pages.figure_parts import MARKERS, SERIES, paler, title
 from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
-
-Array = NDArray[np.float64]
 
 _TOTAL: Final = OKABE_ITO["blue"]
 _EXACT: Final = OKABE_ITO["vermillion"]

@@ -11,9 +11,9 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.image import imread
-from numpy.typing import NDArray
 
 from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
+from robots.arrays import Array
 from stiffarm.commands.maps.figures.effects import swept_effects
 from stiffarm.commands.maps.figures.robot import inside, robot_outlines
 from stiffarm.commands.maps.figures.slices import contour_levels, extremes, posed, seams, slice_figure, unlike
@@ -24,8 +24,6 @@ from stiffarm.commands.maps.planes import planes_of
 from stiffarm.pages.robot_drawing import draw_robot
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.data import Axis, Field, Layout, LayoutKind, MapData
-
-Array = NDArray[np.float64]
 
 ROBOT, DESCRIPTION = load_robot("kr60-3"), load_description("kr60-3")
 POSE = np.radians([0.0, -70.0, 60.0, 0.0, 60.0, 0.0])

@@ -17,11 +17,10 @@ from machining.posture.axes_map import AxesMap, Zone
 from machining.stiffness.distribution import Distribution, best_gamma
 from machining.stiffness.grid import box_grid, plane_grid
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.commands.index.units import shown
 from stiffarm.commands.maps.index.figures import angle_ticks, axis_of, draw_gamma_statistics, draw_index_maps, where_is
 from stiffarm.commands.posture.figures.axes_map import TONES, CourseLine, _breaks, draw_axes_map
-
-Array = NDArray[np.float64]
 
 
 def an_axes_map(low: float = -180.0, high: float = 170.0, n: int = 12) -> AxesMap:

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from machining.cutting import Comparison, SurfaceError
 from machining.cutting.spread import Uncertain
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.commands.posture.figures.milling_error import milling_error_figure
 from stiffarm.pages.style import save_png
-
-Array = NDArray[np.float64]
 
 S = np.linspace(0.0, 0.15, 31)
 

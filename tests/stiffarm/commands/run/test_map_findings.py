@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from numpy.typing import NDArray
 
 from fem import build_model
 from robots import load_description, load_robot
+from robots.arrays import Array
 from stiffarm.commands.run.figures.findings import findings_figure
 from stiffarm.commands.run.findings import (
     Finding,
@@ -25,8 +25,6 @@ from stiffarm.commands.run.findings import (
 )
 from stiffarm.commands.run.samples import LEVELS, LayerSample, PoseSample, Samples, influence, influences, sample_model
 from stiffarm.pages.style import save_png
-
-Array = NDArray[np.float64]
 
 
 def poses(stiffness: object, n: int = 6000, seed: int = 3) -> PoseSample:

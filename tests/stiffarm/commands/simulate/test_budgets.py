@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 from figure_texts import texts
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fem import Budget, PartKind, build_model, compliance_budget, deflection, deflection_by_part
 from robots import InputError, forward_kinematics, load_description, tool_position
+from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
 from stiffarm.commands.simulate.figures import energy_share_figure, part_colours, workspace_budget_figure
 from stiffarm.pages.style import save_png
 
-Array = NDArray[np.float64]
 KR60 = build_model(load_description("kr60-3"))
 XR701 = build_model(load_description("xr701")).with_springs({"j2": 5e5, "j3": 5e5, "j5": 2e5})
 Q = np.radians([0.0, -40.0, 60.0, 0.0, -30.0, 0.0])

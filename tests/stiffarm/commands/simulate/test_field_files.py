@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
@@ -24,7 +23,6 @@ from stiffarm.commands.simulate.field_files import (
     write_field,
 )
 
-Array = NDArray[np.float64]
 W = np.array([0.0, 0.0, -650.0, 0.0, 0.0, 0.0])
 
 

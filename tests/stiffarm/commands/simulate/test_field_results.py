@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from cli_runs import Command, tree
 from matplotlib.image import imread
-from numpy.typing import NDArray
 
 from fem import build_model
 from robots import InputError, load_description
@@ -22,7 +21,6 @@ from stiffarm.pages.rendering import Picture, gl_available
 from stiffarm.pages.scenes import corner_normals
 from stiffarm.pages.style import OKABE_ITO
 
-Array = NDArray[np.float64]
 POSE = "q2_deg=5,q3real_deg=77.5,q5_deg=-40"
 W = np.array([0.0, 0.0, -650.0, 0.0, 0.0, 0.0])
 HEADING = {"heading": "An arm", "subtitle": "in a pose"}
