@@ -95,16 +95,18 @@ class Arm(fem.arm.Arm):
             from stiffarm.commands.plan.options import resting_pose
 
             return resting_pose(self.robot, {})
-        q = np.zeros(self.robot.dof)
         for name, value in q_deg.items():
             if name not in self.coordinates:
                 allowed = ", ".join(self.coordinates)
                 raise InputError("q_deg: name", value=name, allowed=allowed, remedy="use these names")
             if not np.isfinite(value):
                 raise InputError(f"q_deg: {name}", value=value, allowed="a finite number of degrees")
-            q[self.robot.coordinate_index(name)] = np.radians(value)
-        with called():
-            self.robot.check_reachable(q[None])
+        q = np.radians([q_deg.get(name, 0.0) for name in self.coordinates])
+        if wrong := self.robot.violations(q):
+            raise InputError(
+                f"q_deg: {self.name} cannot take this pose: {'; '.join(wrong)}",
+                remedy="keep the ranges named (a coordinate that is not named stands at 0)",
+            )
         return q
 
 
