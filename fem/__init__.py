@@ -1,20 +1,27 @@
 """Mechanics: beam elements, condensation, joint springs, the parallelogram loop, statics."""
 
-from fem.compiled.compliance import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
-from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
-from fem.reference.direct import compliance_direct, deflection_direct
-from fem.reference.shell_arm import ShellArmSolution, solve_shell_arm
-from fem.springs import ConstantSpring, LawSpring, SpringLaw
-from fem.statics.budget import Budget, PartKind, compliance_budget
-from fem.statics.factor import ComplianceFactor, compliance_factor
-from fem.statics.fields import ArmFields, arm_fields, link_shapes
-from fem.statics.flexibility import (
-    compliance,
-    deflection,
-    deflection_by_part,
-    directional_stiffness,
-    spring_influence,
-)
+from typing import TYPE_CHECKING
+
+from robots.lazily import lazily
+
+if TYPE_CHECKING:
+    from fem.compiled.compliance import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
+    from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
+    from fem.reference.direct import compliance_direct, deflection_direct
+    from fem.reference.shell_arm import ShellArmSolution, solve_shell_arm
+    from fem.springs import ConstantSpring, LawSpring, SpringLaw
+    from fem.statics.budget import Budget, PartKind, compliance_budget
+    from fem.statics.factor import ComplianceFactor, compliance_factor
+    from fem.statics.fields import ArmFields, arm_fields, link_shapes
+    from fem.statics.flexibility import (
+        compliance,
+        deflection,
+        deflection_by_part,
+        directional_stiffness,
+        spring_influence,
+    )
+else:
+    __getattr__ = lazily(__name__)
 
 __all__ = [
     "FLANGES",

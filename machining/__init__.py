@@ -1,33 +1,40 @@
 """Use: Cartesian stiffness and stiffness indices, posture; placement, NC programs (still to come)."""
 
-from machining.posture.drive import Drive, Smoothness, limit_distance, singular_distance
-from machining.posture.path import PathPosture, course_at, optimise_path
-from machining.posture.points import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
-from machining.posture.problem import Course
-from machining.stiffness.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
-from machining.stiffness.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid
-from machining.stiffness.indices import (
-    INDICES,
-    Index,
-    average_stiffness,
-    directional_stiffness,
-    evaluate,
-    normal_stiffness_index,
-    nspi,
-    rayleigh_of_force,
-    rayleigh_quotient,
-    stiffness_index,
-)
-from machining.stiffness.loaded import (
-    complementary_stiffness,
-    jacobian_derivative,
-    loaded_compliance,
-    softest_share,
-    spring_jacobian,
-)
-from machining.stiffness.objective import Objective
-from machining.task import Task, ToolPath, tool_path
-from machining.toolpaths.path_file import read_path
+from typing import TYPE_CHECKING
+
+from robots.lazily import lazily
+
+if TYPE_CHECKING:
+    from machining.posture.drive import Drive, Smoothness, limit_distance, singular_distance
+    from machining.posture.path import PathPosture, course_at, optimise_path
+    from machining.posture.points import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
+    from machining.posture.problem import Course
+    from machining.stiffness.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
+    from machining.stiffness.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid
+    from machining.stiffness.indices import (
+        INDICES,
+        Index,
+        average_stiffness,
+        directional_stiffness,
+        evaluate,
+        normal_stiffness_index,
+        nspi,
+        rayleigh_of_force,
+        rayleigh_quotient,
+        stiffness_index,
+    )
+    from machining.stiffness.loaded import (
+        complementary_stiffness,
+        jacobian_derivative,
+        loaded_compliance,
+        softest_share,
+        spring_jacobian,
+    )
+    from machining.stiffness.objective import Objective
+    from machining.task import Task, ToolPath, tool_path
+    from machining.toolpaths.path_file import read_path
+else:
+    __getattr__ = lazily(__name__)
 
 __all__ = [
     "INDICES",

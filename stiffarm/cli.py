@@ -1,57 +1,74 @@
-"""The command line: a table of commands, each a thin step of the workflow, loaded when it is asked for."""
+"""The command line: a table of commands, each loaded when it is asked for."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated, Any, Final, NamedTuple
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from robots import InputError
 from robots.errors import one_line
 from stiffarm import __version__
 from stiffarm.session.console import EXIT_BAD_INPUT, say_error
 
-# Name of a command -> its folder in stiffarm/commands and its function in that folder's command.py.
-COMMANDS: dict[str, tuple[str, str]] = {
-    "run": ("run", "run"),
-    "robots": ("simulate", "robots"),
-    "simulate": ("simulate", "simulate"),
-    "sensitivity": ("sensitivity", "sensitivity"),
-    "calibrate": ("calibrate", "calibrate"),
-    "diagnose": ("diagnose", "diagnose"),
-    "identify": ("identify", "identify"),
-    "plan": ("plan", "plan"),
-    "fit": ("fit", "fit"),
-    "query": ("fit", "query"),
-    "map": ("maps", "map_command"),
-    "index": ("index", "index"),
-    "posture": ("posture", "posture"),
-    "place": ("place", "place"),
-    "post": ("post", "post"),
-    "verify": ("verify", "verify_command"),
-    "serve": ("serve", "serve_command"),
-    "import": ("importing", "import_command"),
-    "export": ("export", "export"),
+
+class Entry(NamedTuple):
+    """A command: its folder in stiffarm/commands, its function in command.py there, its group and what it does."""
+
+    folder: str
+    function: str
+    group: str
+    summary: str
+
+
+MODEL: Final = "Model"
+MEASURE: Final = "Measure"
+CALIBRATE: Final = "Calibrate and diagnose"
+USE: Final = "Use"
+MACHINE: Final = "Machine"
+
+COMMANDS: dict[str, Entry] = {
+    "robots": Entry("simulate", "robots", MODEL, "List the bundled robots, or show one in detail."),
+    "import": Entry(
+        "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
+    ),
+    "simulate": Entry("simulate", "simulate", MODEL, "Compute tool-point deflections at a pose or for a table."),
+    "export": Entry("export", "export", MODEL, "Write the shell model in one pose for CalculiX."),
+    "plan": Entry("plan", "plan", MEASURE, "Choose what to measure next and write a sheet to fill in."),
+    "sensitivity": Entry("sensitivity", "sensitivity", MEASURE, "Show which parameters matter at which pose."),
+    "run": Entry("run", "run", CALIBRATE, "Run everything from readings to report, surrogate and maps."),
+    "calibrate": Entry("calibrate", "calibrate", CALIBRATE, "Identify parameters from measured deflections."),
+    "diagnose": Entry("diagnose", "diagnose", CALIBRATE, "Find out what the model is missing, and how sure that is."),
+    "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
+    "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
+    "query": Entry("fit", "query", USE, "Evaluate a surrogate at poses, with error bars."),
+    "map": Entry("maps", "map_command", USE, "Map the stiffness over joints or over points in space."),
+    "index": Entry("index", "index", USE, "Compute stiffness indices at poses, such as k_fs and NSPI."),
+    "posture": Entry("posture", "posture", MACHINE, "Find the stiffest posture along a tool path."),
+    "place": Entry("place", "place", MACHINE, "Find where the base should stand for the stiffest cut."),
+    "post": Entry("post", "post", MACHINE, "Write robot programs from a tool path and read them back."),
+    "verify": Entry("verify", "verify_command", MACHINE, "Check a program for collisions, limits and singularities."),
+    "serve": Entry("serve", "serve_command", MACHINE, "Answer questions of other programs, line by line."),
 }
 
 
 class _Commands(TyperGroup):
-    """Commands by name. All of them together take seconds to import, one takes a fraction of that."""
+    """Commands by name. The list says what the table says; a command is imported when it is called."""
 
-    def list_commands(self, ctx: Any) -> list[str]:
-        return list(COMMANDS)
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = {
+            name: TyperCommand(name, help=entry.summary, rich_help_panel=entry.group)
+            for name, entry in COMMANDS.items()
+        }
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name not in COMMANDS:
-            return None
-        folder, function = COMMANDS[cmd_name]
-        one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        one.command(cmd_name)(getattr(importlib.import_module(f"stiffarm.commands.{folder}.command"), function))
-        return typer.main.get_command(one)
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, known, rest = super().resolve_command(ctx, args)
+        return name, None if known is None else command_of(str(name)), rest
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **more: Any) -> Any:
         _refuse_empty(args)
@@ -61,6 +78,17 @@ class _Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         with _printable():
             return super().invoke(ctx)
+
+
+def command_of(name: str) -> Any:
+    """The command itself, imported; one with commands of its own is a Typer."""
+    entry = COMMANDS[name]
+    found = getattr(importlib.import_module(f"stiffarm.commands.{entry.folder}.command"), entry.function)
+    if not isinstance(found, typer.Typer):
+        one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        one.command(name)(found)
+        found = one
+    return typer.main.get_command(found)
 
 
 def _refuse_empty(args: list[str]) -> None:
@@ -76,12 +104,14 @@ def _refuse_empty(args: list[str]) -> None:
 
 @contextmanager
 def _printable() -> Iterator[None]:
-    """What the command line says of wrong options repeats them: as text that a terminal only prints."""
+    """What the command line says of wrong options: as text that a terminal only prints, with what may be meant."""
     try:
         yield
     except Exception as error:
         if isinstance(message := getattr(error, "message", None), str):
-            error.message = one_line(message)  # type: ignore[attr-defined]
+            close = getattr(error, "possibilities", None)
+            error.message = one_line(message) + (f". Did you mean {' or '.join(close)}?" if close else "")  # type: ignore[attr-defined]
+            error.possibilities = None  # type: ignore[attr-defined]
         raise
 
 
@@ -89,9 +119,8 @@ app = typer.Typer(
     name="stiffarm",
     cls=_Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
-    help="How stiff is my robot arm, here, in this pose, and why does the model say something else than my gauge?",
+    help="How stiff is my robot arm, here, in this pose, and why does the model disagree with my gauge?",
 )
 
 
@@ -104,7 +133,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     pass

@@ -1,20 +1,27 @@
 """What was learned: regression with error bars, query, stiffness maps, VTK."""
 
-from surrogate.arm_scope import scope_of
-from surrogate.maps.sweep import default_sweep, sweep_map
-from surrogate.maps.vtk_files import StiffnessMap, read_vtu, write_vtu
-from surrogate.model import (
-    ErrorFigures,
-    Quantity,
-    Surrogate,
-    compliance_matrix,
-    predict,
-    predict_compliance,
-)
-from surrogate.query import QueryResult, full_poses, query
-from surrogate.storage import load_surrogate, save_surrogate
-from surrogate.tasks import Task, task_of
-from surrogate.training import Trained, train
+from typing import TYPE_CHECKING
+
+from robots.lazily import lazily
+
+if TYPE_CHECKING:
+    from surrogate.arm_scope import scope_of
+    from surrogate.asking import QueryResult, full_poses, query
+    from surrogate.maps.sweep import default_sweep, sweep_map
+    from surrogate.maps.vtk_files import StiffnessMap, read_vtu, write_vtu
+    from surrogate.model import (
+        ErrorFigures,
+        Quantity,
+        Surrogate,
+        compliance_matrix,
+        predict,
+        predict_compliance,
+    )
+    from surrogate.storage import load_surrogate, save_surrogate
+    from surrogate.tasks import Task, task_of
+    from surrogate.training import Trained, train
+else:
+    __getattr__ = lazily(__name__)
 
 __all__ = [
     "ErrorFigures",

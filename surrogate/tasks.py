@@ -11,9 +11,9 @@ import numpy as np
 from fem import ArmModel, compliance, directional_stiffness
 from robots.arrays import Array
 from surrogate.arm_scope import influence_of_fixed, reduced_box, with_whole_turns
+from surrogate.asking import full_poses
 from surrogate.designs import Density, space_filling_design
 from surrogate.model import Quantity
-from surrogate.query import full_poses
 from surrogate.scope import Scope
 
 Scalar = Callable[[Array], Array]

@@ -1,7 +1,7 @@
 """Do 95 % intervals hold the truth 95 % of the time? Calibrations of made-up readings with known parameters.
 
     python benchmarks/calibration/interval_coverage.py [--repeats 200] [--case NAME] [--robot NAME] [--json]
-                                           [--write docs/calibration_coverage.md]
+                                           [--write docs/validation/calibration_coverage.md]
 
 Every repeat draws parameters, poses, load directions and noise anew, estimates parameters and noise, and looks
 whether each interval holds what was drawn; ``coverage_cases.py`` has the cases.
@@ -21,7 +21,7 @@ from doe.estimation.noise import FEWEST_POSES
 HEADING = """# Coverage of calibration intervals
 
 Written by `python benchmarks/calibration/interval_coverage.py --repeats {repeats} --write
-docs/calibration_coverage.md`.
+docs/validation/calibration_coverage.md`.
 
 Calibrations of made-up readings whose parameters are known: how often the 95 % intervals hold the truth. Every
 repeat draws parameters, poses, load directions and noise anew. Springs about the joint axes are drawn log-uniform

@@ -1,7 +1,7 @@
 """Do proposed readings name a missing effect sooner than random ones? From nine poses on, three at a time.
 
     python benchmarks/diagnosis/diagnosis_next.py [--sets 40] [--seed 3] [--results FILE.jsonl] [--write
-    docs/diagnosis_next.md]
+    docs/validation/diagnosis_next.md]
 
 Sets of ``tests/blind`` with one effect that 27 poses would detect, first measured in nine: the paper's of the XR701,
 Sobol points of the KR60-3. The diagnosis proposes three set-ups, the hidden arm is measured there, the tables are
@@ -44,7 +44,8 @@ WAYS = ("proposed", "random")
 
 HEADING = """# What to measure next: proposed against random set-ups
 
-Written by `python benchmarks/diagnosis/diagnosis_next.py --sets {sets} --seed {seed} --write docs/diagnosis_next.md`.
+Written by
+`python benchmarks/diagnosis/diagnosis_next.py --sets {sets} --seed {seed} --write docs/validation/diagnosis_next.md`.
 
 {sets} sets of `tests/blind` with one hidden effect that 27 poses would detect (chi-square excess of 30 or more),
 measured in nine poses first: the paper's nine of the XR701, nine Sobol points of the KR60-3; three loads up and down,

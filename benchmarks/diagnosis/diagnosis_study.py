@@ -1,7 +1,7 @@
 """How often is the missing effect named? Blind sets with a hidden effect, with none, with strangers, with two.
 
     python benchmarks/diagnosis/diagnosis_study.py [--single 300] [--none 200] [--outside 100] [--pairs 60] [--seed 0]
-        [--reads z|xyz] [--ablations] [--workers 2] [--write docs/diagnosis_study.md] [--json FILE]
+        [--reads z|xyz] [--ablations] [--workers 2] [--write docs/validation/diagnosis_study.md] [--json FILE]
 
 The sets come from ``tests/blind``, which shares no code with the program and uses other laws than the catalogue.
 """

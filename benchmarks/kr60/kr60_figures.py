@@ -1,4 +1,4 @@
-"""The pictures of docs/kr60_indices.md: path and point, displacement against index, plane by gamma."""
+"""The pictures of docs/validation/kr60_indices.md: path and point, displacement against index, plane by gamma."""
 
 from __future__ import annotations
 

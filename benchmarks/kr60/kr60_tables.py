@@ -1,6 +1,7 @@
 """Tables 4 and 5, Figs. 3, 4, 5, 10, 11 of the KUKA KR60-3 paper, recomputed beside the published figures.
 
-Run: ``python benchmarks/kr60/kr60_tables.py [--write]``; --write makes docs/kr60_indices.md and its pictures.
+Run: ``python benchmarks/kr60/kr60_tables.py [--write]``; --write makes docs/validation/kr60_indices.md and its
+pictures.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ import machining
 from machining.stiffness.distribution import Over
 from robots.arrays import Array
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGES = Path(__file__).resolve().parents[2] / "docs" / "validation"
 PAGE = Path(__file__).with_name("kr60_page.md")
 GAMMA_60 = int(np.flatnonzero(PLANE_GAMMA_DEG == 60.0)[0])
 Row = Sequence[str]
@@ -276,11 +277,11 @@ def main() -> None:
     if not options.write:
         print(page)
         return
-    (DOCS / "kr60_indices.md").write_text(page, encoding="utf-8")
-    kr60_figures.save(kr60_figures.curves(paths, points), DOCS / "kr60_curves.png")
-    kr60_figures.save(kr60_figures.scatter(studies["any, tool B"], rng), DOCS / "kr60_force.png")
-    kr60_figures.save(kr60_figures.maps(planes), DOCS / "kr60_plane.png")
-    kr60_figures.save(kr60_figures.statistics(planes), DOCS / "kr60_plane_statistics.png")
+    (PAGES / "kr60_indices.md").write_text(page, encoding="utf-8")
+    kr60_figures.save(kr60_figures.curves(paths, points), PAGES / "kr60_curves.png")
+    kr60_figures.save(kr60_figures.scatter(studies["any, tool B"], rng), PAGES / "kr60_force.png")
+    kr60_figures.save(kr60_figures.maps(planes), PAGES / "kr60_plane.png")
+    kr60_figures.save(kr60_figures.statistics(planes), PAGES / "kr60_plane_statistics.png")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 
 kr60-3 with rigid links and a spindle. The ways take turns, so that a busy machine slows all of them; the least time of
 each counts: seconds of the processor for what runs on one thread, seconds by the clock for the rest. Needs pinocchio
-and numba. ``--write`` writes docs/index_speed.md.
+and numba. ``--write`` writes docs/performance/indices.md.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from machining.stiffness.distribution import distribution
 from machining.stiffness.objective import Objective
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parents[1] / "docs" / "index_speed.md"
+PAGE = HERE.parents[1] / "docs" / "performance" / "indices.md"
 TEXT = HERE / "index_speed_page.md"
 # Poses that the peers are timed on.
 SOME, FEW = 10_000, 200

@@ -2,7 +2,7 @@
 
     python benchmarks/shop/path_posture.py [--write]
 
-kr60-3 with rigid links. ``--write`` writes docs/path_posture.md and its pictures.
+kr60-3 with rigid links. ``--write`` writes docs/validation/path_posture.md and its pictures.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from robots.arrays import Array
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.pages.style import save_png
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGES = Path(__file__).resolve().parents[2] / "docs" / "validation"
 # KUKA's data sheet of the KR 60-3, from memory: a bound for the example, not a figure of the paper.
 SPEED_DEG = np.array([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 
@@ -180,18 +180,18 @@ The paper's tool is not known (see `kr60_indices.md`); readings B and B2 are two
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/path_posture.md")
+    parser.add_argument("--write", action="store_true", help="write docs/validation/path_posture.md")
     arguments = parser.parse_args()
     model = arm()
     lines = [HEAD]
     cases = {"straight_B": straight(B), "straight_B2": straight(B2), "curved": curved()}
     for key, case in cases.items():
-        lines += section(model, case, DOCS / f"path_posture_{key}.png" if arguments.write else None)
+        lines += section(model, case, PAGES / f"path_posture_{key}.png" if arguments.write else None)
     lines += ["## Against trying everything", "", brute_force(model)]
     text = "\n".join(lines) + "\n"
     print(text)
     if arguments.write:
-        (DOCS / "path_posture.md").write_text(text, encoding="utf-8")
+        (PAGES / "path_posture.md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

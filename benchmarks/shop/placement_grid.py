@@ -5,7 +5,7 @@
 kr60-3 with rigid links. One evaluation is one base position looked at over the path, with all branches and 36 angles
 gamma, the best of which is refined twice to 0.6 deg; the grid looks at its positions in the same way, at all points.
 About its eight best positions that are not neighbours a ten times finer grid is laid.
-``--write`` writes docs/placement.md.
+``--write`` writes docs/validation/placement.md.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from robots import InputError
 from robots.arrays import Array
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parents[1] / "docs" / "placement.md"
+PAGE = HERE.parents[1] / "docs" / "validation" / "placement.md"
 TEXT = HERE / "placement_grid_page.md"
 # Positions of the grid in one sweep.
 CHUNK = 400

@@ -3,7 +3,7 @@
     python benchmarks/shop/post_chain.py [--sizes 10000,30000,100000] [--write]
 
 kr60-3 with rigid links, gamma chosen from a full turn, in a cell with spindle, table and floor. Each size runs in a
-process of its own, so that the memory is its own. ``--write`` writes docs/post_chain.md.
+process of its own, so that the memory is its own. ``--write`` writes docs/performance/toolpaths.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "performance" / "toolpaths.md"
 T = TypeVar("T")
 KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
     ("krl", "cartesian"),
@@ -153,7 +153,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sizes", default="10000,30000,100000")
     parser.add_argument("--one", type=int, help="run this size only, and print JSON")
-    parser.add_argument("--write", action="store_true", help="write docs/post_chain.md")
+    parser.add_argument("--write", action="store_true", help="write docs/performance/toolpaths.md")
     arguments = parser.parse_args()
     if arguments.one:
         print(json.dumps(chain(arguments.one)))
@@ -167,7 +167,7 @@ def main() -> None:
     text = page(results)
     print(text)
     if arguments.write:
-        (DOCS / "post_chain.md").write_text(text, encoding="utf-8")
+        PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

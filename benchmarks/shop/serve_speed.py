@@ -1,8 +1,8 @@
 """How long `stiffarm serve` takes to answer, against a process a point and against a numerical inverse kinematics.
 
-``python benchmarks/shop/serve_speed.py`` prints a table; ``--write`` puts it into docs/serve_speed.md. ``--docs`` asks
-the examples of docs/serve.md again and writes their answers there. Latencies are those of a client: write a line to a
-pipe, wait for the answer, both processes on one machine. OMP_NUM_THREADS=1.
+``python benchmarks/shop/serve_speed.py`` prints a table; ``--write`` puts it into docs/performance/service.md.
+``--docs`` asks the examples of docs/reference/serve.md again and writes their answers there. Latencies are those of a
+client: write a line to a pipe, wait for the answer, both processes on one machine. OMP_NUM_THREADS=1.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from robots.arrays import Array
 
 ROOT = Path(__file__).resolve().parents[2]
 CELL = ROOT / "docs" / "examples" / "serve" / "cell.toml"
-PAGE = ROOT / "docs" / "serve.md"
-SPEED = ROOT / "docs" / "serve_speed.md"
+PAGE = ROOT / "docs" / "reference" / "serve.md"
+SPEED = ROOT / "docs" / "performance" / "service.md"
 # Points along a line on the part, gamma kept: what a postprocessor asks one after the other.
 GAMMA = -45.0
 
@@ -185,7 +185,7 @@ def flange_targets(n: int = 1000) -> tuple[Array, Array]:
 
 
 def page(n: int = 1000) -> str:
-    """The page of docs/serve_speed.md."""
+    """The page of docs/performance/service.md."""
     with service() as client:
         single, blocks = latencies(client, n), block_times(client, n)
     alone, numerical = process_a_point(), pinocchio_loop(*flange_targets(n))
@@ -193,9 +193,9 @@ def page(n: int = 1000) -> str:
         "# How long `stiffarm serve` takes",
         "",
         "Written by `python benchmarks/shop/serve_speed.py --write`: KUKA KR60-3 with beam links, the cell of",
-        "[examples/serve](examples/serve/README.md), one client that waits for each answer, over pipes. Both processes",
-        f"share {os.cpu_count()} processor(s) with others' work, so the slow end is the machine's. {n} requests each",
-        f"(best_angle {n // 20}); ms.",
+        "[examples/serve](../examples/serve/README.md), one client that waits for each answer, over pipes. Both",
+        f"processes share {os.cpu_count()} processor(s) with others' work, so the slow end is the machine's. {n}",
+        f"requests each (best_angle {n // 20}); ms.",
         "",
         "| request | p50 | p99 | fastest |",
         "| --- | --- | --- | --- |",
@@ -229,7 +229,7 @@ def page(n: int = 1000) -> str:
 
 
 def documented(text: str) -> list[tuple[str, str | None]]:
-    """Requests of docs/serve.md, each with the answer that follows it."""
+    """Requests of docs/reference/serve.md, each with the answer that follows it."""
     found: list[tuple[str, str | None]] = []
     for line in text.splitlines():
         if line.startswith("-> "):
@@ -240,7 +240,7 @@ def documented(text: str) -> list[tuple[str, str | None]]:
 
 
 def redocument() -> None:
-    """Ask the examples of docs/serve.md again and write their answers."""
+    """Ask the examples of docs/reference/serve.md again and write their answers."""
     out: list[str] = []
     with service() as client:
         for line in PAGE.read_text(encoding="utf-8").splitlines():

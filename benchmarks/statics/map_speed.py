@@ -4,7 +4,7 @@
 
 The ways take turns, so that a busy machine slows all of them; the least time of each counts: seconds of the processor
 for what runs on one thread, seconds by the clock for the rest. Needs pinocchio and numba. ``--write`` writes
-docs/map_speed.md.
+docs/performance/maps.md.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robots import LoadPath, load_description
 from robots.arrays import Array
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parents[1] / "docs" / "map_speed.md"
+PAGE = HERE.parents[1] / "docs" / "performance" / "maps.md"
 TEXT = HERE / "map_speed_page.md"
 Work = Callable[[], Array]
 

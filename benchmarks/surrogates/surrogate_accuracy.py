@@ -3,7 +3,7 @@
     python benchmarks/surrogates/surrogate_accuracy.py [--robot xr701] [--quick] [--write]
 
 Each arm as bundled or calibrated, with flexible links, and with springs that depend on joint angles. ``--write`` writes
-docs/surrogate_accuracy.md.
+docs/validation/surrogate_accuracy.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from surrogate import Surrogate, scope_of, task_of, train, training
 from surrogate.scope import Scope
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parents[1] / "docs" / "surrogate_accuracy.md"
+PAGE = HERE.parents[1] / "docs" / "validation" / "surrogate_accuracy.md"
 TEXT = HERE / "surrogate_accuracy_page.md"
 BASES = ("polynomial", "trigonometric", "adaptive", "factored")
 # Joints 2 to 5 where a robot file gives no springs, N m/rad: the class of these arms (robots/data, FACTS).

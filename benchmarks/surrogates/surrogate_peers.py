@@ -2,7 +2,8 @@
 
     python benchmarks/surrogates/surrogate_peers.py [--quick] [--robot NAME ...] [--write] [--json]
 
-``--write`` writes docs/surrogate_peers.md. One thread is fair to all: set OMP_NUM_THREADS=1 and NUMBA_NUM_THREADS=1.
+``--write`` writes docs/validation/surrogate_peers.md. One thread is fair to all: set OMP_NUM_THREADS=1 and
+NUMBA_NUM_THREADS=1.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from fem.free.law_bases import FourierBasis
 from robots import content_hash, load_description
 from robots.arrays import Array
 from surrogate.arm_scope import reduced_box, scope_of, with_whole_turns
+from surrogate.asking import full_poses
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import learn_bars
 from surrogate.expansion import Expansion
@@ -31,11 +33,10 @@ from surrogate.fast import evaluate
 from surrogate.fit import fit
 from surrogate.peer_comparison import Errors, PeerResult, compare_with_peers
 from surrogate.peer_estimators import OwnCandidate
-from surrogate.query import full_poses
 from surrogate.scope import Scope
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parents[1] / "docs" / "surrogate_peers.md"
+PAGE = HERE.parents[1] / "docs" / "validation" / "surrogate_peers.md"
 TEXT = HERE / "surrogate_peers_page.md"
 BOUNDARY = 1000
 # ln k = ln k0 + a cos q + b sin q + c cos 2q of each spring: made up, stiffness within a factor of 0.7 to 1.4.

@@ -4,7 +4,7 @@
 
 The compliance of the kr60-3 with rigid links along -Z, over four joint angles. The ways take turns, so that a busy
 machine slows all of them; the least time of each counts: seconds of the processor for what runs on one thread, seconds
-by the clock for the rest. Needs numba. ``--write`` writes docs/query_speed.md.
+by the clock for the rest. Needs numba. ``--write`` writes docs/performance/queries.md.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from surrogate import fast, kernels
 from surrogate.expansion import Expansion, Family
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parents[1] / "docs" / "query_speed.md"
+PAGE = HERE.parents[1] / "docs" / "performance" / "queries.md"
 TEXT = HERE / "surrogate_query_page.md"
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 INPUTS = slice(1, 5)

@@ -1,6 +1,6 @@
 """The substitute stiffness model of the TX200 paper on made-up campaigns: recovery, coverage, prediction, comparison.
 
-    python benchmarks/tx200/tx200_stiffness.py [--repeats 200] [--write docs/tx200_stiffness.md] [--json]
+    python benchmarks/tx200/tx200_stiffness.py [--repeats 200] [--write docs/validation/tx200_stiffness.md] [--json]
 
 No measured data set is public. Every repeat draws a truth and its readings anew; the identification never sees the
 truth. ``--write`` also draws the map beside the page.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 HEADING = """# The TX200's substitute stiffness model, on synthetic data
 
-Written by `python benchmarks/tx200/tx200_stiffness.py --repeats {repeats} --write docs/tx200_stiffness.md`.
+Written by `python benchmarks/tx200/tx200_stiffness.py --repeats {repeats} --write docs/validation/tx200_stiffness.md`.
 
 The paper ("Postprocessor for Verification of Robot Movements with Additional Axis after Toolpath Optimization",
 section 2.1) gives every joint six stiffnesses over its angle, from displacements between neighbouring arms under known

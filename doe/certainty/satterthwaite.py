@@ -8,7 +8,7 @@ readings less parameters; where set-ups scatter, it is near the number of set-up
 
 A variance that was found to be zero is as uncertain as one that was not, and counts: with nine set-ups readings can
 hardly tell which kind of scatter there is, and intervals that take the choice for certain hold the truth 80 to 90 %
-of the time where it was wrong (docs/calibration_coverage.md).
+of the time where it was wrong (docs/validation/calibration_coverage.md).
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ through the angles between neighbours: a doubly curved, very thin shell (R/t of 
 ``nu = 1/2`` beta0 would vanish; it is held at 0.01, as Felippa advises. At a fold a node has one rotation for two
 walls, yet a wall in shear wants another drilling rotation than its neighbour's slope (they differ by half the shear
 strain): torsion of a square tube is too stiff by up to 0.64 %, most where elements are as large as the wall is
-thick (8 of 292 mm), less with either larger or smaller ones; docs/shell_convergence_triangle.md.
+thick (8 of 292 mm), less with either larger or smaller ones; docs/validation/shell_convergence_triangle.md.
 """
 
 from __future__ import annotations

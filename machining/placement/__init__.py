@@ -1,16 +1,23 @@
 """Placement of the robot on its linear axes: where the base stands, or how it moves, for the stiffest cut."""
 
-from machining.placement.along import Along
-from machining.placement.axis_motion import axis_rates
-from machining.placement.file import Placement, placement_content, read_placement
-from machining.placement.following import follow
-from machining.placement.goals import AIMS, Goal
-from machining.placement.moving import find_moving
-from machining.placement.placing import MODES, How, Placed, place
-from machining.placement.problem import Problem, on_axes
-from machining.placement.search import Found, Look, Survey, find_fixed, survey
-from machining.placement.space import Space, space_of, start_of
-from machining.placement.steps import find_steps
+from typing import TYPE_CHECKING
+
+from robots.lazily import lazily
+
+if TYPE_CHECKING:
+    from machining.placement.along import Along
+    from machining.placement.axis_motion import axis_rates
+    from machining.placement.file import Placement, placement_content, read_placement
+    from machining.placement.following import follow
+    from machining.placement.goals import AIMS, Goal
+    from machining.placement.moving import find_moving
+    from machining.placement.placing import MODES, How, Placed, place
+    from machining.placement.problem import Problem, on_axes
+    from machining.placement.search import Found, Look, Survey, find_fixed, survey
+    from machining.placement.space import Space, space_of, start_of
+    from machining.placement.steps import find_steps
+else:
+    __getattr__ = lazily(__name__)
 
 __all__ = [
     "AIMS",

@@ -1,15 +1,22 @@
 """Tool paths from CAM: APT and CLSF files, G-code, CSV; the moves as arrays, in SI units."""
 
-from machining.toolpaths.apt.reader import read_apt
-from machining.toolpaths.arcs import ArcError, arc_points
-from machining.toolpaths.conversion import CuttingPath, cutting_runs, to_tool_path
-from machining.toolpaths.cycles import Cycle, Stroke
-from machining.toolpaths.gcode.reader import read_gcode
-from machining.toolpaths.motions import Event, Motions, Note, Tool
-from machining.toolpaths.neutral import read_motions, write_motions
-from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.reading import read_toolpath
-from machining.toolpaths.rotary import tool_axis
+from typing import TYPE_CHECKING
+
+from robots.lazily import lazily
+
+if TYPE_CHECKING:
+    from machining.toolpaths.apt.reader import read_apt
+    from machining.toolpaths.arcs import ArcError, arc_points
+    from machining.toolpaths.conversion import CuttingPath, cutting_runs, to_tool_path
+    from machining.toolpaths.cycles import Cycle, Stroke
+    from machining.toolpaths.gcode.reader import read_gcode
+    from machining.toolpaths.motions import Event, Motions, Note, Tool
+    from machining.toolpaths.neutral import read_motions, write_motions
+    from machining.toolpaths.options import ReadOptions
+    from machining.toolpaths.reading import read_toolpath
+    from machining.toolpaths.rotary import tool_axis
+else:
+    __getattr__ = lazily(__name__)
 
 __all__ = [
     "ArcError",

@@ -7,12 +7,10 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
 from robots import InputError
@@ -21,6 +19,9 @@ from robots.files.reading import recording
 from stiffarm.session.interruption import EXIT_STOPPED, stoppable
 from stiffarm.session.json_text import json_text
 from stiffarm.session.streams import CLOSED, silence
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
@@ -81,6 +82,8 @@ def emit_json(content: Mapping[str, Any]) -> None:
 
 def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     """A table for people, on stderr. Names and labels come from files: they are no markup."""
+    from rich.table import Table
+
     table = Table(title=Text(one_line(title)), title_justify="left", title_style="bold")
     for i, column in enumerate(columns):
         table.add_column(Text(one_line(column)), justify="left" if i == 0 else "right", overflow="fold")
@@ -92,6 +95,8 @@ def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
 @contextmanager
 def progress(description: str) -> Iterator[Callable[[int, int], None]]:
     """A bar with a count and the time left; call it with (done, total). Only a terminal sees it."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),

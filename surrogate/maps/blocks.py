@@ -19,7 +19,7 @@ Block = Mapping[str, NDArray[np.generic]]
 Progress = Callable[[int, int], None]
 
 # Points a block: some tenths of a second where poses are given, some seconds where they are searched for.
-POINTS_GIVEN, POINTS_SEARCHED = 16_384, 1_024
+POINTS_GIVEN, POINTS_SEARCHED = 16_384, 4_096
 
 
 @dataclass(frozen=True, eq=False)

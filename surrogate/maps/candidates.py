@@ -11,7 +11,7 @@ from robots import Robot, forward_kinematics, inverse_kinematics
 from robots.arrays import Array, Bools, Indices
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
-from surrogate.maps.self_motion import brought_back, improve
+from surrogate.maps.self_motion import NEARLY_THERE, brought_back, improve
 
 Merit = Callable[[Array], Array]
 
@@ -21,14 +21,13 @@ TARGETS = 40_000
 FINEST = 5e-4
 # Rounds of that search at most.
 ROUNDS = 30
-# Rounds in which all peaks of a sample climb, how many of them climb on, and with what share of the first step.
-EARLY_ROUNDS, KEPT, LATE_ROUNDS, LATE_STEP = 7, 3, 40, 0.5
 # Stands for a merit without end.
 MOST = 1e300
-# Poses nearer to each other than this (rad, all joints together) lie on one peak.
-APART_RAD = 0.5
-# Corrections that bring a pose from far beyond its limits to them, and how many poses of a point are given them.
-FAR_CORRECTIONS, RESCUED = 40, 8
+# Poses none of whose joints differ by more than this (rad) lie on one peak.
+SAME_PEAK_RAD = 0.3
+# Corrections that bring a pose from far beyond its limits to them, from a neighbour's point, and how many poses of a
+# point that has none are given them.
+FAR_CORRECTIONS, NEXT_CORRECTIONS, RESCUED = 25, 12, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +93,26 @@ class Peaks:
     merit: Array
     sure: Bools
 
-    def joined(self, other: Peaks, rows: Indices) -> Peaks:
+    def joined(self, other: Peaks, rows: Indices | slice = slice(None)) -> Peaks:
         """With further peaks at some of the points, ``rows``."""
         q, merit = (
             np.full((len(self.q), *a.shape[1:]), fill) for a, fill in ((other.q, np.nan), (other.merit, -np.inf))
         )
         q[rows], merit[rows] = other.q, other.merit
         return Peaks(np.concatenate([self.q, q], axis=1), np.concatenate([self.merit, merit], axis=1), self.sure)
+
+    def best(self, count: int) -> Peaks:
+        """The ``count`` best of each point that are not the same peak."""
+        q, merit = np.empty((len(self.q), count, self.q.shape[2])), np.empty((len(self.q), count))
+        left, each = self.merit.copy(), np.arange(len(self.q))
+        for s in range(count):
+            most = left.argmax(axis=1)
+            q[:, s], merit[:, s] = self.q[each, most], left[each, most]
+            if s + 1 < count:
+                with np.errstate(invalid="ignore"):
+                    left[np.abs(self.q - q[:, s : s + 1]).max(axis=2) < SAME_PEAK_RAD] = -np.inf
+                left[each, most] = -np.inf
+        return Peaks(q, merit, self.sure)
 
     def chosen(self) -> Chosen:
         """The best pose of each point."""
@@ -125,7 +137,7 @@ def best_of_sample(
         np.full((m, starts), -np.inf),
         np.ones(m, dtype=np.bool_),
     )
-    near, lost = np.flatnonzero(_within(arm, points)), list[tuple[Indices, Array]]()
+    near, lost = np.flatnonzero(within_length(arm, points)), list[tuple[Indices, Array]]()
     size = max(1, TARGETS // r)
     for rows in (near[i : i + size] for i in range(0, len(near), size)):
         k = len(rows)
@@ -136,7 +148,7 @@ def best_of_sample(
         out.sure[rows] = sure.reshape(k, r).all(axis=1)
         if starts > 1:
             none = np.flatnonzero(~np.isfinite(left.reshape(k, -1)).any(axis=1))
-            lost.append((rows[none], _nearest_to_limits(arm.robot, q[none])))
+            lost.append((rows[none], _nearest_to_limits(arm.robot, q[none], starts)))
         for s in range(starts):
             flat = left.reshape(k, -1)
             best = flat.argmax(axis=1)
@@ -157,12 +169,12 @@ def best_of_sample(
     return out
 
 
-def _nearest_to_limits(robot: Robot, q: Array) -> Array:
+def _nearest_to_limits(robot: Robot, q: Array, most: int) -> Array:
     """Of poses q (k, c, dof) that break limits the few (k, s, dof) that do so least, NaN where there are fewer."""
     low, high = robot.limits.T
     over = np.maximum(q - high, 0.0) + np.maximum(low - q, 0.0)
     far = np.where(np.isfinite(q).all(axis=2), over.max(axis=2), np.inf)
-    return np.take_along_axis(q, np.argsort(far, axis=1)[:, :RESCUED, None], axis=1)
+    return np.take_along_axis(q, np.argsort(far, axis=1)[:, : min(RESCUED, most), None], axis=1)
 
 
 def _rescue(arm: Arm, points: Array, sign: float, rows: Indices, q: Array, out: Peaks) -> None:
@@ -188,52 +200,43 @@ def best_of_starts(arm: Arm, points: Array, sign: float, starts: int, random: in
 
     For arms whose inverse kinematics is no closed form, and for any number of joints; always the same random poses.
     """
-    robot, dof, tool = arm.robot, arm.robot.dof, arm.T_flange_tool[:3, 3]
-    m = len(points)
-    out = Peaks(np.full((m, starts, dof), np.nan), np.full((m, starts), -np.inf), np.zeros(m, dtype=np.bool_))
-    low, high = robot.limits.T
-    from_here = np.random.default_rng(0).uniform(low, high, (random, dof))
-    near = np.flatnonzero(_within(arm, points))
-    size = max(1, TARGETS // random)
-    for rows in (near[i : i + size] for i in range(0, len(near), size)):
-        k = len(rows)
-        trial = np.repeat(from_here, k, axis=0)
-        q, kept = brought_back(robot, trial, points[rows], tool, arm.last_is_free, corrections=FAR_CORRECTIONS)
-        flat = np.full(len(q), -np.inf)
-        if kept.any():
-            flat[kept] = arm.signed(q[kept], sign)
-        q, merit = q.reshape(random, k, dof).swapaxes(0, 1), flat.reshape(random, k).T.copy()
-        each = np.arange(k)
-        for s in range(starts):
-            best = merit.argmax(axis=1)
-            found = merit[each, best] > -np.inf
-            out.merit[rows[found], s] = merit[each, best][found]
-            out.q[rows[found], s] = q[each, best][found]
-            merit[np.linalg.norm(q - q[each, best][:, None], axis=2) < APART_RAD] = -np.inf
-    return out
+    low, high = arm.robot.limits.T
+    q = np.repeat(np.random.default_rng(0).uniform(low, high, (random, arm.robot.dof)), len(points), axis=0)
+    q, kept = brought_back(
+        arm.robot, q, points, arm.T_flange_tool[:3, 3], arm.last_is_free,
+        corrections=FAR_CORRECTIONS, near=NEARLY_THERE,
+    )  # fmt: skip
+    merit = np.full(len(q), -np.inf)
+    if kept.any():
+        merit[kept] = arm.signed(q[kept], sign)
+    found = q.reshape(random, len(points), -1).swapaxes(0, 1), merit.reshape(random, len(points)).T
+    return Peaks(*found, np.zeros(len(points), dtype=np.bool_)).best(starts)
 
 
-def _within(arm: Arm, points: Array) -> Bools:
+def within_length(arm: Arm, points: Array) -> Bools:
     """Points no farther from joint 1 than the arm with its tool is long; the others need no look."""
     lines = axis_lines(arm.robot)
     longest = lines.length + np.linalg.norm(arm.T_flange_tool[:3, 3])
     return np.asarray(np.linalg.norm(points - lines.point[0], axis=1) <= longest * (1.0 + 1e-9))
 
 
-def refined(arm: Arm, peaks: Peaks, sign: float, step: float) -> Peaks:
-    """Improve peaks by self-motions of the arm, from which joint limits do not keep it.
+def shared(arm: Arm, points: Array, peaks: Peaks, neighbours: Indices, sign: float) -> Peaks:
+    """With what the peaks of the neighbours (m, k), numbers of points (m, 3), become when brought to each point."""
+    q, merit = (a[neighbours].reshape(len(points), -1, *a.shape[2:]) for a in (peaks.q, peaks.merit.copy()))
+    row, column = np.nonzero(np.isfinite(merit))
+    moved, kept = brought_back(
+        arm.robot, q[row, column], points[row], arm.T_flange_tool[:3, 3], arm.last_is_free,
+        corrections=NEXT_CORRECTIONS, near=NEARLY_THERE,
+    )  # fmt: skip
+    value = np.full(len(moved), -np.inf)
+    if kept.any():
+        value[kept] = arm.signed(moved[kept], sign)
+    q[row, column], merit[row, column] = moved, value
+    return peaks.joined(Peaks(q, merit, peaks.sure))
 
-    All of them a little way first, rad ``step`` to begin with; then the best few of each point as far as it goes.
-    """
-    early = _climbed(arm, peaks, sign, step, EARLY_ROUNDS)
-    best = np.argsort(-early.merit, axis=1, kind="stable")[:, :KEPT]
-    kept = Peaks(
-        np.take_along_axis(early.q, best[..., None], axis=1), np.take_along_axis(early.merit, best, axis=1), peaks.sure
-    )
-    return _climbed(arm, kept, sign, LATE_STEP * step, LATE_ROUNDS)
 
-
-def _climbed(arm: Arm, peaks: Peaks, sign: float, step: float, rounds: int) -> Peaks:
+def climbed(arm: Arm, peaks: Peaks, sign: float, step: float, rounds: int, near: float = NEARLY_THERE) -> Peaks:
+    """Improve peaks by self-motions of the arm, from which joint limits do not keep it; rad ``step`` to begin with."""
     q, merit = peaks.q.reshape(-1, arm.robot.dof).copy(), peaks.merit.ravel().copy()
     there = np.flatnonzero(np.isfinite(merit))
     q[there], merit[there] = improve(
@@ -245,6 +248,7 @@ def _climbed(arm: Arm, peaks: Peaks, sign: float, step: float, rounds: int) -> P
         step=step,
         rounds=rounds,
         hold_last=arm.last_is_free,
+        near=near,
     )
     return Peaks(q.reshape(peaks.q.shape), merit.reshape(peaks.merit.shape), peaks.sure)
 

@@ -11,19 +11,35 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
 from robots.arrays import Array
 from robots.inverse.axis_lines import axis_lines
-from surrogate.maps.candidates import Arm, Chosen, best_of_sample, best_of_starts, refined, refined_gamma
+from surrogate.maps.candidates import (
+    Arm,
+    Chosen,
+    Peaks,
+    best_of_sample,
+    best_of_starts,
+    climbed,
+    refined_gamma,
+    shared,
+    within_length,
+)
 from surrogate.maps.orientation import spread_rotations, tool_rotations, unit_vector
+from surrogate.maps.self_motion import NEARLY_THERE, THERE, brought_back
 
-# Orientations nearer to each other than this many spacings of the sample lie on one peak.
+# Orientations nearer to each other than this many spacings of the sample lie on one peak, but not beyond WIDEST rad.
 APART = 2.0
-# Beside a sample of orientations: random poses, as a share of its axes, and how many of them climb.
-SHARE_OF_RANDOM, OTHER_STARTS = 4, 4
-# First step (rad) of a climb that does not start from a sample of orientations.
-JOINT_STEP = 0.3
+WIDEST = 1.2
+# Beside a sample of orientations: random poses, and how many of them climb.
+RANDOM, OTHER_STARTS = 12, 2
+# Of a map of many points each tries one in so many of the axes; fewer points than FEW try all, from MORE starts.
+SHARES, FEW, MORE = 4, 256, 4
+# Neighbours that a point is given poses of, peaks that are kept meanwhile, how often, and rounds of the climbs between.
+NEIGHBOURS, KEPT, TURNS = 6, 2, 4
+FIRST_CLIMB, SHORT_CLIMB, LAST_CLIMB = 3, 2, 30
 # Relative change by which a merit counts as independent of joint 6.
 SAME = 1e-9
 
@@ -77,21 +93,26 @@ class BestGamma:
 class Extreme:
     """The stiffest or softest of all poses at each point: any orientation, any branch.
 
-    ``axes`` tool axes spread over the sphere, each with ``gammas`` angles about it (one where joint 6 is free), are
-    tried; the best ``starts`` of them climb by self-motions of the arm (:mod:`surrogate.maps.self_motion`). What is
-    found is a peak to some 1e-5 of its merit. That it is the highest peak is not certain: one that is narrower than
-    the sample's spacing (``sqrt(4 pi / axes)``, 14 deg for 200 axes) can be missed. Against a sample four times as
-    dense, at 150 random points each of an XR701, a KR 60 (with rigid links too) and a TX200, one extreme of 1200 fell
-    short by more than 0.1 %, by 1 %. :func:`shortfall` measures it anywhere.
+    Of ``axes`` tool axes spread over the sphere, each with ``gammas`` angles about it (one where joint 6 is free), each
+    point is given a share, its neighbours others; the best ``starts`` of these and some random poses climb by
+    self-motions of the arm (:mod:`surrogate.maps.self_motion`). Then points give the poses that they found to their
+    neighbours, where these are brought to the neighbour's point and climb on, some rounds over: good poses change
+    little from point to point, so a peak found at one point is found at all points around it. Few points are searched
+    more thoroughly, because they have few neighbours or far ones.
+
+    What is found is a peak to some 1e-5 of its merit. That it is the highest peak is not certain: one that is narrow
+    can be missed. Over slices of some 1200 points (XR701, KR 60, TX200) one extreme in a hundred fell short by more
+    than 1e-4 of what some search found, one of 2800 by more than 1 %; of arms whose tool point lies beside the axis of
+    joint 6 one in ten, one in a hundred by more than 1 %. :func:`shortfall` measures it anywhere.
 
     Arms whose inverse kinematics is no closed form, and those with other than six joints, start from ``axes`` random
     poses instead, each brought to the point.
     """
 
     which: Literal["stiffest", "softest"] = "stiffest"
-    axes: int = 200
-    gammas: int = 4
-    starts: int = 16
+    axes: int = 64
+    gammas: int = 3
+    starts: int = 3
 
     def __post_init__(self) -> None:
         if self.which not in ("stiffest", "softest"):
@@ -106,16 +127,61 @@ class Extreme:
     def choose(self, arm: Arm, points: Array, generator: np.random.Generator | None = None) -> Chosen:
         """Extreme pose at each point; see :class:`PoseRule`."""
         sign = 1.0 if self.which == "stiffest" else -1.0
-        if why_no_closed_form(arm.robot) is not None:
-            return refined(arm, best_of_starts(arm, points, sign, self.starts, self.axes), sign, JOINT_STEP).chosen()
-        gammas = 1 if arm.last_is_free else self.gammas
-        spacing = float(np.sqrt(4.0 * np.pi / self.axes))
-        R = spread_rotations(self.axes, gammas)
-        sample = best_of_sample(arm, points, R, sign, self.starts, APART * spacing, generator)
+        closed = why_no_closed_form(arm.robot) is None
+        out = Chosen(np.full((len(points), arm.robot.dof), np.nan), np.full(len(points), closed))
+        near = np.flatnonzero(within_length(arm, points))
+        if len(near):
+            few = len(near) < FEW
+            step = float(np.sqrt(4.0 * np.pi / (self.axes if few or not closed else self.axes / SHARES)))
+            start = self._sample if closed else self._random
+            peaks = self._spread(arm, points[near], start(arm, points[near], sign, few, generator), sign, step)
+            out.q[near], out.sure[near] = _exactly(arm, points[near], peaks.chosen().q), peaks.sure
+        return out
+
+    def _sample(self, arm: Arm, points: Array, sign: float, few: bool, generator: np.random.Generator | None) -> Peaks:
+        """The best sampled orientations of each point, and of random poses where there are any."""
+        shares, more = (1, MORE) if few else (SHARES, 1)
+        R = spread_rotations(self.axes, 1 if arm.last_is_free else self.gammas).reshape(self.axes, -1, 3, 3)
+        apart = min(APART * float(np.sqrt(4.0 * np.pi * shares / self.axes)), WIDEST)
+        dof, starts = arm.robot.dof, more * self.starts
+        out = Peaks(
+            np.full((len(points), starts, dof), np.nan),
+            np.full((len(points), starts), -np.inf),
+            np.zeros(len(points), dtype=np.bool_),
+        )
+        for k in range(shares):
+            some = slice(k, None, shares)
+            found = best_of_sample(arm, points[some], R[some].reshape(-1, 3, 3), sign, starts, apart, generator)
+            out.q[some], out.merit[some], out.sure[some] = found.q, found.merit, found.sure
         # Islands of few orientations, say with the arm bent over backwards, are found from elsewhere.
-        there = np.flatnonzero(np.isfinite(sample.merit).any(axis=1))
-        other = best_of_starts(arm, points[there], sign, OTHER_STARTS, self.axes // SHARE_OF_RANDOM)
-        return refined(arm, sample.joined(other, there), sign, spacing).chosen()
+        there = np.flatnonzero(np.isfinite(out.merit).any(axis=1))
+        return out.joined(best_of_starts(arm, points[there], sign, more * OTHER_STARTS, more * RANDOM), there)
+
+    def _random(self, arm: Arm, points: Array, sign: float, few: bool, generator: np.random.Generator | None) -> Peaks:
+        return best_of_starts(arm, points, sign, (MORE if few else 1) * self.starts, (MORE if few else 1) * self.axes)
+
+    def _spread(self, arm: Arm, points: Array, peaks: Peaks, sign: float, step: float) -> Peaks:
+        """Peaks improved at each point and given to its neighbours, by turns."""
+        neighbours = cKDTree(points).query(points, min(NEIGHBOURS + 1, len(points)))[1].reshape(len(points), -1)[:, 1:]
+        kept = KEPT if len(points) >= FEW else MORE * KEPT
+        peaks = climbed(arm, peaks, sign, step, FIRST_CLIMB).best(kept)
+        for _ in range(TURNS):
+            step *= 0.5
+            peaks = shared(arm, points, peaks, neighbours, sign).best(kept)
+            peaks = climbed(arm, peaks, sign, step, SHORT_CLIMB)
+        for last, near in ((0.5 * step, NEARLY_THERE), (step, THERE)):
+            peaks = climbed(arm, peaks.best(1), sign, last, LAST_CLIMB, near)
+            peaks = shared(arm, points, peaks, neighbours, sign) if near > THERE else peaks
+        return peaks
+
+
+def _exactly(arm: Arm, points: Array, q: Array) -> Array:
+    """Poses q (m, dof), NaN where there is none, with the tool at the points to rounding."""
+    there = np.flatnonzero(np.isfinite(q).all(axis=1))
+    back, kept = brought_back(arm.robot, q[there], points[there], arm.T_flange_tool[:3, 3], arm.last_is_free)
+    q = np.full_like(q, np.nan)
+    q[there[kept]] = back[kept]
+    return q
 
 
 def last_joint_is_free(robot: Robot, T_flange_tool: Array, quantity: Callable[[Array], Array]) -> bool:
@@ -160,19 +226,18 @@ def check_robot(robot: Robot, *, any_orientation: bool) -> str | None:
 
 
 def shortfall(
-    rule: Extreme, arm: Arm, points: Array, generator: np.random.Generator | None = None, *, denser: int = 4
+    rule: Extreme, arm: Arm, points: Array, q: Array, generator: np.random.Generator | None = None, *, denser: int = 4
 ) -> Array:
-    """By what share the merit of a rule falls short of one with a ``denser`` sample, (m,); NaN where unreached.
+    """By what share the merit of a rule's poses q (m, dof) at points (m, 3) falls short of a ``denser`` sample's, (m,).
 
-    0 where the rule found as good a pose or a better one.
+    0 where the rule found as good a pose or a better one; NaN where it found none.
     """
     dense = Extreme(rule.which, rule.axes * denser, rule.gammas, 2 * rule.starts)
     values = []
-    for each in (rule, dense):
-        q = each.choose(arm, points, generator).q
-        value = np.full(len(q), np.nan)
-        reached = np.isfinite(q).all(axis=1)
-        value[reached] = arm.merit(q[reached])
+    for poses in (q, dense.choose(arm, points, generator).q):
+        value = np.full(len(poses), np.nan)
+        reached = np.isfinite(poses).all(axis=1)
+        value[reached] = arm.merit(poses[reached])
         values.append(value)
     with np.errstate(invalid="ignore"):
         ratio = values[1] / values[0] if rule.which == "stiffest" else values[0] / values[1]

@@ -7,6 +7,9 @@ back onto them with the tool point held: the search slides along limits, and sto
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +19,17 @@ from robots.inverse.axis_lines import axis_lines
 from robots.kinematics import forward_kinematics, tool_position
 from surrogate.maps.orientation import pattern
 
+if TYPE_CHECKING:
+    from surrogate.maps.kernels import Limbs
+
+
 # Poses worked on at once: bounds memory, not the result.
-BATCH = 20_000
+BATCH = 100_000
 # Rad of all joints together below which the search ends.
 FINEST = 1e-3
-# Corrections of the tool point after a step, and what counts as there (share of the arm's length).
-CORRECTIONS, THERE = 8, 1e-11
+# Corrections of the tool point after a step, and what counts as there (share of the arm's length); on the way, where a
+# pose is not yet a result, 0.2 um of 2 m will do.
+CORRECTIONS, THERE, NEARLY_THERE = 8, 1e-11, 1e-7
 # Rad of one correction at most.
 LONGEST = 0.5
 # Added to the diagonal of J J^T (its lengths over the arm's): next to singular poses steps stay bounded.
@@ -38,6 +46,7 @@ def improve(
     step: float = 0.2,
     rounds: int = 32,
     hold_last: bool = False,
+    near: float = THERE,
 ) -> tuple[Array, Array]:
     """Climb from poses q (k, dof) rad with merits ``value`` (k,), each tool point held, to a peak nearby.
 
@@ -48,10 +57,11 @@ def improve(
     step : rad, first step; halved where no direction helps, doubled (to at most ``step``) where one does
     rounds : at most
     hold_last : the last joint changes nothing and stays
+    near : share of the arm's length that the tool point may be off after a step
 
     Returns
     -------
-    q (k, dof) and merit (k,), none worse than given; all within limits, tool points held to 1e-11 of the arm's length
+    q (k, dof) and merit (k,), none worse than given; all within limits, tool points held to ``near``
     """
     q, value = q.copy(), value.copy()
     size, last = np.full(len(q), step), np.zeros_like(q)
@@ -66,7 +76,9 @@ def improve(
             # (t, k, dof): directions of the pattern are mixes of the free motions; then the last way that helped.
             move = np.einsum("tf,kfj->tkj", tries[:, : free.shape[1]], free) * size[some, None]
             move = np.concatenate([move, last[None, some]])
-            trial, kept = brought_back(robot, (q[some] + move).reshape(-1, robot.dof), target[some], point, hold_last)
+            trial, kept = brought_back(
+                robot, (q[some] + move).reshape(-1, robot.dof), target[some], point, hold_last, near=near
+            )
             flat = np.full(len(trial), -np.inf)
             if kept.any():
                 flat[kept] = merit(trial[kept])
@@ -83,23 +95,88 @@ def improve(
 
 def self_motions(robot: Robot, q: Array, point: Array, hold_last: bool = False) -> Array:
     """Orthonormal directions (k, f, dof) of joint motion that leave the tool point at rest to first order."""
+    compiled, free = loops(), robot.dof - hold_last
+    if compiled is not None and free > 3:
+        out = np.empty((len(q), free - 3, robot.dof))
+        compiled.self_motions(_limbs(compiled, robot, point, hold_last), _plain(q), out)
+        return out
     _, J = _tip_and_jacobian(robot, q, point)
-    if hold_last:
-        J = J[:, :, :-1]
-    _, _, Vt = np.linalg.svd(J)
-    free = Vt[:, 3:]
-    return np.asarray(np.pad(free, ((0, 0), (0, 0), (0, 1))) if hold_last else free)
+    _, _, Vt = np.linalg.svd(J[:, :, :free])
+    return np.asarray(np.pad(Vt[:, 3:], ((0, 0), (0, 0), (0, robot.dof - free))))
 
 
 def brought_back(
-    robot: Robot, q: Array, target: Array, point: Array, hold_last: bool = False, *, corrections: int = CORRECTIONS
+    robot: Robot,
+    q: Array,
+    target: Array,
+    point: Array,
+    hold_last: bool = False,
+    *,
+    corrections: int = CORRECTIONS,
+    near: float = THERE,
 ) -> tuple[Array, Bools]:
     """Bring poses q (t k, dof) onto limits and couplings with the tool points at ``target`` (k, 3) m, t times over.
+
+    By compiled loops where numba is there; numpy does the same otherwise.
 
     Returns
     -------
     q (t k, dof) rad, and whether that came about (t k,)
     """
+    compiled = loops()
+    if compiled is None:
+        q, there = _brought_back(robot, q, target, point, hold_last, corrections, near)
+    else:
+        q, found = np.array(q, dtype=np.float64), np.zeros(len(q))
+        arm = _limbs(compiled, robot, point, hold_last)
+        compiled.brought_back(arm, q, _plain(target), corrections, near, DAMPING, LONGEST, found)
+        there = found > 0.0
+    return q, there & robot.reachable(q)
+
+
+@cache
+def loops() -> ModuleType | None:
+    """:mod:`surrogate.maps.kernels`; None where numba is missing, too old for the numpy there is, or cannot start."""
+    try:
+        from surrogate.maps import kernels
+    except (ImportError, RuntimeError):
+        return None
+    return kernels
+
+
+def _plain(a: Array) -> Array:
+    """Contiguous and writable: numba compiles anew for arrays that are not."""
+    return np.require(a, np.float64, ["C", "W"])
+
+
+def _limbs(compiled: ModuleType, robot: Robot, point: Array, hold_last: bool) -> Limbs:
+    """The arm as the compiled loops take it."""
+    chain, R = np.zeros((robot.dof + 1, compiled.COLUMNS)), np.eye(3)
+    for i in range(robot.dof):
+        pre = robot.T_pre[i]
+        chain[i, : compiled.SHIFT], chain[i, compiled.SHIFT :] = (R @ pre[:3, :3]).ravel(), R @ pre[:3, 3]
+        R = robot.R_post[i]
+    chain[-1, compiled.SHIFT :] = R @ (robot.T_last_flange[:3, :3] @ point + robot.T_last_flange[:3, 3])
+    low, high = robot.limits.T
+    ends = np.array([(c.offset, c.lower, c.upper) for c in robot.couplings], dtype=np.float64)
+    limbs: Limbs = compiled.Limbs(
+        chain=chain,
+        sign=_plain(robot.sign),
+        offset=_plain(robot.offset),
+        low=_plain(low),
+        high=_plain(high),
+        factors=_plain(np.array([c.factors for c in robot.couplings]).reshape(-1, robot.dof)),
+        ends=ends.reshape(-1, 3),
+        free=robot.dof - hold_last,
+        length=axis_lines(robot).length,
+    )
+    return limbs
+
+
+def _brought_back(
+    robot: Robot, q: Array, target: Array, point: Array, hold_last: bool, corrections: int, near: float
+) -> tuple[Array, Bools]:
+    """:func:`brought_back` by numpy, without the last look at the limits."""
     low, high = robot.limits.T
     goal, length = np.tile(target, (len(q) // max(len(target), 1), 1)), axis_lines(robot).length
     q, there = q.copy(), np.zeros(len(q), dtype=np.bool_)
@@ -114,7 +191,7 @@ def brought_back(
         tip, J = _tip_and_jacobian(robot, here, point)
         miss = (goal[running] - tip) / length
         q[running] = here
-        met = np.linalg.norm(miss, axis=1) < THERE
+        met = np.linalg.norm(miss, axis=1) < near
         there[running[met]] = True
         running, held, miss, here, J = (v[~met] for v in (running, held, miss, here, J))
         if turn == corrections or not len(running):
@@ -128,7 +205,7 @@ def brought_back(
         step = (J.swapaxes(1, 2) @ gain)[..., 0]
         largest = np.abs(step).max(axis=1, keepdims=True)
         q[running] = here + step * np.minimum(1.0, LONGEST / np.maximum(largest, LONGEST))
-    return q, there & robot.reachable(q)
+    return q, there
 
 
 def _tip_and_jacobian(robot: Robot, q: Array, point: Array) -> tuple[Array, Array]:

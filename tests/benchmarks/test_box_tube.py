@@ -18,7 +18,7 @@ from fem.elements.shell import shell_superelement
 from meshes import section_properties
 from meshes.shell_mesh import ShellMesh
 
-TABLES = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_triangle.md"
+TABLES = Path(__file__).resolve().parents[2] / "docs" / "validation" / "shell_convergence_triangle.md"
 E, NU = 210e9, 0.3
 SIDE, LENGTH, WALL = 0.3, 1.0, 0.008
 DIRECTIONS = ("axial", "transverse", "transverse", "torsion", "bending moment", "bending moment")

@@ -41,7 +41,8 @@ def test_intervals_hold_the_truth(robot: str, name: str, repeats: int) -> None:
 )
 def test_intervals_of_every_case_hold_the_truth(robot: str, case: Case) -> None:
     row = study(robot, case, 30).row()
-    # The search for outliers among nine readings costs a percent or so (docs/calibration_coverage.md): 0.02 for it.
+    # The search for outliers among nine readings costs a percent or so: 0.02 for it
+    # (docs/validation/calibration_coverage.md).
     assert row["coverage"] > _least(int(row["intervals"]), 2) - 0.02
     if row["combinations"]:
         assert row["coverage_of_combinations"] > _least(int(row["combinations"]), 2)

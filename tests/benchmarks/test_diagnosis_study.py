@@ -1,6 +1,6 @@
 """A seeded part of the blind study: names found, no false alarms, strangers called strangers.
 
-The whole study and its figures: ``benchmarks/diagnosis/diagnosis_study.py``, ``docs/diagnosis_study.md``.
+The whole study and its figures: ``benchmarks/diagnosis/diagnosis_study.py``, ``docs/validation/diagnosis_study.md``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""docs/kr60_indices.md against a recomputation: the readings of Table 4 through inverse kinematics, and point P."""
+"""docs/validation/kr60_indices.md recomputed: the readings of Table 4 through inverse kinematics, and point P."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kr60_readings import A0, B2, B3, IN_LINE, READINGS, TABLE_4, B, Reading, S,
 
 import fem
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "kr60_indices.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "validation" / "kr60_indices.md"
 
 
 @pytest.fixture(scope="module")

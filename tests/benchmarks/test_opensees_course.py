@@ -14,7 +14,7 @@ from shell_problems import COURSE
 pytestmark = pytest.mark.oracle
 oracles.load_apart("openseespy.opensees")
 
-TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_opensees.md"
+TABLE = Path(__file__).resolve().parents[2] / "docs" / "validation" / "shell_convergence_opensees.md"
 OURS = {"quads here": "quad", "triangles here": "tri"}
 SHAPES = {**OURS, "ASDShellQ4": "quad", "ShellMITC4": "quad", "ShellDKGT": "tri", "ASDShellT3": "tri"}
 

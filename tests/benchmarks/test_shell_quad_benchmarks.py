@@ -15,7 +15,7 @@ from fem.elements import quad as shell_quad
 from fem.elements import quad_bending as shell_quad_bending
 from robots.arrays import Array
 
-TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_quad.md"
+TABLE = Path(__file__).resolve().parents[2] / "docs" / "validation" / "shell_convergence_quad.md"
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "Scordelis-Lo roof": lambda n: scordelis_lo_roof(n, "quad"),
     "pinched cylinder": lambda n: pinched_cylinder(n, "quad"),

@@ -14,7 +14,7 @@ from shell_problems import Problem, pinched_cylinder, pinched_hemisphere, scorde
 from fem.elements import triangle as shell_triangle
 from robots.arrays import Array
 
-TABLE = Path(__file__).resolve().parents[2] / "docs" / "shell_convergence_triangle.md"
+TABLE = Path(__file__).resolve().parents[2] / "docs" / "validation" / "shell_convergence_triangle.md"
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "Scordelis-Lo roof": partial(scordelis_lo_roof, shape="tri"),

@@ -1,4 +1,4 @@
-"""docs/tx200_stiffness.md against the study that it is written from, with fewer repeats."""
+"""docs/validation/tx200_stiffness.md against the study that it is written from, with fewer repeats."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from doe.joint_twists.substitute import compliances_of, usual_models
 from doe.joint_twists.workspace import stiffness_window
 from fem import ArmModel
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "tx200_stiffness.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "validation" / "tx200_stiffness.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

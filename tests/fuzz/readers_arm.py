@@ -30,12 +30,12 @@ from stiffarm.commands.maps.options import read_map_options
 from stiffarm.commands.maps.request import MapRequest, evaluate
 from stiffarm.commands.simulate.step import of_pose
 from stiffarm.session.inputs import ModelInput, read_model
+from surrogate.asking import query
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.fit import fit
 from surrogate.maps.store import Column, MapStore
 from surrogate.model import ErrorFigures, Quantity, Surrogate
-from surrogate.query import query
 from surrogate.scope import Couplings, Scope
 from surrogate.storage import load_surrogate, save_surrogate
 

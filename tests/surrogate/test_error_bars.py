@@ -11,10 +11,10 @@ from scipy.stats import spearmanr
 
 from robots import InputError, load_description
 from surrogate import scope_of, task_of, train
+from surrogate.asking import query
 from surrogate.basis import make_basis
 from surrogate.error_bars import MATTERS, NORMAL_95, ErrorBars, ParameterBars, learn_bars
 from surrogate.model import predict, predict_compliance
-from surrogate.query import query
 
 K = 3
 

@@ -6,10 +6,10 @@ import pytest
 from arm_cases import COUPLED, arm_compliance, fitted, planar_scope, poses, surrogate_from
 
 from robots.errors import InputError
+from surrogate.asking import query
 from surrogate.basis import make_basis
 from surrogate.fit import fit
 from surrogate.model import predict, predict_compliance
-from surrogate.query import query
 from surrogate.scope import Couplings
 
 

@@ -10,11 +10,11 @@ from fem.springs import LawSpring
 from robots import Robot, load_robot
 from robots.errors import InputError
 from surrogate import compliance_matrix, scope_of, task_of, train
+from surrogate.asking import query
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.fit import fit
 from surrogate.model import SCHEMA, ErrorFigures, Quantity, Surrogate, predict, predict_compliance
-from surrogate.query import query
 from surrogate.scope import Couplings, Scope
 from surrogate.storage import _checksum, load_surrogate, save_surrogate
 

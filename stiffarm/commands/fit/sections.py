@@ -14,9 +14,9 @@ from stiffarm.commands.fit.words import relative, share_words, size_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from surrogate import Surrogate, Trained, predict, query
+from surrogate.asking import full_poses
 from surrogate.error_bars import MATTERS, NORMAL_95
 from surrogate.model import COMPLIANCE
-from surrogate.query import full_poses
 from surrogate.training import NOTHING
 
 _NAMED = 12

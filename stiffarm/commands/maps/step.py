@@ -133,7 +133,9 @@ def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any
     rows = step * rows[np.linspace(0, len(rows) - 1, min(CHECKED, len(rows))).astype(int)] if len(rows) else rows
     if not len(rows):
         return {"points": 0, "worst_shortfall_percent": None}
-    found = shortfall(rule, engine.arm, np.asarray(data.points[rows]), np.random.default_rng(engine.seed))
+    found = shortfall(
+        rule, engine.arm, np.asarray(data.points[rows]), np.asarray(data.q[rows]), np.random.default_rng(engine.seed)
+    )
     return {"points": len(rows), "worst_shortfall_percent": number(100.0 * float(np.nanmax(found)))}
 
 

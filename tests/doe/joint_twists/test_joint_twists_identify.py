@@ -248,7 +248,7 @@ def coverage(law: LawKind | None, repeats: int) -> tuple[float, np.ndarray]:
 
 def test_unseen_poses_are_predicted_within_three_percent() -> None:
     share, off = coverage(None, 2)
-    # 98 % in docs/tx200_stiffness.md; two campaigns scatter by less than a percent.
+    # 98 % in docs/validation/tx200_stiffness.md; two campaigns scatter by less than a percent.
     assert (off < 0.03).mean() > 0.96
     assert off.mean() < 0.015
     # 72 stiffnesses with three freedoms each: a standard error of some 1.5 %.

@@ -174,7 +174,7 @@ def test_the_model_file_gives_what_it_says(exact: Identified, some: np.ndarray, 
     assert_allclose(k, expected, rtol=1e-9)
     laws = stiffness_with(tx200(), compliances_of(exact), some)
     if held_constant(exact):
-        # Constants across the axes: 8 % at worst in docs/tx200_stiffness.md.
+        # Constants across the axes: 8 % at worst in docs/validation/tx200_stiffness.md.
         assert 0.001 < np.abs(k / laws - 1.0).max() < 0.15
     else:
         assert_allclose(k, laws, rtol=1e-9)

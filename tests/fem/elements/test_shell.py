@@ -90,7 +90,7 @@ def test_box_of_quads_is_timoshenkos_beam() -> None:
 
 @pytest.mark.parametrize(("n", "m"), [(8, 27), (16, 54)])
 def test_box_of_triangles_is_timoshenkos_beam(n: int, m: int) -> None:
-    # 1 % as above. In torsion 0.7 %, of which the folds have 0.5 % (docs/shell_convergence_triangle.md).
+    # 1 % as above. In torsion 0.7 %, of which the folds have 0.5 % (docs/validation/shell_convergence_triangle.md).
     np.testing.assert_allclose(_box_ratio("tri", n, m), 1.0, atol=0.01)
 
 

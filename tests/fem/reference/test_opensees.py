@@ -65,7 +65,8 @@ def test_flexibility_of_the_forearm_is_openseess(size: float, shape: str, elemen
     [(0.03, "quad", "ASDShellQ4"), (0.02, "quad", "ShellMITC4"), (0.03, "tri", "ShellDKGT")],
 )
 def test_all_elements_agree_on_fine_meshes(size: float, shape: str, element: str) -> None:
-    # 0.05, 0.9 and 0.4 % (docs/shell_convergence_opensees.md); ShellMITC4's comes down with the element size.
+    # 0.05, 0.9 and 0.4 % (docs/validation/shell_convergence_opensees.md);
+    # ShellMITC4's comes down with the element size.
     assert largest_difference(size, shape, element) < 0.01
 
 

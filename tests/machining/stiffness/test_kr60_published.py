@@ -1,4 +1,6 @@
-"""The paper's Table 4 with the two readings of it that come close (docs/kr60_indices.md). Neither is the paper's own.
+"""The paper's Table 4 with the two readings of it that come close (docs/validation/kr60_indices.md).
+
+Neither is the paper's own.
 
 The joint angles are those of a closed-form inverse at gamma = 0, given here so that nothing but forward kinematics and
 the index is tested: first that they put one fixed tool on the published path, then the index.

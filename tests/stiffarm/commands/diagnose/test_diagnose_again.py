@@ -61,7 +61,7 @@ def test_a_filled_in_sheet_goes_beside_the_table(cli: Command, tmp_path: Path) -
 
 
 def test_a_users_own_effect_is_a_candidate(cli: Command, tmp_path: Path) -> None:
-    text = (ROOT / "docs" / "own_effect.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "how-to" / "own_effect.md").read_text(encoding="utf-8")
     (tmp_path / "settling.py").write_text(text.split("```python")[1].split("```")[0], encoding="utf-8")
     made = make(NOTHING, SEED)
     made.write(tmp_path)

@@ -199,7 +199,7 @@ def test_unload_from_needs_a_pose(cli: Command, data_file: Path) -> None:
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return (ROOT / "docs" / "own_effect.md").read_text(encoding="utf-8")
+    return (ROOT / "docs" / "how-to" / "own_effect.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -121,8 +121,8 @@ def same(given: Any, wanted: Any) -> bool:
 
 
 def test_the_documentation_says_what_is_answered() -> None:
-    """Every example of docs/serve.md, word for word (`serve_speed.py --docs` writes them anew)."""
-    examples = serve_speed.documented((ROOT / "docs" / "serve.md").read_text(encoding="utf-8"))
+    """Every example of docs/reference/serve.md, word for word (`serve_speed.py --docs` writes them anew)."""
+    examples = serve_speed.documented((ROOT / "docs" / "reference" / "serve.md").read_text(encoding="utf-8"))
     requests = [json.loads(request) for request, _ in examples]
     given = read_model("kr60-3", None, None)
     setup = read_setup("kr60-3", given.robot, CELL, None, None)

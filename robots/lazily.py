@@ -1,0 +1,39 @@
+"""Names of a package that are imported when they are first asked for, so that a command loads only what it uses.
+
+A package lists its names as ordinary imports under ``if TYPE_CHECKING:``, where type checkers, editors and the import
+contract read them, and ends with ``__getattr__ = lazily(__name__)`` (PEP 562).
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import sys
+from collections.abc import Callable
+from typing import Any
+
+
+def lazily(package: str) -> Callable[[str], Any]:
+    """The ``__getattr__`` of a package: imports the module that its source names for a public name."""
+    homes: dict[str, str] = {}
+
+    def get(name: str) -> Any:
+        module = sys.modules[package]
+        if not homes:
+            homes.update(_homes(str(module.__file__)))
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(homes[name]), name)
+        setattr(module, name, value)
+        return value
+
+    return get
+
+
+def _homes(file: str) -> dict[str, str]:
+    """Name -> module of the imports that only type checkers run."""
+    with open(file, encoding="utf-8") as source:
+        tree = ast.parse(source.read())
+    guarded = [node.body for node in tree.body if isinstance(node, ast.If)]
+    imports = [node for body in guarded for node in body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
