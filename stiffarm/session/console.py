@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
@@ -54,7 +54,7 @@ def say(message: str) -> None:
     _print(Text(one_line(message)), soft_wrap=True)
 
 
-def say_notes(notes: tuple[str, ...]) -> None:
+def say_notes(notes: Iterable[str]) -> None:
     """Remarks on the input."""
     for note in notes:
         say(f"note: {note}")

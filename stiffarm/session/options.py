@@ -5,13 +5,15 @@ from __future__ import annotations
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robots import content_hash
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
+
+if TYPE_CHECKING:
+    from stiffarm.session.inputs import ModelInput
 
 # Options that most commands have, listed last in a group of their own.
 COMMON = "Common options"

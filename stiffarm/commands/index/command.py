@@ -19,7 +19,6 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
-from stiffarm.session.pose_tables import read_pose_table
 from stiffarm.session.task_options import NormalOpt, ToolOpt
 
 # Rows of the table on the screen; files have all.
@@ -104,6 +103,8 @@ def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tup
     if table is None:
         q = np.stack([parsing.parse_pose(given.robot, text) for text in pose or ()])
         return q, tuple(str(i + 1) for i in range(len(q)))
+    from stiffarm.session.pose_tables import read_pose_table
+
     degrees, labels, remarks = read_pose_table(given.robot.coordinates, {}, table)
     say_notes(tuple(remarks))
     q = np.radians(degrees)
