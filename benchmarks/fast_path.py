@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-import fem.direct
-from fem import ArmModel, build_model, compliance, compliance_direct, deflection, deflection_direct
+from fem import ArmModel, build_model, statics
+from fem.reference import direct
 from robots import Robot, load_description
 
 Array = NDArray[np.float64]
@@ -64,17 +64,17 @@ def best_batch(work: Callable[[], object]) -> int:
     """Batch size at which the direct solve is fastest here, and set it."""
     times = {}
     for size in BATCHES:
-        fem.direct.CHUNK = size
+        direct.CHUNK = size
         times[size] = min(seconds(work) for _ in range(3))
-    fem.direct.CHUNK = min(times, key=lambda size: times[size])
-    return fem.direct.CHUNK
+    direct.CHUNK = min(times, key=lambda size: times[size])
+    return direct.CHUNK
 
 
-def race(name: str, fast: Callable[[Array], Array], direct: Callable[[Array], Array], q: Array) -> Race:
+def race(name: str, fast: Callable[[Array], Array], slow: Callable[[Array], Array], q: Array) -> Race:
     some = q[:SUBSET]
-    batch = best_batch(lambda: direct(some[:2048]))
-    a, b = fast(some), direct(some)
-    pairs = [(seconds(lambda: fast(q)), seconds(lambda: direct(some))) for _ in range(REPEATS)]
+    batch = best_batch(lambda: slow(some[:2048]))
+    a, b = fast(some), slow(some)
+    pairs = [(seconds(lambda: fast(q)), seconds(lambda: slow(some))) for _ in range(REPEATS)]
     fast_us = 1e6 * statistics.median(t for t, _ in pairs) / len(q)
     direct_us = 1e6 * statistics.median(t for _, t in pairs) / len(some)
     difference = float(np.abs(a - b).max() / np.abs(b).max())
@@ -86,11 +86,11 @@ def run(model: ArmModel) -> list[Race]:
     return [
         race(
             "deflection",
-            lambda q: deflection(model, q, WRENCH),
-            lambda q: deflection_direct(model, q, WRENCH),
+            lambda q: statics.deflection(model, q, WRENCH),
+            lambda q: direct.deflection(model, q, WRENCH),
             q,
         ),
-        race("compliance", lambda q: compliance(model, q), lambda q: compliance_direct(model, q), q),
+        race("compliance", lambda q: statics.compliance(model, q), lambda q: direct.compliance(model, q), q),
     ]
 
 

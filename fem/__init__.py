@@ -1,20 +1,13 @@
 """Mechanics: beam elements, condensation, joint springs, the parallelogram loop, statics."""
 
 from fem.budget import Budget, PartKind, compliance_budget
-from fem.direct import compliance_direct, deflection_direct
 from fem.factor import ComplianceFactor, compliance_factor
-from fem.fast_statics import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
+from fem.fast_statics import compliance, deflection, directional_stiffness
 from fem.fields import ArmFields, arm_fields, link_shapes
 from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
-from fem.shell_arm import ShellArmSolution, solve_shell_arm
+from fem.reference.shell_arm import ShellArmSolution, solve_shell_arm
 from fem.springs import ConstantSpring, LawSpring, SpringLaw
-from fem.statics import (
-    compliance,
-    deflection,
-    deflection_by_part,
-    directional_stiffness,
-    spring_influence,
-)
+from fem.statics import deflection_by_part, spring_influence
 
 __all__ = [
     "FLANGES",
@@ -33,17 +26,11 @@ __all__ = [
     "build_model",
     "compliance",
     "compliance_budget",
-    "compliance_direct",
     "compliance_factor",
     "deflection",
     "deflection_by_part",
-    "deflection_direct",
     "directional_stiffness",
-    "fast_compliance",
-    "fast_deflection",
-    "fast_directional_stiffness",
     "link_shapes",
     "solve_shell_arm",
     "spring_influence",
-    "why_not_fast",
 ]

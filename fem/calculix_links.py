@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from fem.calculix_deck import MM_PER_M, Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
 from fem.couplings import Coupling, distributing_coupling, giving_way, rigid_motion
 from fem.model import LinkPart
+from fem.reference.shell_arm import shell_of
 from fem.shell import ring_parts
-from fem.shell_arm import shell_of
 from meshes import ShellMesh
 from robots import InputError
 

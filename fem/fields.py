@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.couplings import rigid_motion
 from fem.model import ArmModel, LinkPart
+from fem.reference.shell_arm import all_links, both, couple_links, one_pose, shell_of
 from fem.shell import CoupledShell
-from fem.shell_arm import all_links, both, couple_links, one_pose, shell_of
 from fem.shell_assembly import beside_quads, element_stiffness, freedoms
 from fem.shell_quad import quad_frames
 from fem.shell_triangle import (
@@ -95,7 +95,7 @@ class LinkShapes:
 def link_shapes(model: ArmModel, shells: Mapping[str, CoupledShell] | None = None) -> dict[str, LinkShapes]:
     """Unit-load solutions of all links by name: one factorisation each, whatever the poses, loads and springs.
 
-    ``shells``: what :func:`fem.shell_arm.couple_links` gave for these links, to save its work.
+    ``shells``: what :func:`fem.reference.shell_arm.couple_links` gave for these links, to save its work.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def arm_fields(
 
     Notes
     -----
-    Equal to :func:`fem.shell_arm.solve_shell_arm` to round-off. Stress: see :func:`face_stress`.
+    Equal to :func:`fem.reference.shell_arm.solve_shell_arm` to round-off. Stress: see :func:`face_stress`.
     """
     pose, loads, at = one_pose(model, q, wrench, point)
     if len(loads) != 1:
@@ -176,6 +176,9 @@ def _roots(
             if p is not None and joint == p.crank_about:
                 turn = _turn(axis[p.driven], deformed.get(model.joints[p.driven].name))
                 crank_pin = _crank_pin(model, R[p.driven + 1], motion + turn, deformed, roots)
+            tilt = deformed.get(f"{name} housing")
+            if tilt is not None:
+                motion = motion + both(R[joint] @ robot.T_pre[joint][:3, :3]) @ tilt
             if p is None or joint != p.driven:
                 motion = motion + _turn(axis[joint], deformed.get(name))
             shift = deformed.get(f"{name} other directions")

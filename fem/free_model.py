@@ -19,6 +19,7 @@ from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
 from fem.effects.observed import observed
 from fem.effects.situation import Situation
+from fem.fast_statics import deflection
 from fem.free_effects import changed_effects, changed_model, step_of
 from fem.laws import FreeLaw
 from fem.loads import LoadedPoses, as_read, placed
@@ -26,7 +27,6 @@ from fem.model import ArmModel
 from fem.parameters import GEOMETRIC, Kind, Parameter, own_compliance
 from fem.ports import Port, port_of, ports
 from fem.springs import ConstantSpring, SpringLaw, SumSpring
-from fem.statics import deflection
 from robots import InputError
 from robots.robot import with_zero_errors
 

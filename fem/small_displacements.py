@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.fast_statics import fast_compliance
+from fem.fast_statics import compliance
 from fem.model import ArmModel
 from robots import InputError, Robot
 from robots.kinematics import stretched_length
@@ -63,7 +63,7 @@ def worst_turns(model: ArmModel) -> Array:
     q = _poses(model.robot)
     if not len(q):
         return np.zeros(0)
-    C = fast_compliance(model, q)
+    C = compliance(model, q)
     direction = np.linalg.svd(C[:, :3, :3])[2][:, 0]
     return turn(model.robot, np.einsum("nij,nj->ni", C[:, :, :3], direction))
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.diagnosis.setting import Setting
-from fem.statics import deflection
+from fem.fast_statics import deflection
 
 Array = NDArray[np.float64]
 

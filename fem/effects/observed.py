@@ -11,9 +11,9 @@ from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
 from fem.effects.own import act
 from fem.effects.situation import Situation
+from fem.fast_statics import deflection
 from fem.loads import LoadedPoses
 from fem.model import ArmModel
-from fem.statics import deflection
 
 Array = NDArray[np.float64]
 

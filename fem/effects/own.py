@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.history import plain_history
 from fem.effects.situation import Situation
+from fem.fast_statics import deflection
 from fem.loads import LoadedPoses
 from fem.model import ArmModel
-from fem.statics import deflection
 from robots import InputError
 
 Array = NDArray[np.float64]

@@ -53,7 +53,7 @@ def export(
         q = inputs.parse_pose(given.robot, pose[0])
         with output_folder(out, {"model": model_hash(given)}) as folder:
             from fem.calculix import arm_deck
-            from fem.shell_arm import all_links
+            from fem.reference.shell_arm import all_links
 
             say(f"writing {len(given.model.links)} links as CalculiX shells")
             with folder.timed("deck"):

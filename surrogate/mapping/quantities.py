@@ -164,12 +164,12 @@ class Quantities:
 
     def compliance(self, q: Array) -> Array:
         """Compliance (n, 6, 6) at the tool point; by compiled loops where there are any."""
-        return fem.fast_compliance(self.model, q, self.point)
+        return fem.compliance(self.model, q, self.point)
 
     def _stiffness(self, q: Array) -> Array:
         """Stiffness (n,) N/mm along the load without forming the whole compliance; infinite where rigid."""
         load = np.concatenate([self.direction, np.zeros(3)])
-        moved = fem.fast_deflection(self.model, q, load, self.point)[:, :3]
+        moved = fem.deflection(self.model, q, load, self.point)[:, :3]
         return _endless(_inverse(moved @ self.direction, RIGID * np.linalg.norm(moved, axis=1)))
 
     def _of_compliance(self, C: Array, only: str | None = None) -> dict[str, Array]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from fem import ArmModel, arm_fields, build_model, compliance, deflection_by_part, link_shapes, solve_shell_arm
 from fem.couplings import Coupling
 from fem.model import LinkPart
+from fem.reference.shell_arm import all_links, couple_links
 from fem.shell import shell_superelement
-from fem.shell_arm import all_links, couple_links
 from meshes import casing_mesh
 from robots import InputError, ModelDescription, load_description
 
