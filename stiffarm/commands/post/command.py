@@ -11,6 +11,7 @@ import typer
 
 from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
+from machining.cutting import stiffness_uncertainty
 from machining.placement import Placement, read_placement
 from machining.programs.posting import PostSettings
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
@@ -169,6 +170,7 @@ def post(
             templates,
             cut if compensate else None,
             cap * 1e-6,
+            stiffness_uncertainty(given.model, given.description, given.own),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         named = (("cell", cell), ("milling", milling), ("options", options), ("placement", placement))
@@ -267,4 +269,6 @@ def _show(run: PostRun) -> None:
         say(f"note: {note}")
     if run.compensated is not None:
         say(post_report.compensation_words(run.compensated))
+    for text in post_report.uncertainty_words(run):
+        say(text)
     say(f"note: {post_report.UNVERIFIED}")
