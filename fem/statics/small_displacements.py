@@ -60,12 +60,12 @@ def worst_turns(model: ArmModel) -> Array:
 
     Up to POSES of them, drawn over the joint ranges with couplings and limits kept; none where no such pose was found.
     """
-    from fem.compiled.compliance import fast_compliance
+    from fem.compiled.compliance import compliance
 
     q = _poses(model.robot)
     if not len(q):
         return np.zeros(0)
-    C = fast_compliance(model, q)
+    C = compliance(model, q)
     direction = np.linalg.svd(C[:, :3, :3])[2][:, 0]
     return turn(model.robot, np.einsum("nij,nj->ni", C[:, :, :3], direction))
 
