@@ -447,11 +447,13 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     out = {"a file in its place": "file", "below a file": "file/deep/er", "name too long": "x" * 300}[place]
     work = (
+        *(f"session.steps.{name}" for name in ("sensitivity", "calibrate_by_stages", "stiffness_map", "rigid_joints")),
         *(
-            f"session.steps.{name}"
-            for name in ("simulate", "sensitivity", "calibrate_by_stages", "stiffness_map", "rigid_joints")
+            "commands.simulate.readings.simulate",
+            "commands.fit.learning.learn",
+            "commands.maps.step.make_map",
+            "commands.maps.sweep.write",
         ),
-        *("commands.fit.learning.learn", "commands.maps.step.make_map", "commands.maps.sweep.write"),
     )
     for name in work:
         monkeypatch.setattr(f"stiffarm.{name}", lambda *_, **__: pytest.fail("work was done for nothing"))
