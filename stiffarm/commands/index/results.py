@@ -20,7 +20,7 @@ from machining import (
 )
 from robots import Robot
 from robots.arrays import Array
-from stiffarm.commands.index.units import shown
+from machining.stiffness.units import shown
 from stiffarm.session.payloads import number
 
 

@@ -17,7 +17,6 @@ from stiffarm.commands.maps.request import MapRequest, grid_table, model_text, u
 from stiffarm.session.inputs import ModelInput, parse_direction, parse_layers, parse_names
 from stiffarm.session.steps import MAP_LAYERS_DEG
 from stiffarm.session.task_options import parse_gammas, parse_vector, tool_of
-from surrogate import default_sweep
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
 from surrogate.maps.layouts import (
     ALONG_BOX,
@@ -28,14 +27,13 @@ from surrogate.maps.layouts import (
     TURN_deg,
     box_layout,
     cylinder_layout,
-    joint_layout,
     range_for,
     reach_of,
     slice_layout,
     step_for,
+    sweep_layout,
 )
 from surrogate.maps.poses import check_robot
-from surrogate.maps.quantities import MERITS, SHORTS, available
 
 GRIDS = ("joints", "slice", "box", "cylinder")
 POSES = ("fixed", "best-gamma", "stiffest", "softest")
@@ -161,7 +159,7 @@ def _has_uncertainty(given: ModelInput, direction: tuple[float, float, float], t
 def _wanted(model: ArmModel, options: Mapping[str, str | None], uncertainty: bool) -> tuple[str, ...]:
     named = parse_names(options.get("--values"), SHORTS, "--values")
     if named is None:
-        return available(model, k_fs=True, uncertainty=uncertainty)
+        return (*(row.short for row in table_of() if row.common), *(("uncertainty",) if uncertainty else ()))
     if "uncertainty" in named and not uncertainty:
         raise InputError(
             "--values uncertainty",
@@ -175,15 +173,7 @@ def _wanted(model: ArmModel, options: Mapping[str, str | None], uncertainty: boo
 
 def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Reach) -> MapGrid:
     if kind == "joints":
-        swept, layer = default_sweep(robot)
-        layers: dict[str, tuple[float, ...]] = {}
-        if layer is not None:
-            low, high = np.degrees(robot.limits[robot.coordinate_index(layer)])
-            given = parse_layers(robot, options.get("--layers"))
-            layers[layer] = given if given is not None else tuple(v for v in MAP_LAYERS_DEG if low <= v <= high)
-        else:
-            parse_layers(robot, options.get("--layers"))
-        return joint_layout(robot, swept, int(options.get("--points") or POINTS), layers)
+        return sweep_layout(robot, int(options.get("--points") or POINTS), parse_layers(robot, options.get("--layers")))
     if kind == "cylinder":
         height = 1e3 * np.array([reach.lower[2], reach.upper[2]])
         step = _step(options, ("r", "z"), max(1e3 * reach.radius, float(np.ptp(height))), ALONG_BOX)

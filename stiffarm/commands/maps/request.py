@@ -10,12 +10,13 @@ from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from doe.certainty.parameter_uncertainty import parameter_uncertainty
 from doe.certainty.propagation import relative_sd
 from fem import LINK_KINDS, ArmModel
 from fem.effects import build_arm
-from machining import normal_stiffness_index
+from machining.stiffness.map_rows import index_rows
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.files.reading import parse_json
@@ -28,7 +29,7 @@ from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Axis, Layout
 from surrogate.maps.layouts import MapGrid
 from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, PoseRule, last_joint_is_free
-from surrogate.maps.quantities import Quantities
+from surrogate.maps.quantities import TABLE, Quantities, Quantity, named, uncertainty
 
 FORM = "stiffarm-map/1"
 _CHECKSUM = "content_sha256"
@@ -119,27 +120,27 @@ def rule_from(table: Mapping[str, Any]) -> PoseRule:
     return Extreme(name)
 
 
-def engine_of(asked: MapRequest, model: ArmModel, uncertainty: Callable[[Array], Array] | None = None) -> Engine:
+def table_of(normal: ArrayLike = (0.0, 0.0, 1.0), relative_sd: Callable[[Array], Array] | None = None) -> tuple[
+    Quantity, ...
+]:  # fmt: skip
+    """All quantities that a map can have; that of ``relative_sd``, poses -> relative uncertainty (n,), if there is one."""
+    return (*TABLE, *index_rows(normal), *(() if relative_sd is None else (uncertainty(relative_sd),)))
+
+
+def engine_of(asked: MapRequest, model: ArmModel, sd: Callable[[Array], Array] | None = None) -> Engine:
     """What evaluates a request.
 
-    ``uncertainty``: poses (n, dof) rad -> relative standard uncertainty (n,), where the model file's own
-    (:func:`uncertainty_of`) is not the one. Errors as :class:`Quantities`.
+    ``sd``: poses (n, dof) rad -> relative standard uncertainty (n,) of the stiffness, :func:`uncertainty_of`. Errors as
+    :class:`Quantities`.
     """
-    tool, normal = np.array(asked.tool), np.array(asked.normal)
-    quantities = Quantities(
-        model,
-        np.array(asked.direction),
-        tuple(asked.wanted),
-        k_fs=lambda C: normal_stiffness_index(C, normal),
-        uncertainty=uncertainty,
-        shares=asked.shares,
-        point=tool[:3, 3],
-    )
+    tool, table = np.array(asked.tool), table_of(asked.normal, sd)
+    rows = named(table, asked.wanted)
+    quantities = Quantities(model, np.array(asked.direction), rows, shares=asked.shares, point=tool[:3, 3])
     grid = grid_from(asked.grid)
     if asked.pose is None:
         return Engine(grid, quantities, seed=asked.seed)
-    free = last_joint_is_free(model.robot, tool, lambda q: quantities.compliance(q)[:, :3, :3])
-    arm = Arm(model.robot, tool, quantities.merit(asked.merit), free)
+    free = last_joint_is_free(model.robot, tool, lambda q: quantities.poses(q).translational)
+    arm = Arm(model.robot, tool, quantities.merit(named(table, [asked.merit])[0]), free)
     return Engine(grid, quantities, rule_from(asked.pose), arm, asked.seed)
 
 
@@ -177,5 +178,5 @@ def _engine(text: str) -> tuple[MapRequest, Engine]:
     path = next((path for path in ("parallelogram", "serial") if path == asked.load_path), None)
     model = build_arm(description, kind, path)
     direction, point = np.array(asked.direction), np.array(asked.tool)[:3, 3]
-    uncertainty = uncertainty_of(description, model, direction, point) if "uncertainty" in asked.wanted else None
-    return asked, engine_of(asked, model, uncertainty)
+    sd = uncertainty_of(description, model, direction, point) if "uncertainty" in asked.wanted else None
+    return asked, engine_of(asked, model, sd)

@@ -15,7 +15,7 @@ from robots.arrays import Array, Bools, Integers
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot
 from stiffarm import __version__
-from stiffarm.commands.maps.sweep import middle_pose
+from robots.robot import middle_pose
 from stiffarm.pages.figure_parts import joint_colour, paler
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_bodies import framed_bodies

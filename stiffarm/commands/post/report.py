@@ -13,7 +13,7 @@ from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
 from robots.arrays import Array
 from stiffarm import __version__
-from stiffarm.commands.index.units import shown
+from machining.stiffness.units import shown
 from stiffarm.commands.post.step import PostRun
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages.blocks import Pictures

@@ -9,7 +9,7 @@ import numpy as np
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.cutting import Estimated
 from robots.arrays import Array
-from stiffarm.commands.index.units import shown
+from machining.stiffness.units import shown
 from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from stiffarm.session.payloads import number
 from stiffarm.session.task_options import frame_words

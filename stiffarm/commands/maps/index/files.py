@@ -13,7 +13,7 @@ from machining.stiffness.distribution import Distribution, GammaChoice, Statisti
 from machining.stiffness.grid import Grid
 from robots.arrays import Array, Bools
 from robots.files.csv_text import columns_text
-from stiffarm.commands.index.units import Shown, shown
+from machining.stiffness.units import Shown, shown
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.payloads import number
 from surrogate.maps.vtk_files import M_TO_MM, grid_cells, write_grid
