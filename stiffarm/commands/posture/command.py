@@ -54,18 +54,24 @@ FIXED_HALF_WIDTH = 1e-10
 def posture(
     model: ModelArg,
     path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, APT/CLS or G-code")
+        Path,
+        typer.Argument(
+            metavar="PATH", help="Tool path: APT, CLS, G-code, or CSV with the columns x_mm,y_mm,z_mm,nx,ny,nz."
+        ),
     ],
     tool: ToolOpt = None,
     part: PartOpt = None,
     gamma: GammaOpt = "-180:180:5",
     before: Annotated[
-        float, typer.Option("--before", metavar="DEG", help="gamma of the program as it stands, to compare with")
+        float, typer.Option("--before", metavar="DEG", help="Gamma of the existing program, in deg, for comparison.")
     ] = 0.0,
     quantity: Annotated[
-        str, typer.Option("--quantity", help=f"what is optimised: {', '.join((*INDICES, *DISPLACEMENTS))}")
+        str, typer.Option("--quantity", help=f"Quantity to optimise: {', '.join((*INDICES, *DISPLACEMENTS))}.")
     ] = "k_fs",
-    aim: Annotated[str, typer.Option("--aim", help="mean, or worst: of the path's points")] = "mean",
+    aim: Annotated[
+        str,
+        typer.Option("--aim", help="Optimise the mean over the points of the path, or the worst point: mean or worst."),
+    ] = "mean",
     reference: ReferenceOpt = None,
     cell: CellOpt = None,
     force: ForceOpt = None,
@@ -73,21 +79,40 @@ def posture(
     milling: MillingOpt = None,
     speed: Annotated[
         str | None,
-        typer.Option("--speed", metavar="DEG/S", help="joint speeds, one for all or one each, separated by commas"),
+        typer.Option(
+            "--speed",
+            metavar="DEG/S",
+            help="Maximum joint speeds in deg/s: one for all joints, or one per joint separated by commas. "
+            "Default: the cell's.",
+        ),
     ] = None,
     jump: Annotated[
-        float, typer.Option("--jump", metavar="DEG", help="most that a joint may move from point to point", min=1e-6)
+        float,
+        typer.Option(
+            "--jump", metavar="DEG", help="Maximum joint motion between two neighbouring points, in deg.", min=1e-6
+        ),
     ] = 20.0,
     gamma_step: Annotated[
         float | None,
-        typer.Option("--gamma-step", metavar="DEG", help="most that gamma may change a point; 0: one gamma", min=0.0),
+        typer.Option(
+            "--gamma-step",
+            metavar="DEG",
+            help="Maximum change of gamma from point to point, in deg; 0 for one gamma along the path. "
+            "Default: no limit.",
+            min=0.0,
+        ),
     ] = None,
     limit_margin: Annotated[
-        float, typer.Option("--limit-margin", metavar="DEG", help="distance to keep from joint limits", min=0.0)
+        float,
+        typer.Option("--limit-margin", metavar="DEG", help="Distance to keep from the joint limits, in deg.", min=0.0),
     ] = 0.5,
     motion: Annotated[
         float,
-        typer.Option("--motion", help="weight of joint motion against stiffness; 0: none, more: calmer", min=0.0),
+        typer.Option(
+            "--motion",
+            help="Weight of joint motion against stiffness; 0 for none, larger for smoother motion.",
+            min=0.0,
+        ),
     ] = Drive.motion,
     kind: KindOpt = None,
     units: UnitsOpt = None,
@@ -100,9 +125,10 @@ def posture(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """The stiffest posture that can be driven along a path: redundant angle, branch and turns of the joints.
+    """Find the stiffest posture along a tool path.
 
-    Writes posture.csv, posture.json and a report into --out.
+    Chooses the redundant angle gamma, branch and turns of the joints such that the path can be driven. Writes
+    posture.csv, posture.json and a report into --out.
     """
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path, without="the postures")
