@@ -75,7 +75,7 @@ class Engine:
                 self.arm, points, np.random.default_rng([self.seed, rows.indices(self.grid.layout.n)[0]])
             )
             q, reached, sure = chosen.q, chosen.reached, chosen.sure
-        values: Mapping[str, Array] = self.quantities.values(q[reached]) if reached.any() else {}
+        values = self.quantities.values(q[reached]) if reached.any() else {}
         out: dict[str, NDArray[np.generic]] = {"points": points, "reached": reached, "sure": sure}
         out["q"] = np.where(reached[:, None], q, np.nan)
         for name, column in self.columns.items():

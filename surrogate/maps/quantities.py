@@ -16,8 +16,8 @@ import fem
 from fem.statics.budget import whole_joints
 from robots import InputError, singularity_distance
 from robots.arrays import Array
-from robots.robot import middle_pose
 from robots.inverse.singularities import NEAR_SINGULAR
+from robots.robot import middle_pose
 from surrogate.maps.orientation import unit_vector
 
 N_PER_M_TO_N_PER_MM = 1e-3
@@ -76,7 +76,7 @@ class Poses:
     @cached_property
     def along(self) -> Array:
         """Compliance (n,) m/N along the load."""
-        return np.einsum("i,nij,j->n", self.direction, self.translational, self.direction)
+        return np.asarray(np.einsum("i,nij,j->n", self.direction, self.translational, self.direction))
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
@@ -141,7 +141,7 @@ def _along_load(p: Poses) -> Array:
 
 def _isotropy(p: Poses) -> Array:
     size, _ = p.principal
-    return np.divide(size[:, 0], size[:, 2], out=np.full(len(size), np.nan), where=size[:, 2] > 0.0)
+    return np.asarray(np.divide(size[:, 0], size[:, 2], out=np.full(len(size), np.nan), where=size[:, 2] > 0.0))
 
 
 def _worst_direction(p: Poses) -> Sequence[Array]:
@@ -285,7 +285,7 @@ class Quantities:
         return () if kind is None else self.parts if kind.of_parts else kind.categories
 
     def merit(self, row: Quantity) -> Callable[[Array], Array]:
-        """What a pose is chosen by: poses q (n, dof) rad -> (n,), large is good, in its field's unit; infinite if rigid.
+        """What a pose is chosen by: poses q (n, dof) rad -> (n,), large is good, in its field's unit; inf if rigid.
 
         Raises
         ------
@@ -294,7 +294,9 @@ class Quantities:
         """
         chosen = row.merit
         if chosen is None:
-            raise InputError("quantity that a pose is chosen by", value=row.short, allowed="one that is large where good")
+            raise InputError(
+                "quantity that a pose is chosen by", value=row.short, allowed="one that is large where good"
+            )
         return lambda q: chosen(self.poses(q))
 
     def poses(self, q: Array) -> Poses:
@@ -310,11 +312,7 @@ class Quantities:
             As :func:`fem.compliance` and :func:`fem.compliance_budget`.
         """
         p = self.poses(q)
-        out = {
-            kind.name: values
-            for row in self.rows
-            for kind, values in zip(row.kinds, row.of(p), strict=True)
-        }
+        out = {kind.name: values for row in self.rows for kind, values in zip(row.kinds, row.of(p), strict=True)}
         return out | {"shares": p.share} if self.shares else out
 
 

@@ -123,19 +123,23 @@ def rule_from(table: Mapping[str, Any]) -> PoseRule:
 def table_of(normal: ArrayLike = (0.0, 0.0, 1.0), relative_sd: Callable[[Array], Array] | None = None) -> tuple[
     Quantity, ...
 ]:  # fmt: skip
-    """All quantities that a map can have; that of ``relative_sd``, poses -> relative uncertainty (n,), if there is one."""
+    """All quantities that a map can have; with ``relative_sd``, poses -> (n,), the uncertainty of the stiffness."""
     return (*TABLE, *index_rows(normal), *(() if relative_sd is None else (uncertainty(relative_sd),)))
 
 
-def engine_of(asked: MapRequest, model: ArmModel, sd: Callable[[Array], Array] | None = None) -> Engine:
-    """What evaluates a request.
+# What users may ask for, and what a pose may be chosen by.
+SHORTS: tuple[str, ...] = (*(row.short for row in table_of()), "uncertainty")
+MERITS: tuple[str, ...] = tuple(row.short for row in table_of() if row.merit is not None)
 
-    ``sd``: poses (n, dof) rad -> relative standard uncertainty (n,) of the stiffness, :func:`uncertainty_of`. Errors as
-    :class:`Quantities`.
-    """
-    tool, table = np.array(asked.tool), table_of(asked.normal, sd)
-    rows = named(table, asked.wanted)
-    quantities = Quantities(model, np.array(asked.direction), rows, shares=asked.shares, point=tool[:3, 3])
+
+def engine_of(asked: MapRequest, description: ModelDescription, model: ArmModel) -> Engine:
+    """What evaluates a request. Errors as :class:`Quantities`."""
+    tool, direction = np.array(asked.tool), np.array(asked.direction)
+    sd = None
+    if "uncertainty" in asked.wanted:
+        sd = uncertainty_of(description, model, direction, tool[:3, 3])
+    table = table_of(asked.normal, sd)
+    quantities = Quantities(model, direction, named(table, asked.wanted), shares=asked.shares, point=tool[:3, 3])
     grid = grid_from(asked.grid)
     if asked.pose is None:
         return Engine(grid, quantities, seed=asked.seed)
@@ -177,6 +181,4 @@ def _engine(text: str) -> tuple[MapRequest, Engine]:
     kind = next(kind for kind in LINK_KINDS if kind == asked.links)
     path = next((path for path in ("parallelogram", "serial") if path == asked.load_path), None)
     model = build_arm(description, kind, path)
-    direction, point = np.array(asked.direction), np.array(asked.tool)[:3, 3]
-    sd = uncertainty_of(description, model, direction, point) if "uncertainty" in asked.wanted else None
-    return asked, engine_of(asked, model, sd)
+    return asked, engine_of(asked, description, model)

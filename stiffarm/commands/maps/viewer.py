@@ -13,9 +13,8 @@ from fem.statics.budget import part_kinds
 from robots import InputError, ModelDescription, content_hash, singularity_distance
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.singularities import NEAR_SINGULAR
-from robots.robot import Robot
+from robots.robot import Robot, middle_pose
 from stiffarm import __version__
-from robots.robot import middle_pose
 from stiffarm.pages.figure_parts import joint_colour, paler
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_bodies import framed_bodies

@@ -8,8 +8,8 @@ import numpy as np
 
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.cutting import Estimated
-from robots.arrays import Array
 from machining.stiffness.units import shown
+from robots.arrays import Array
 from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from stiffarm.session.payloads import number
 from stiffarm.session.task_options import frame_words

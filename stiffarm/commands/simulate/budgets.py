@@ -15,7 +15,7 @@ from robots.arrays import Array, Integers
 from stiffarm.session.payloads import number
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
-from surrogate.maps.vtk_files import M_TO_MM
+from surrogate.maps.columns import M_TO_MM
 
 WORKSPACE_POSES: Final = 2000
 # A part is named as leading where it leads in this share of the poses at least.

@@ -26,7 +26,7 @@ from stiffarm.pages import style
 from stiffarm.pages.rendering import VIEWS, Picture, Renderer, chosen, drawn, show
 from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Surface
-from surrogate.maps.vtk_files import M_TO_MM
+from surrogate.maps.columns import M_TO_MM
 
 # Colour stands for the largest densities and two decades below; what is less takes the darkest.
 _DECADES: Final = 2.0

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
+from map_samples import POSES, PoseSample, Progress, Samples, influences, sample_model
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
-from stiffarm.commands.run.samples import POSES, PoseSample, Progress, Samples, influences, sample_model
 
 Verdict = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 

@@ -12,7 +12,7 @@ from doe.planning.pose_designs import pose_design
 from fem import ArmModel, directional_stiffness
 from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
-from surrogate.maps.sweep import default_sweep
+from surrogate import default_sweep
 
 Progress = Callable[[int, int], None]
 
@@ -66,8 +66,7 @@ class Samples:
 def sample_model(model: ArmModel, n: int = POSES, seed: int = 0, progress: Progress | None = None) -> Samples:
     """Evaluate a model at poses spread by a Sobol sequence over its joint ranges, under a vertical load.
 
-    The coordinates of :func:`surrogate.maps.sweep.default_sweep` vary, the others stand at 0 or at the limit nearest to
-    it.
+    The coordinates of :func:`surrogate.default_sweep` vary, the others stand at 0 or at the limit nearest to it.
 
     Raises
     ------
