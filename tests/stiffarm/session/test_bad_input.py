@@ -160,7 +160,7 @@ MODELS = {
     "unknown robot to show": Case("robots xr702", ("'xr702'", "kr60-3, tx200, xr701")),
     "not TOML": Case("simulate FILE --out out", ("not valid TOML", "line 1"), "[[[", ".toml"),
     "a measurement table": Case("simulate FILE --out out", ("not valid TOML",), DATA),
-    "binary": Case("map FILE --out out", ("cannot be read",), BINARY, ".toml"),
+    "binary": Case("map joints FILE --out out", ("cannot be read",), BINARY, ".toml"),
     "folder": Case("run OTHER --out out", ("path of a model TOML",)),
     "no unit known": Case(
         "fit FILE --out out", ("'furlong'", "m, mm", "wall.unit"), model('"mm"', '"furlong"'), ".toml"
@@ -362,7 +362,7 @@ SURROGATES = {
         ".json",
     ),
     "of another robot, for a map": Case(
-        "map tx200 --surrogate SURROGATE --points 2 --out out", ("is of robot: got 'xr701'", "allowed: tx200")
+        "map joints tx200 --surrogate SURROGATE --points 2 --out out", ("is of robot: got 'xr701'", "allowed: tx200")
     ),
     "out of the domain": Case(
         "query SURROGATE --pose q2_deg=80,q3real_deg=80 --out out",

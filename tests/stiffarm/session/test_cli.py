@@ -28,6 +28,9 @@ def test_each_command_has_help(cli: Command, command: str) -> None:
     outcome = cli(command, "--help")
     assert outcome.code == 0
     assert f"stiffarm {command}" in outcome.out
+    if command == "map":  # a command of commands
+        assert all(kind in outcome.out for kind in ("joints", "slice", "box", "cylinder", "index"))
+        outcome = cli(command, "slice", "--help")
     assert "--debug" in outcome.out
     assert outcome.err == ""
 
