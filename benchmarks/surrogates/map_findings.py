@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from map_samples import POSES, PoseSample, Progress, Samples, influences, sample_model
+from map_samples import POSES, PoseSample, Samples, influences, sample_model
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
+from robots.progress import Progress
 
 Verdict = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 

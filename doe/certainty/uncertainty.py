@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,9 +17,9 @@ from doe.estimation.problem import Problem
 from fem.free.parameters import Parameter
 from robots import InputError
 from robots.arrays import Array, Bools, Indices, Integers
+from robots.progress import Progress
 
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
-Progress = Callable[[int, int], None]
 
 # Directions whose singular value is below 1/this of the largest are not determined (columns of norm one).
 MAX_CONDITION = 1e6
@@ -102,8 +101,12 @@ def certainty(e: Estimate, level: float = 0.95, *, profiles: bool = True) -> Cer
 
 def blind_directions(e: Estimate) -> Array:
     """Directions (d, p) of the variables that no reading determines, length one."""
-    A = np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])
-    return _covariance(A, e.seen)[1][1]
+    return null_directions(np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]]), e.seen)
+
+
+def null_directions(A: Array, seen: Bools) -> Array:
+    """Directions (d, p), length one, that rows A (m, p) do not determine, of the columns ``seen`` (p,)."""
+    return _covariance(A, seen)[1][1]
 
 
 def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress: Progress | None = None) -> Array:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -15,6 +16,7 @@ from rich.text import Text
 from robots import InputError
 from robots.errors import one_line
 from robots.files.reading import recording
+from robots.progress import Progress
 from stiffarm.session.interruption import EXIT_STOPPED, stoppable
 from stiffarm.session.json_text import json_text
 from stiffarm.session.streams import CLOSED, silence
@@ -29,8 +31,26 @@ EXIT_OTHER = 1
 stderr = Console(stderr=True, highlight=False, emoji=False)
 
 
+# Where messages go that are not printed; None: to the terminal.
+_kept: ContextVar[list[str] | None] = ContextVar("kept", default=None)
+
+
+@contextmanager
+def kept_messages() -> Iterator[list[str]]:
+    """Within, nothing is printed: messages join the list that is handed out, and no progress is drawn."""
+    messages: list[str] = []
+    before = _kept.set(messages)
+    try:
+        yield messages
+    finally:
+        _kept.reset(before)
+
+
 def say(message: str) -> None:
     """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal."""
+    if (kept := _kept.get()) is not None:
+        kept.append(one_line(message))
+        return
     _print(Text(one_line(message)), soft_wrap=True)
 
 
@@ -74,7 +94,7 @@ def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
 
 
 @contextmanager
-def progress(description: str) -> Iterator[Callable[[int, int], None]]:
+def progress(description: str) -> Iterator[Progress]:
     """A bar with a count and the time left; call it with (done, total). Only a terminal sees it."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -85,7 +105,7 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
         TimeRemainingColumn(),
         console=stderr,
         transient=True,
-        disable=not stderr.is_terminal,
+        disable=not stderr.is_terminal or _kept.get() is not None,
     )
     with bar:
         task = bar.add_task(one_line(description), total=None)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.arrays import Array, Bools, Integers
-from surrogate.maps.blocks import Engine, Progress
+from robots.progress import Progress
+from surrogate.maps.blocks import Engine
 from surrogate.maps.data import Field, MapData
 from surrogate.maps.store import MapStore
 

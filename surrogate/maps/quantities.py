@@ -16,15 +16,13 @@ import fem
 from fem.statics.budget import whole_joints
 from robots import InputError, singularity_distance
 from robots.arrays import Array
+from robots.constants import N_PER_M_TO_N_PER_MM
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import middle_pose
 from surrogate.maps.orientation import unit_vector
 
-N_PER_M_TO_N_PER_MM = 1e-3
 # Share of a pose's whole compliance below which that along the load is rounding.
 RIGID = 1e-14
-# Poses from which on compiled loops are worth their call: a search asks for some at a time, thousands of times.
-FEWEST = 64
 # The field that pictures and summaries of a joint sweep are about.
 STIFFNESS_ARRAY = "stiffness_N_per_mm"
 
@@ -61,7 +59,7 @@ class Poses:
     @cached_property
     def compliance(self) -> Array:
         """Compliance (n, 6, 6) at the tool point."""
-        return fem.fast_compliance(self.model, self.q, self.point, threads=1, fewest=FEWEST)
+        return fem.compliance(self.model, self.q, self.point, threads=1, often=True)
 
     @property
     def translational(self) -> Array:
@@ -135,7 +133,7 @@ def inverse(compliance_m_per_N: Array, least: Array | float = 0.0) -> Array:
 def _along_load(p: Poses) -> Array:
     """Stiffness (n,) N/mm along the load without forming the whole compliance; infinite where rigid."""
     load = np.concatenate([p.direction, np.zeros(3)])
-    moved = fem.fast_deflection(p.model, p.q, load, p.point, threads=1, fewest=FEWEST)[:, :3]
+    moved = fem.deflection(p.model, p.q, load, p.point, threads=1, often=True)[:, :3]
     return _endless(inverse(moved @ p.direction, RIGID * np.linalg.norm(moved, axis=1)))
 
 

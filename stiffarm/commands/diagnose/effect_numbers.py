@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 from doe.diagnosis.diagnose import State
 from fem.effects import EffectParameter, PlacedEffect
+from robots.constants import NORMAL_95
 from robots.schema.units import factor
-
-# Half the width of a 95 % interval, in standard deviations.
-HALF = 1.96
 
 
 @dataclass(frozen=True)
@@ -19,7 +17,7 @@ class Number:
 
     ``value``: inf where nothing of a stiffness acts; ``sd``: None where the number was chosen from a grid; ``low``,
     ``high``: 95 % interval, of which an end is infinite where the readings set none. All in ``unit``.
-    ``plausible``: range expected beforehand, of the size where the number is ``signed``.
+    ``plausible``: range expected beforehand, of the size where the number is ``signed``; ``meaning``: in words.
     """
 
     code: str
@@ -32,6 +30,7 @@ class Number:
     plausible: tuple[float, float]
     signed: bool
     role: str
+    meaning: str
 
     @property
     def code_and_name(self) -> str:
@@ -55,7 +54,7 @@ def _number(placed: PlacedEffect, index: int, p: EffectParameter, sd: float | No
     ends: tuple[float | None, float | None] = (None, None)
     shown = None
     if sd is not None:
-        low, high = acts - HALF * sd, acts + HALF * sd
+        low, high = acts - NORMAL_95 * sd, acts + NORMAL_95 * sd
         if not p.signed:
             low = max(low, 0.0)
         if p.scale == "compliance":
@@ -65,4 +64,4 @@ def _number(placed: PlacedEffect, index: int, p: EffectParameter, sd: float | No
         else:
             ends, shown = (low / scale, high / scale), sd / scale
     plausible = (p.lower / scale, p.upper / scale)
-    return Number(placed.effect.code, p.name, value, shown, *ends, p.unit, plausible, p.signed, p.role)
+    return Number(placed.effect.code, p.name, value, shown, *ends, p.unit, plausible, p.signed, p.role, p.meaning)

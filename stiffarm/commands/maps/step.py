@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robots import InputError, content_hash
+from robots.progress import Progress
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
 from stiffarm.commands.maps.request import engine_of, evaluate
 from stiffarm.session.inputs import ModelInput, no_springs_note
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from stiffarm.session.task_options import frame_words
 from surrogate.maps.assembled import counts, figures, map_of_store, number_true
 from surrogate.maps.blocks import Engine, run_blocks
@@ -24,8 +24,6 @@ from surrogate.maps.data import MapData
 from surrogate.maps.poses import Extreme, shortfall
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 from surrogate.maps.store import MapStore
-
-Progress = Callable[[int, int], None]
 
 # Points at which an extreme pose is sought again with a denser sample.
 CHECKED = 12

@@ -10,11 +10,12 @@ from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import content_hash
 from robots.arrays import Array
+from robots.progress import Progress
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from surrogate import Surrogate
 from surrogate.maps.assembled import computed_map, figures, number_true
-from surrogate.maps.blocks import Engine, Progress
+from surrogate.maps.blocks import Engine
 from surrogate.maps.cells import cell_grid
 from surrogate.maps.data import MapData
 from surrogate.maps.layouts import sweep_layout

@@ -14,7 +14,7 @@ from fem import ArmFields
 from meshes import ShellMesh
 from robots import InputError
 from robots.arrays import Array, Integers
-from surrogate.maps.columns import M_TO_MM
+from robots.constants import M_TO_MM
 from surrogate.maps.whole_file import whole_file
 
 # Share of the arm's size that the largest displacement is drawn as.

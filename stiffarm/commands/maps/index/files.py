@@ -12,10 +12,10 @@ from machining.stiffness.distribution import Distribution, GammaChoice, Statisti
 from machining.stiffness.grid import Grid
 from machining.stiffness.units import Shown, shown
 from robots.arrays import Array, Bools
+from robots.constants import M_TO_MM
 from robots.files.csv_text import columns_text
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
-from surrogate.maps.columns import M_TO_MM
 from surrogate.maps.data import Axis, Field, Layout, MapData
 from surrogate.maps.vtk_stream import write_vtu
 
