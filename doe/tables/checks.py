@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from doe.tables.columns import DISPLACEMENTS, POINT, Faults
+from doe.tables.columns import DISPLACEMENTS, POINT
 from robots import InputError, Robot
 from robots.arrays import Array
+from robots.faults import Faults
 
 if TYPE_CHECKING:
     from doe.tables.measurements import Measurements
