@@ -322,7 +322,7 @@ SURROGATES = {
     ),
     "with an entry too many": Case(
         "query FILE --pose q2_deg=5 --out out",
-        ("mine", "Extra inputs are not permitted"),
+        ("mine", "unknown key"),
         lambda good: good.read_text(encoding="utf-8").replace('"robot":', '"mine": 1, "robot":', 1),
         ".json",
     ),
