@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from stiffarm.session.console import show_table
+from stiffarm.session.console import say, show_table
+
+
+def show(content: dict[str, Any]) -> None:
+    """The surrogates, which one is best, and the other methods where they were asked for."""
+    surrogates(content)
+    if "comparison" in content:
+        peers(content["comparison"])
+    say(f"best: {content['best']}")
 
 
 def surrogates(content: dict[str, Any]) -> None:
