@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,10 @@ from robots import InputError, InputErrors, LoadPath, ModelDescription, Robot, c
 from robots.arrays import Array
 from stiffarm.session.console import progress, say
 from stiffarm.session.softness import refuse_too_soft
-from surrogate import Surrogate, default_sweep, load_surrogate
+from surrogate.maps.layouts import default_sweep
+
+if TYPE_CHECKING:
+    from surrogate import Surrogate
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 # Far above any load; beyond about 1e150 squares overflow.
@@ -356,6 +360,8 @@ def read_surrogate_for_map(given: ModelInput, file: Path) -> Surrogate:
     InputError
         Another robot's, of another load than the vertical one, or without a coordinate that the map moves.
     """
+    from surrogate import load_surrogate  # only maps of a surrogate need it
+
     learned = load_surrogate(file)
     refit = "fit one for this map (`stiffarm fit`)"
     if learned.robot != given.robot.name:
