@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +14,12 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
 from robots.arrays import Array
+from robots.progress import Progress
 
 # Points x angles of one part, each with up to eight poses: some 100 MB with rigid links.
 TARGETS = 20_000
 # Points x angles of a whole map: one figure each, kept.
 MOST = 20_000_000
-
-Progress = Callable[[int, int], None]
 
 
 def sweep_parts(

@@ -88,9 +88,14 @@ def tool_position(robot: Robot, frames: BodyFrames, point: Array | None = None) 
     )
 
 
-def stretched_length(robot: Robot) -> float:
-    """Length (m) of the stretched arm from axis 1 to the tool point: from joint to joint, whatever the angles allow."""
-    steps = [*robot.T_pre[1:, :3, 3], robot.T_last_flange[:3, 3], robot.T_flange_tool[:3, 3]]
+def stretched_length(robot: Robot, point: Array | None = None) -> float:
+    """Length (m) of the stretched arm from axis 1 to the tool point, from joint to joint, whatever the angles allow.
+
+    ``point`` (3,) m in the flange frame instead of the robot's tool point. No pose brings the point farther from any
+    joint's axis.
+    """
+    last = robot.T_flange_tool[:3, 3] if point is None else point
+    steps = [*robot.T_pre[1:, :3, 3], robot.T_last_flange[:3, 3], last]
     return float(sum(np.linalg.norm(step) for step in steps))
 
 

@@ -12,9 +12,9 @@ from doe.tables.arm_class import usual_load
 from fem.statics.small_displacements import beyond_small, refuse_beyond
 from robots import Robot
 from robots.arrays import Array, Bools
+from robots.constants import NORMAL_95
 from robots.errors import InputError
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from surrogate.error_bars import NORMAL_95
 from surrogate.model import COMPLIANCE, Surrogate, predict, refuse, unit
 from surrogate.scope import Scope, count_rows
 

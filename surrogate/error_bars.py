@@ -25,8 +25,6 @@ from surrogate.scope import Scope
 LEVEL = 0.95
 # A number that the readings left open matters where it may change the quantity by this share.
 MATTERS = 0.01
-# Half-width of a normal distribution's 95 % interval, in standard deviations.
-NORMAL_95 = 1.959963984540054
 # Errors below the rounding of a double are all alike.
 _ROUND_OFF = 1e-16
 # Terms that leverage is taken over: each query costs their square.

@@ -9,10 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 from surrogate.peers import REAL, Features, Peer, Size, Variant
-
-# Normal quantile of a two-sided 95 % interval.
-_Z95 = 1.959963984540054
 
 
 class Estimator(Protocol):
@@ -86,7 +84,7 @@ class PeerEstimator:
         if deviation is None:
             return None
         z = self._regressor.predict(X)
-        return self._compliance(z - _Z95 * deviation), self._compliance(z + _Z95 * deviation)
+        return self._compliance(z - NORMAL_95 * deviation), self._compliance(z + NORMAL_95 * deviation)
 
     def size(self) -> Size:
         """The regressor's numbers, and those of the scaling."""

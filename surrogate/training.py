@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
@@ -12,6 +12,7 @@ import numpy as np
 from fem import compliance, compliance_factor
 from robots import InputError
 from robots.arrays import Array
+from robots.progress import Progress
 from surrogate.basis import BasisName, term_count
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.factored import fit_factored
@@ -23,7 +24,6 @@ from surrogate.scope import Scope
 from surrogate.tasks import Task
 
 BasisChoice = Literal["best", "polynomial", "trigonometric", "factored", "adaptive"]
-Progress = Callable[[int, int], None]
 
 TRAINING_RUNS = 4096
 # Uniform poses that the error bars are learned from, and fresh ones that judge fit and bars.

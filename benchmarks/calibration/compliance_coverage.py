@@ -20,10 +20,10 @@ from doe import Measurements, equations, fit_constant, with_constant_springs
 from doe.certainty.propagation import parameter_uncertainty, propagate
 from robots import ModelDescription, load_description
 from robots.arrays import Array, Bools
+from robots.constants import NORMAL_95
 
 SET_UPS, HELD_OUT = 8, 50
 LOAD = np.array([150.0, 250.0, -600.0, 0.0, 0.0, 0.0])
-NORMAL_95 = 1.959963984540054
 SOFT = {"j2": 1.45e6, "j3": 8e5, "j4": 4e5, "j5": 2.5e5}
 CASES = (
     ("all springs told", SOFT, 2e-5),

@@ -26,6 +26,7 @@ from fem.free.model import FreeModel, LoadedPoses
 from fem.free.parameters import Parameter, parameter
 from robots import load_description
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 
 ROBOTS = ("xr701", "kr60-3", "tx200")
 GAUGE = (1e-6, 1e-6)  # m, rad: resolution of a reading
@@ -33,7 +34,6 @@ WHITE = Noise(white=(1e-5, 2e-5))  # m, rad
 SPRINGS = tuple(f"j{k}.rz" for k in range(1, 7))
 ALL_STIFFNESSES = tuple(f"j{k}.{row}" for k in range(1, 7) for row in ("tx", "ty", "tz", "rx", "ry", "rz"))
 ROTATION, TILT, SHIFT, ZERO, VARYING = (1e5, 3e6), (5e5, 5e6), (3e7, 1e9), np.radians(0.5), 0.3
-NORMAL = 1.96
 STATUSES = ("determined", "one-sided", "at bound", "not identified")
 
 
@@ -128,7 +128,7 @@ class Tally:
             names = [q.name for q in e.problem.parameters]
             for one in (one for group in trade_offs(e, c) if group.missing for one in group.combinations):
                 true = float(one.weights @ truth[[names.index(n) for n in one.names]])
-                self.together.append(abs(one.value - true) < NORMAL * one.sd)
+                self.together.append(abs(one.value - true) < NORMAL_95 * one.sd)
 
     def row(self) -> dict[str, float]:
         """The row of the table."""

@@ -37,6 +37,7 @@ from fem import ArmModel, build_model
 from fem.statics.ports import ROWS
 from robots import load_description
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 
 CAMPAIGN = Campaign()
 # Poses of the campaign are drawn once: truth, scatter and noise differ from repeat to repeat.
@@ -228,7 +229,7 @@ def _finding_part(model: ArmModel, found: Identified) -> list[str]:
     assert ratio is not None
     widths = [x for x in loops(found, model.robot.joint_names) if x.row == "rz"]
     rows = "".join(
-        f"| {x.joint} | {1e6 * x.width:.1f} +- {1.96e6 * x.spread:.1f} | {100.0 * x.share:.1f} | "
+        f"| {x.joint} | {1e6 * x.width:.1f} +- {1e6 * NORMAL_95 * x.spread:.1f} | {100.0 * x.share:.1f} | "
         f"{100.0 * x.loading_only:+.1f} |\n"
         for x in widths
     )

@@ -17,11 +17,11 @@ from fem.free.named_numbers import NamedNumbers, described_variables, named_numb
 from fem.free.parameters import Parameter
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Indices
+from robots.constants import NORMAL_95
 from robots.schema.uncertainty import NumberStatus, NumberVariable, UndeterminedNumber
 
 # Numbers of the test set-up: they are not in the arm's compliance.
 SET_UP = ("load.", "point.")
-NORMAL_95 = 1.959963984540054
 # Numbers of the file and of its covariance are written with nine digits or more.
 SAME = 1e-6
 # Poses at which a model is compared with the one that the description gives.

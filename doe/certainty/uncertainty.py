@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,9 +17,9 @@ from doe.estimation.problem import Problem
 from fem.free.parameters import Parameter
 from robots import InputError
 from robots.arrays import Array, Bools, Indices, Integers
+from robots.progress import Progress
 
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
-Progress = Callable[[int, int], None]
 
 # Directions whose singular value is below 1/this of the largest are not determined (columns of norm one).
 MAX_CONDITION = 1e6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from doe.diagnosis.decide import Decision, Kind, decide
@@ -22,9 +22,9 @@ from doe.published.readings import rms_mm
 from doe.tables.telling import told_by
 from fem.effects.base import PlacedEffect
 from robots.arrays import Array
+from robots.progress import Messages
 
 Verdict = Kind
-Progress = Callable[[str], None]
 
 # Effects looked for one after the other.
 MOST = 3
@@ -111,7 +111,7 @@ class Diagnosis:
         return self.rankings[max(len(self.effects) - 1, 0)]
 
 
-def diagnose(s: Setting, options: Options = Options(), progress: Progress | None = None) -> Diagnosis:  # noqa: B008
+def diagnose(s: Setting, options: Options = Options(), progress: Messages | None = None) -> Diagnosis:  # noqa: B008
     """Find what is missing from a model whose springs are fitted.
 
     Readings that tell nothing about the arm are fitted and ranked once, for the record, and get that verdict.
@@ -169,7 +169,7 @@ def _words(r: Ranking) -> str:
 
 
 def _swapped(
-    s: Setting, here: Setting, found: list[_Pick], weight: Array, options: Options, say: Progress
+    s: Setting, here: Setting, found: list[_Pick], weight: Array, options: Options, say: Messages
 ) -> tuple[Setting, list[_Pick]]:
     """Look at the first effect again now that the second is there: alone it may have stood for both."""
     first, second = found

@@ -18,10 +18,9 @@ from doe.tables.measurements import Measurements
 from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
 
 DOWN = ((0.0, 0.0, -1.0),)
-# Weight of the payload per kg.
-GRAVITY = 9.81
 # Loads are taken from the readings so far, at most so many of them.
 MOST_LOADS = 4
 # Candidates of a proposal: poses that fill the ranges, in whole degrees, as a sheet is set by hand.
@@ -164,7 +163,7 @@ def _cycle(
     usual = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_LOADS)).round().astype(int))]
     up = usual if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
     payload = s.description.payload
-    most = max(float(known.max(initial=0.0)), np.inf if payload is None else payload.si * GRAVITY)
+    most = max(float(known.max(initial=0.0)), np.inf if payload is None else payload.si * STANDARD_GRAVITY)
     if len(up) == 0 or not np.isfinite(up).all() or up[0] <= 0.0 or up[-1] > most:
         raise InputError(
             "loads to measure next (N)",

@@ -29,9 +29,9 @@ from meshes.array_cache import ArrayCache
 from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
+from robots.progress import Messages, Progress
 
 Build = Callable[[ModelDescription], ArmModel]
-Progress = Callable[[str], None]
 
 FORMAT = "stiffarm-stage/2"
 # Numbers that were kept are those of these readings if one more round of the estimator changes the noise and the
@@ -92,7 +92,7 @@ def run_campaign(
     campaign: Campaign,
     *,
     store: ArrayCache | None = None,
-    progress: Progress | None = None,
+    progress: Messages | None = None,
     own: Sequence[Maker] = (),
     history: History | None = None,
 ) -> Calibration:
@@ -272,9 +272,7 @@ def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], 
     )
 
 
-def leave_one_pose_out(
-    result: StageResult, progress: Callable[[int, int], None] | None = None
-) -> tuple[Array, dict[str, str]]:
+def leave_one_pose_out(result: StageResult, progress: Progress | None = None) -> tuple[Array, dict[str, str]]:
     """Errors (m,) read minus predicted of each pose by an estimate on the others; NaN where they cannot tell.
 
     The noise is that of the whole estimate. A pose that alone determines a number is not predicted; the second

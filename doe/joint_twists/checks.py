@@ -13,6 +13,7 @@ from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from fem.statics.ports import ROWS
 from robots.arrays import Array, Bools
+from robots.constants import NORMAL_95
 
 # Cycles that load a row by less than this share of the most say little about its loop.
 LOADED = 0.3
@@ -42,7 +43,7 @@ class Loop:
     @property
     def proven(self) -> bool:
         """Whether the width is beyond chance at 95 %."""
-        return bool(abs(self.width) > 1.96 * self.spread)
+        return bool(abs(self.width) > NORMAL_95 * self.spread)
 
 
 def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:

@@ -10,7 +10,6 @@ local optimum: good, not proven best.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,9 +17,9 @@ import numpy as np
 
 from robots import InputError
 from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 Criterion = Literal["D", "A", "I"]
-Progress = Callable[[int, int], None]
 
 CRITERIA: tuple[Criterion, ...] = ("D", "A", "I")
 MOST_SWEEPS = 30

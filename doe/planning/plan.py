@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.estimation.noise import Noise
-from doe.planning.optimal_choice import Choice, Criterion, Progress, choose, judge
+from doe.planning.optimal_choice import Choice, Criterion, choose, judge
 from doe.planning.outset import Outset
 from doe.planning.random_plans import random_values
 from fem.free.model import FreeModel
@@ -15,6 +15,7 @@ from fem.free.parameters import Parameter
 from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
 from robots.arrays import Array, Bools
+from robots.progress import Progress
 
 # Random plans are drawn up to so many times as many set-ups as chosen ones.
 RANDOM_REACH = 4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +15,8 @@ from fem import ArmModel
 from fem.springs import ConstantSpring, SpringLaw, spring_from
 from robots import InputError
 from robots.arrays import Array
+from robots.progress import Messages
 from robots.schema.description import LogPolynomialLaw
-
-Progress = Callable[[str], None]
 
 # A spring whose whole influence on a reading is below this share of the gauge was not tested there.
 UNTESTED_SHARE_OF_GAUGE = 0.01
@@ -58,7 +56,7 @@ def calibrate_staged(
     *,
     spacing: str = "log",
     skip_poses: tuple[str, ...] = (),
-    progress: Progress | None = None,
+    progress: Messages | None = None,
 ) -> StagedResult:
     """Run the scheme's stages on the readings (already selected by load).
 
@@ -110,7 +108,7 @@ def _run_stage(
     poses: tuple[str, ...],
     springs: dict[str, SpringLaw],
     spacing: str,
-    progress: Progress | None,
+    progress: Messages | None,
 ) -> tuple[PoseFit, ...]:
     columns = [model.robot.joint_names.index(joint) for joint in stage.joints]
     current = model.with_springs(springs)

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.statics.gravity import STANDARD_GRAVITY
 from robots import ModelDescription, Robot
 from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
+from robots.kinematics import stretched_length
 
 # The reference class: 180 kg payload, 1200 kg mass, 2.7 m from axis 1.
 REFERENCE_TORQUE_Nm = STANDARD_GRAVITY * 2.7 * (180.0 + 0.15 * 1200.0)
@@ -63,10 +64,11 @@ def arm_class(description: ModelDescription, robot: Robot) -> ArmClass:
 
 
 def reach_of(robot: Robot) -> float:
-    """How far (m) the stretched arm reaches from axis 1: lengths from joint to joint, up to the flange."""
-    steps = [*robot.T_pre[1:, :3, 3], robot.T_last_flange[:3, 3]]
+    """How far (m) the stretched arm reaches from axis 1, up to the flange."""
     # What lies along axis 1 lifts the arm and does not reach.
-    return float(np.linalg.norm(steps[0][:2]) + sum(np.linalg.norm(step) for step in steps[1:]))
+    first = robot.T_pre[1, :3, 3] if robot.dof > 1 else robot.T_last_flange[:3, 3]
+    lifted = np.linalg.norm(first) - np.linalg.norm(first[:2])
+    return float(stretched_length(robot, np.zeros(3)) - lifted)
 
 
 def _torque(description: ModelDescription, reach: float) -> tuple[float, float, str]:

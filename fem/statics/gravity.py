@@ -9,9 +9,8 @@ import numpy as np
 from fem.model import ArmModel
 from fem.statics.transfers import axial_transfers
 from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
 from robots.kinematics import forward_kinematics
-
-STANDARD_GRAVITY = 9.80665
 
 
 def gravity_torque(model: ArmModel, q: Array) -> Array:

@@ -24,10 +24,10 @@ from machining.cell.schema import (
 from machining.cell.solids import Body, Solid, box, cylinder, mesh_file, sphere
 from robots import InputError, InputErrors
 from robots.arrays import Array
+from robots.constants import MM
 from robots.files.reading import parse_toml, read_text
 from robots.robot import rotation_rpy
 
-MM = 1e-3
 _WORDS = {
     "missing": ("this key is missing", "add it"),
     "extra_forbidden": ("unknown key", "check its spelling, or remove it"),

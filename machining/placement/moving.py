@@ -17,7 +17,7 @@ import numpy as np
 from machining.placement.axis_motion import followed
 from machining.placement.problem import Problem
 from machining.placement.reach import shortfalls, unreachable
-from machining.placement.search import Progress, coarse_counts, with_weights
+from machining.placement.search import coarse_counts, with_weights
 from machining.placement.sweeping import Sites, distances, sweep_sites
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, highest_floor
 from machining.posture.drive import FREE_STEP, limit_distance
@@ -27,6 +27,7 @@ from robots import InputError, Robot
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.solutions import why_no_closed_form
 from robots.inverse.turns import every_turn
+from robots.progress import Progress
 
 # Knots, and the most that an axis moves from one to the next (share of its range); the next where one leads nowhere.
 TRIALS = ((40, 0.15), (80, 0.05), (120, 0.02))

@@ -23,6 +23,7 @@ from machining.posture.points import GammaRange
 from machining.stiffness.criterion import Criterion
 from robots import InputError
 from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 Mode = Literal["fixed", "steps", "moving"]
 MODES: tuple[Mode, ...] = ("fixed", "steps", "moving")
@@ -132,12 +133,12 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     )
 
 
-def _named(said: Said | None, what: str) -> Callable[[int, int], None] | None:
+def _named(said: Said | None, what: str) -> Progress | None:
     return None if said is None else lambda done, total: said(what, done, total)
 
 
 def _fixed(
-    problem: Problem, surveyed: Survey, progress: Callable[[int, int], None] | None, *, optional: bool
+    problem: Problem, surveyed: Survey, progress: Progress | None, *, optional: bool
 ) -> tuple[Found | None, str | None]:
     try:
         return find_fixed(problem, surveyed, progress), None

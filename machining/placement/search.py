@@ -7,7 +7,6 @@ grid reaches the whole path, what is lacking is made smaller first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 # Points of the path that positions are compared on: on the coarse grid, and while refining.
 COARSE_ROWS, FINE_ROWS = 24, 60
@@ -41,8 +41,6 @@ FINER, AROUND = 2, 8
 TABLE_LEVER = 1.0
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

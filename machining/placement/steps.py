@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from machining.placement.problem import Problem
-from machining.placement.search import Progress, coarse_counts, with_weights
+from machining.placement.search import coarse_counts, with_weights
 from machining.placement.sweeping import Sites, in_the_way, sweep_sites
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
+from robots.progress import Progress
 
 # Points of the path that the programme runs over, and positions of its grid by the number of coordinates.
 ROWS = 120

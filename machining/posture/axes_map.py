@@ -16,11 +16,12 @@ import fem
 from machining.posture.drive import Drive, singular_distance
 from machining.posture.points import Sweep
 from machining.stiffness.objective import Objective
-from machining.sweep_parts import Progress, sweep_parts
+from machining.sweep_parts import sweep_parts
 from machining.task import Task
 from robots import Reason, Robot
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.turns import every_turn
+from robots.progress import Progress
 
 Codes = NDArray[np.int8]
 

@@ -8,7 +8,6 @@ fails, knots are added and the search is repeated.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +24,7 @@ from machining.task import Task, ToolPath
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
+from robots.progress import Progress
 
 # Knots at first; enough that a smooth surface's gamma is found, few enough for a second's search.
 KNOTS = 300
@@ -55,7 +55,7 @@ def optimise_long_path(
     knots: int = KNOTS,
     passes: int = 3,
     generator: np.random.Generator | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> LongCourse:
     """Choose gamma, branch and turns along a path of any length.
 

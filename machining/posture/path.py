@@ -38,6 +38,7 @@ from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array
 from robots.inverse.turns import every_turn
+from robots.progress import Progress
 
 # Angles of a finer grid around a course: four cells to either side.
 OFFSETS = np.linspace(-1.0, 1.0, 9)
@@ -72,7 +73,7 @@ def optimise_path(
     *,
     passes: int = 4,
     generator: np.random.Generator | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> PathPosture:
     """Choose gamma, branch and turns along a whole path.
 
@@ -138,7 +139,7 @@ def course_at(
 class _Said:
     """Counts the steps of a search for whoever shows them."""
 
-    def __init__(self, progress: Callable[[int, int], None] | None, passes: int) -> None:
+    def __init__(self, progress: Progress | None, passes: int) -> None:
         self.progress, self.done, self.total = progress, 0, passes + 4
 
     def next(self) -> None:

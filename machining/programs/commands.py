@@ -13,10 +13,8 @@ from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Motions
 from robots import InputError
 from robots.arrays import Array, Bools
+from robots.constants import MM, MM_MIN, RPM
 
-MM = 1e-3
-MM_MIN = 1e-3 / 60.0
-RPM = 2.0 * np.pi / 60.0
 # Shortest time of a move (s): an inverse time must stay a number that a controller reads.
 SHORTEST = 1e-4
 # Changes of the tip (m) and of angles (rad) below these are rounding: they give no time to a move.

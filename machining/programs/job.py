@@ -14,7 +14,7 @@ from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from robots import InputError
 from robots.arrays import Array
-from robots.inverse.axis_lines import axis_lines
+from robots.kinematics import stretched_length
 
 Kind = Literal["cartesian", "joint"]
 
@@ -189,9 +189,9 @@ def job_of(program: JointProgram, kind: Kind, options: WriteOptions, convention:
     )
 
 
-def reach_of(program: JointProgram) -> float:
-    """Farthest (m) that the tip can be from any joint axis: the arm stretched out, and the tool."""
-    return axis_lines(program.robot).length + float(np.linalg.norm(program.cell.tool.T_flange_tool[:3, 3]))
+def farthest(program: JointProgram) -> float:
+    """Farthest (m) that the tip can be from any joint axis."""
+    return stretched_length(program.robot, program.cell.tool.T_flange_tool[:3, 3])
 
 
 def precision_notes(job: Job, orientation: tuple[str, int, float]) -> list[str]:
@@ -201,7 +201,7 @@ def precision_notes(job: Job, orientation: tuple[str, int, float]) -> list[str]:
     """
     decimals, program = job.options.decimals, job.program
     half_mm, half_deg = 0.5 * 10.0**-decimals.length, 0.5 * 10.0**-decimals.angle
-    reach = reach_of(program)
+    reach = farthest(program)
     linear = program.travel.shape[1] * half_mm * 1e-3
     turning = np.radians(half_deg) * program.robot.dof
     tip, turned = turning * reach + linear, turning

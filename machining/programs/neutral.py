@@ -17,11 +17,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from machining.programs.commands import MM_MIN, RPM
 from machining.programs.orientation import quaternions
 from machining.programs.program import JointProgram
 from machining.programs.source_text import comment
 from robots.arrays import Array
+from robots.constants import MM_MIN, RPM
 from robots.files.csv_text import rows_text
 
 SCHEMA = "stiffarm-program/1"

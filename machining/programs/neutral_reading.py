@@ -10,13 +10,13 @@ import numpy as np
 
 from machining import magnitudes as limits
 from machining.cell import Cell
-from machining.programs.commands import MM_MIN, RPM
 from machining.programs.neutral import FRAME, SCHEMA, columns
 from machining.programs.orientation import framed, from_quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Event, Motions, Note, Tool
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.constants import MM_MIN, RPM
 from robots.files.reading import parse_json
 
 # Degrees, and mm of external axes.

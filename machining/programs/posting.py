@@ -29,6 +29,7 @@ from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Integers
+from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
 ROUNDS = 6
@@ -98,7 +99,7 @@ def post(
     cell: Cell,
     motions: Motions,
     settings: PostSettings | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Posted:
     """Make a program of a tool path.
 
@@ -225,7 +226,7 @@ def _course(
     cell: Cell,
     state: PostState,
     settings: PostSettings,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> Course:
     """Postures at every move; points that repeat the one before share its posture."""
     task, place = task_of(cell, state, settings.table, settings.reference)

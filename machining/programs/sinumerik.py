@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from machining.programs.job import Job, reach_of
+from machining.programs.job import Job, farthest
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import common, part_names, plain
@@ -52,7 +52,7 @@ def write(job: Job, made: Sandbox) -> list[ProgramFile]:
     per_minute = o.sinumerik.feed == "per_minute"
     names = [name.upper() for name in part_names(job, o.name)]
     # Of an axis that turns the farthest point by the zone.
-    blend = np.degrees(o.blend_mm * 1e-3 / reach_of(job.program))
+    blend = np.degrees(o.blend_mm * 1e-3 / farthest(job.program))
     own_main = {
         "parts": names,
         "group": axes if per_minute else [],

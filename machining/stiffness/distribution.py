@@ -19,11 +19,12 @@ from numpy.typing import ArrayLike
 
 import fem
 from machining.stiffness.objective import Objective
-from machining.sweep_parts import Progress, sweep_parts
+from machining.sweep_parts import sweep_parts
 from machining.task import Task, ToolPath
 from robots import InputError, Reason
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.solutions import why_no_closed_form
+from robots.progress import Progress
 
 Over = Literal["reached", "common"]
 

@@ -8,7 +8,6 @@ its ends are c0 and c1 and no two bodies move against each other by more than L 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +17,7 @@ from machining.cell.scene import Pair
 from machining.verification.courses import Courses
 from machining.verification.motion_bound import MotionBound, motion_bound
 from robots.arrays import Array, Bools, Integers
-
-Progress = Callable[[int, int], None]
+from robots.progress import Progress
 
 # Moves whose intervals are held at once.
 CHUNK = 512

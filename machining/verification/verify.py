@@ -17,9 +17,10 @@ from machining.verification.moving_axes import MovingAxes
 from machining.verification.offences import Kind, Offence, Severity, merged
 from machining.verification.path_checks import PathChecks, path_checks
 from machining.verification.reasons import Reported, axis_offences, body_offences, path_offences
-from machining.verification.sweep import Progress, Swept, sweep
+from machining.verification.sweep import Swept, sweep
 from machining.verification.timing import Timing, timing_of
 from robots import InputError
+from robots.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,6 +124,11 @@ def read_bytes(
     return data
 
 
+def read_sha256(path: Path | str, kind: str, *, remedy: str = "check the path") -> str:
+    """SHA-256 of an ordinary file; arguments and errors as :func:`read_bytes`."""
+    return hashlib.sha256(read_bytes(path, kind, remedy=remedy)).hexdigest()
+
+
 def read_text(
     path: Path | str, kind: str, *, most: int = LARGEST_FILE, remedy: str = "check the path", kept: bool = True
 ) -> str:

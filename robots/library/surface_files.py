@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import re
 import shutil
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from robots.errors import InputError
-from robots.files.reading import read_bytes
+from robots.files.reading import read_sha256
 from robots.files.written import written_whole
 from robots.schema.description import ModelDescription, Surface
 
@@ -111,4 +110,4 @@ def _with_files(description: ModelDescription, name: Callable[[str, Surface], st
 
 def _digest(link: str, path: Path) -> str:
     remedy = f"put it back beside the model file, or import the link again ({link})"
-    return hashlib.sha256(read_bytes(path, "surface file", remedy=remedy)).hexdigest()
+    return read_sha256(path, "surface file", remedy=remedy)

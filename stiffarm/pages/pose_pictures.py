@@ -5,18 +5,18 @@ from __future__ import annotations
 import base64
 import io
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
 
 from robots import ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.constants import M_TO_MM
+from robots.progress import Progress
 from stiffarm.pages import style
-from stiffarm.pages.robot_drawing import M_TO_MM, DrawnBody, draw_robot
+from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Window, z_buffer_image
-
-Progress = Callable[[int, int], None]
 
 # Width and height in pixels: some 300 dpi at the size on the page.
 WIDTH, HEIGHT = 640, 520

@@ -22,10 +22,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robots import InputError
+from robots.constants import M_TO_MM, N_PER_M_TO_N_PER_MM
 from stiffarm.pages import style
 from stiffarm.pages.robot_drawing import DrawnBody
 from stiffarm.pages.scenes import Image, Scene, Window, gl_image, z_buffer_image
-from surrogate.maps.vtk_files import M_TO_MM, N_PER_M_TO_N_PER_MM, StiffnessMap
+from surrogate.maps.vtk_files import StiffnessMap
 
 Renderer = Literal["pyvista", "matplotlib"]
 

@@ -17,6 +17,7 @@ from meshes.beams import body_index
 from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.constants import M_TO_MM
 from robots.kinematics import BodyFrames
 from robots.schema.description import BoxSection, Link, TubeSection
 
@@ -33,7 +34,6 @@ ROBOT_COLOURS: Final = MappingProxyType(
         "tool": "#3C4147",
     }
 )
-M_TO_MM = 1e3
 _COINCIDENT_M = 1e-6
 _ROUND = 32  # sides of a circle
 _TRANSVERSE = 0.6  # below this cosine a joint axis counts as across the centre line

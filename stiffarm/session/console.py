@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from rich.text import Text
 from robots import InputError
 from robots.errors import one_line
 from robots.files.reading import recording
+from robots.progress import Progress
 from stiffarm.session.interruption import EXIT_STOPPED, stoppable
 from stiffarm.session.json_text import json_text
 from stiffarm.session.streams import CLOSED, silence
@@ -74,7 +75,7 @@ def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
 
 
 @contextmanager
-def progress(description: str) -> Iterator[Callable[[int, int], None]]:
+def progress(description: str) -> Iterator[Progress]:
     """A bar with a count and the time left; call it with (done, total). Only a terminal sees it."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -19,53 +19,74 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.reading_checks import check_readings
 
+# Options that most commands have, listed last in a group of their own.
+COMMON = "Common options"
+
 ModelArg = Annotated[
-    str, typer.Argument(metavar="MODEL", help="bundled name (see `stiffarm robots`), a model TOML or a URDF")
+    str, typer.Argument(metavar="MODEL", help="A bundled name (see `stiffarm robots`), a model TOML or a URDF.")
 ]
 DataArg = Annotated[
     Path | None,
-    typer.Argument(metavar="[DATA]", help="measurement table, CSV or XLSX; default: the bundled one"),
+    typer.Argument(metavar="[DATA]", help="Measurement table (CSV/XLSX). Default: the robot's bundled table."),
 ]
 TablesArg = Annotated[
     list[Path] | None,
     typer.Argument(
         metavar="DATA",
-        help="measurement tables, CSV or XLSX, as one; a filled-in sheet goes beside the table that it adds to; "
-        "default, and by the name bundled: the robot's own",
+        help="One or more measurement tables (CSV/XLSX), combined. Pass a filled-in sheet together with "
+        "the table it extends. Default: the robot's bundled table, also available as `bundled`.",
     ),
 ]
 Links = Annotated[
     str | None,
     typer.Option(
         "--links",
-        help="beam, shell or rigid; default: as calibrated, else beam. shell:distributing leaves the flanges free to "
-        "warp (the soft bound), shell:rigid holds them (the stiff bound); shell takes what the model says",
+        help="Link model: beam, shell or rigid. shell:distributing lets the flanges warp (soft bound), "
+        "shell:rigid keeps them flat (stiff bound), shell uses the model's choice. Default: as "
+        "calibrated, otherwise beam.",
     ),
 ]
-LoadPathOpt = Annotated[str | None, typer.Option("--load-path", help="parallelogram or serial; default: the model's")]
+LoadPathOpt = Annotated[
+    str | None, typer.Option("--load-path", help="Load path: parallelogram or serial. Default: the model's.")
+]
 ConfirmUnits = Annotated[
     bool,
-    typer.Option("--confirm-units", help="the table's units have been checked: take it though they look like others"),
+    typer.Option(
+        "--confirm-units",
+        help="Accept the table although its values look like other units; use it after checking them.",
+    ),
 ]
-Out = Annotated[Path | None, typer.Option("--out", help="folder for results")]
-Json = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
-Debug = Annotated[bool, typer.Option("--debug", help="show tracebacks")]
+Out = Annotated[
+    Path | None, typer.Option("--out", rich_help_panel=COMMON, help="Folder for the results; it is created if needed.")
+]
+Json = Annotated[
+    bool, typer.Option("--json", rich_help_panel=COMMON, help="Print the result as one JSON object on stdout.")
+]
+Debug = Annotated[bool, typer.Option("--debug", rich_help_panel=COMMON, help="Show tracebacks of errors.")]
 Joints = Annotated[
-    str | None, typer.Option("--joints", help="joints, as in j2,j3; default: the scheme's or all that matter")
+    str | None,
+    typer.Option(
+        "--joints", help="Joints, separated by commas, as in j2,j3. Default: the scheme's, otherwise all that matter."
+    ),
 ]
 Loads = Annotated[
     str | None,
-    typer.Option("--loads", help="force magnitudes in N, as in 150,650, or all; default: the scheme's, else all"),
+    typer.Option(
+        "--loads",
+        help="Loads to use, in N, separated by commas, as in 150,650, or all. Default: the scheme's, otherwise all.",
+    ),
 ]
-Seed = Annotated[int, typer.Option("--seed", help="of the random numbers", min=0)]
+Seed = Annotated[int, typer.Option("--seed", rich_help_panel=COMMON, help="Seed of the random numbers.", min=0)]
 EffectFile = Annotated[
     list[Path] | None,
     typer.Option(
-        "--effect", metavar="FILE.py", help="Python file with effects of your own; it is executed. May be repeated"
+        "--effect",
+        metavar="FILE.py",
+        help="Python file that defines your own effects. The file is executed. May be repeated.",
     ),
 ]
 SchemeFile = Annotated[
-    Path | None, typer.Option("--scheme-file", help="calibration scheme TOML; default: the bundled one")
+    Path | None, typer.Option("--scheme-file", help="Calibration scheme (TOML). Default: the robot's bundled scheme.")
 ]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
-import hashlib
 import platform
 import sys
 import time
@@ -16,7 +15,7 @@ from typing import Any, Self
 
 from robots import InputError
 from robots.files.published import Stage
-from robots.files.reading import read_bytes, recorded
+from robots.files.reading import read_sha256, recorded
 from robots.files.unfinished import tidied_by
 from robots.files.written import sha256_of
 from stiffarm.session.interruption import undisturbed
@@ -154,7 +153,7 @@ def _digest(item: Path | str) -> str:
         return item
     ledger = recorded()
     found = None if ledger is None else ledger.of(item)
-    return hashlib.sha256(read_bytes(item, "input file")).hexdigest() if found is None else found
+    return read_sha256(item, "input file") if found is None else found
 
 
 def _version(package: str) -> str:

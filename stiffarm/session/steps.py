@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -35,13 +34,12 @@ from fem.effects import History, PlacedEffect, observed
 from fem.statics.loads import as_loaded
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
-from robots.files.reading import read_bytes
+from robots.files.reading import read_sha256
+from robots.progress import Progress
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
 from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
 from surrogate.model import predict_compliance
-
-Progress = Callable[[int, int], None]
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
@@ -186,7 +184,7 @@ def calibrate_constant(
 def bundled_sha256(robot: str) -> str | None:
     """Hash of the measurement table bundled with a robot, or None."""
     try:
-        return hashlib.sha256(read_bytes(bundled_data(robot), "measurement file")).hexdigest()
+        return read_sha256(bundled_data(robot), "measurement file")
     except InputError:
         return None
 

@@ -23,21 +23,23 @@ ToolOpt = Annotated[
     typer.Option(
         "--tool",
         metavar="X,Y,Z[,A,B,C]",
-        help="tool tip on the flange, mm and deg (a, b, c about the fixed axes x, y, z in this order); the tool's z "
-        "axis leads out of the holder through the tip; default: the model's tool",
+        help="Tool frame on the flange, in mm and deg (a, b, c about the fixed axes x, y, z in this "
+        "order); its z axis points out of the holder through the tip. Default: the model's tool.",
     ),
 ]
 PartOpt = Annotated[
     str | None,
     typer.Option(
-        "--part", metavar="X,Y,Z[,A,B,C]", help="part frame in the base frame, mm and deg; default: the base frame"
+        "--part", metavar="X,Y,Z[,A,B,C]", help="Part frame in the base frame, in mm and deg. Default: the base frame."
     ),
 ]
-NormalOpt = Annotated[str, typer.Option("--normal", metavar="X,Y,Z", help="surface normal, base axes")]
+NormalOpt = Annotated[str, typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes.")]
 GammaOpt = Annotated[
     str,
     typer.Option(
-        "--gamma", metavar="FROM:TO:STEP", help="angles about the tool axis, deg; a full turn counts its two ends once"
+        "--gamma",
+        metavar="FROM:TO:STEP",
+        help="Angles gamma about the tool axis, in deg; the two ends of a full turn count once.",
     ),
 ]
 
@@ -46,7 +48,8 @@ ReferenceOpt = Annotated[
     typer.Option(
         "--reference",
         metavar="X,Y,Z",
-        help="direction in the part frame that gamma counts from; default: x, or y where the tool comes near x",
+        help="Direction in the part frame from which gamma is measured. Default: x, or y if the tool axis "
+        "comes close to x.",
     ),
 ]
 

@@ -24,29 +24,43 @@ from stiffarm.session.task_options import parse_frame, parse_joint_figures, pars
 CellOpt = Annotated[
     Path | None,
     typer.Option(
-        "--cell", metavar="CELL.toml", help="cell file: tool, part, fixtures, floor, linear axes, joint speeds"
+        "--cell",
+        metavar="CELL.toml",
+        help="Cell file (TOML): tool, part, fixtures, floor, linear axes and joint speeds.",
     ),
 ]
 ForceOpt = Annotated[
     str | None,
-    typer.Option("--force", metavar="X,Y,Z", help="cutting force on the tool, N: predicts the error it leaves"),
+    typer.Option(
+        "--force",
+        metavar="X,Y,Z",
+        help="Cutting force on the tool, in N, in the axes of --force-axes; predicts the resulting surface error.",
+    ),
 ]
 ForceAxesOpt = Annotated[
-    str, typer.Option("--force-axes", help="axes of --force: base, part, or process (feed, cross-feed, tool axis)")
+    str, typer.Option("--force-axes", help="Axes of --force: base, part, or process (feed, cross-feed, tool axis).")
 ]
 MillingOpt = Annotated[
     Path | None,
-    typer.Option("--milling", metavar="MILLING.toml", help="end mill, cut and coefficients instead of --force"),
+    typer.Option(
+        "--milling",
+        metavar="MILLING.toml",
+        help="Milling file (TOML) with end mill, cut and coefficients; replaces --force.",
+    ),
 ]
 KindOpt = Annotated[
-    str | None, typer.Option("--kind", help="of the tool path file: apt, gcode or csv; default: by name")
+    str | None, typer.Option("--kind", help="Format of the tool-path file: apt, gcode or csv. Default: by its name.")
 ]
 UnitsOpt = Annotated[
-    str | None, typer.Option("--units", help="of the tool path file, mm or inch, where it does not say")
+    str | None,
+    typer.Option("--units", help="Length unit of the tool-path file (mm or inch), if the file does not state it."),
 ]
-RotaryOpt = Annotated[str, typer.Option("--rotary", help="kinematics of rotary axes in G-code, as table-AC or head-BC")]
+RotaryOpt = Annotated[
+    str, typer.Option("--rotary", help="Rotary axes of the machine for G-code: none, or as in table-AC or head-BC.")
+]
 TcpOpt = Annotated[
-    bool, typer.Option("--tcp", help="X Y Z of G-code are the tool tip from its first line, without G43.4 or TRAORI")
+    bool,
+    typer.Option("--tcp", help="G-code coordinates are the tool tip from the first line on, without G43.4 or TRAORI."),
 ]
 # Remarks of a reader on the screen.
 NOTES_SHOWN = 10

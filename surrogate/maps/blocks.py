@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots import forward_kinematics, tool_position
+from robots.progress import Progress
 from surrogate.maps.candidates import Arm
 from surrogate.maps.layouts import MapGrid, points_of, poses_of
 from surrogate.maps.poses import Extreme, PoseRule
@@ -16,7 +17,6 @@ from surrogate.maps.quantities import Quantities
 from surrogate.maps.store import Column, MapStore
 
 Block = Mapping[str, NDArray[np.generic]]
-Progress = Callable[[int, int], None]
 
 # Points a block: some tenths of a second where poses are given, some seconds where they are searched for.
 POINTS_GIVEN, POINTS_SEARCHED = 16_384, 4_096

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
+from robots.progress import Progress
 from surrogate.maps.store import MapStore
 
 Answer = Mapping[str, Any]
 Work = Callable[[str, int], Answer]
-Progress = Callable[[int, int], None]
 
 # Seconds for the scheduler to answer, for a first worker to be there, and without any worker before giving up.
 CONNECT_s, FIRST_WORKER_s, PATIENCE_s = 5.0, 20.0, 120.0

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.arrays import Array
+from robots.constants import M_TO_MM
 from robots.errors import InputError
 from surrogate.maps.data import Field, MapData
 
 # Rows in memory at a time: one megabyte a column.
 ROWS_A_BLOCK = 1 << 17
 NO_CATEGORY = -1
-M_TO_MM = 1e3
 # The writers' own array: whether there is a pose.
 REACHED_ARRAY = "reached"
 

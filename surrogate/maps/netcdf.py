@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from robots.constants import M_TO_MM
 from robots.errors import InputError
 from surrogate.maps.columns import (
-    M_TO_MM,
     NO_CATEGORY,
     REACHED_ARRAY,
     ROWS_A_BLOCK,

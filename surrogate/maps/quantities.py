@@ -11,11 +11,11 @@ import fem
 from fem.statics.budget import whole_joints
 from robots import InputError, singularity_distance
 from robots.arrays import Array
+from robots.constants import N_PER_M_TO_N_PER_MM
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot
 from surrogate.maps.orientation import unit_vector
 
-N_PER_M_TO_N_PER_MM = 1e-3
 # Share of a pose's whole compliance below which that along the load is rounding.
 RIGID = 1e-14
 # Poses from which on compiled loops are worth their call: a search asks for some at a time, thousands of times.

@@ -8,6 +8,7 @@ import numpy as np
 
 from robots import InputError, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.progress import Progress
 from surrogate.maps.vtk_files import StiffnessMap, grid_cells
 
 POSES_A_BLOCK = 16384
@@ -33,7 +34,7 @@ def sweep_map(
     *,
     scalars: Mapping[str, Callable[[Array], Array]] | None = None,
     metadata: Mapping[str, str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> StiffnessMap:
     """Sweep up to three coordinates over their limits; the poses the robot cannot take are left out.
 
@@ -87,7 +88,7 @@ def _evaluate(
     robot: Robot,
     q: Array,
     functions: Mapping[str, Callable[[Array], Array]],
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> tuple[Array, dict[str, Array]]:
     position = np.empty((len(q), 3))
     out = {name: np.empty(len(q)) for name in functions}

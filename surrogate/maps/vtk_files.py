@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike
 
 from robots import InputError
 from robots.arrays import Array, Integers
+from robots.constants import M_TO_MM, N_PER_M_TO_N_PER_MM
 from robots.files.written import written_whole
 
 STIFFNESS_ARRAY = "stiffness_N_per_mm"
-N_PER_M_TO_N_PER_MM = 1e-3
-M_TO_MM = 1e3
 
 # Corners of a cell as index steps, in VTK's order of corners.
 _QUAD = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from robots.arrays import Array
+from robots.constants import M_TO_MM
 from robots.errors import InputError
 from surrogate.maps.cells import VTK_VERTEX, CellGrid, cell_grid
-from surrogate.maps.columns import M_TO_MM, REACHED_ARRAY, Column, free_name, map_columns, points_mm, row_blocks
+from surrogate.maps.columns import REACHED_ARRAY, Column, free_name, map_columns, points_mm, row_blocks
 from surrogate.maps.data import MapData
 from surrogate.maps.vtk_appended import AppendedFile, DataArray, Section
 from surrogate.maps.whole_file import whole_file

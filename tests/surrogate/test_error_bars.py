@@ -10,10 +10,11 @@ from arm_cases import arm_compliance, few_runs, fitted, planar_scope, poses, spr
 from scipy.stats import spearmanr
 
 from robots import InputError, load_description
+from robots.constants import NORMAL_95
 from surrogate import scope_of, task_of, train
 from surrogate.asking import query
 from surrogate.basis import make_basis
-from surrogate.error_bars import MATTERS, NORMAL_95, ErrorBars, ParameterBars, learn_bars
+from surrogate.error_bars import MATTERS, ErrorBars, ParameterBars, learn_bars
 from surrogate.model import predict, predict_compliance
 
 K = 3

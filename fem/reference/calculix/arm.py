@@ -29,12 +29,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fem.model import ArmModel, LinkPart, independent_springs
-from fem.reference.calculix.deck import MM_PER_M, Deck, Freedom, ascii_text, number, safe_name
+from fem.reference.calculix.deck import Deck, Freedom, ascii_text, number, safe_name
 from fem.reference.calculix.links import Motion, add_link, follow
 from fem.reference.shell_arm import all_links, both, one_pose, shell_of
 from fem.statics.flexibility import deflection
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import M_TO_MM
 from robots.kinematics import BodyFrames, forward_kinematics, tool_position
 
 # Names of the six directions of a joint, the base or the tool.
@@ -74,7 +75,7 @@ class _Arm:
 
     def scalar(self, name: str, what: str, at: Array, stiffness: float | None) -> Freedom:
         """A node at ``at`` (3,) m whose direction 1 is a relative motion, with its spring (N/mm, N mm/rad)."""
-        freedom = self.deck.scalar(MM_PER_M * at, name, f"direction 1 is {what}", stiffness)
+        freedom = self.deck.scalar(M_TO_MM * at, name, f"direction 1 is {what}", stiffness)
         self.scalars.append(freedom[0])
         return freedom
 
@@ -86,10 +87,10 @@ class _Arm:
             unit = "mm" if shift else "rad"
             column = both(R) @ direction
             if shift:
-                stiffness /= MM_PER_M
+                stiffness /= M_TO_MM
             else:
-                column[:3] *= MM_PER_M
-                stiffness *= MM_PER_M
+                column[:3] *= M_TO_MM
+                stiffness *= M_TO_MM
             what = f"relative motion {label.lower()} ({unit}) of {name.lower()}, its own axes"
             motion = motion.plus(self.scalar(f"{name}_{label}", what, at, stiffness), column)
         return motion
@@ -103,7 +104,7 @@ class _Arm:
         what = f"the turn (rad) about the axis of joint {ascii_text(part.name)}"
         what += "; it is free, for the actuator sits at the crank" if free else ""
         name = _name("ELBOW" if free else "J", joint + 1, part.name)
-        freedom = self.scalar(name, what, at, None if free else MM_PER_M / compliance)
+        freedom = self.scalar(name, what, at, None if free else M_TO_MM / compliance)
         return motion.plus(freedom, np.concatenate([np.zeros(3), axis]))
 
     def joint(self, motion: Motion, joint: int, R: Array, at: Array, q: Array, *, free: bool) -> Motion:
@@ -211,14 +212,14 @@ def _bar(arm: _Arm, crank: Motion, pin: Motion, span: Array, at: Array) -> None:
     compliance = arm.model.bar.compliance
     if compliance > 0.0:
         what = "the elongation (mm) of the parallelogram's bar"
-        arm.deck.equation(arm.scalar("BAR", what, at, 1.0 / (MM_PER_M * compliance)), elongation)
+        arm.deck.equation(arm.scalar("BAR", what, at, 1.0 / (M_TO_MM * compliance)), elongation)
         return
     pivot = max((f for f in elongation if not arm.deck.depends(f)), key=lambda f: abs(elongation[f]))
     arm.deck.equation(pivot, {f: -c / elongation[pivot] for f, c in elongation.items() if f != pivot})
 
 
 def _tool(deck: Deck, motion: Motion, position: Array) -> tuple[int, int]:
-    at = MM_PER_M * position[None]
+    at = M_TO_MM * position[None]
     node = int(deck.nodes(at, "TOOL", "the tool point, where the load acts; directions 1 to 3: displacement (mm)")[0])
     rotation = int(deck.nodes(at, "TOOL_ROT", "the same; directions 1 to 3: rotation (rad)")[0])
     follow(deck, node, rotation, motion)
@@ -233,7 +234,7 @@ def _header(deck: Deck, wrench: Array, expected: Array) -> Iterator[str]:
     yield f"Load at the tool point: force ({force}) N, moment ({moment}) N m, base axes. Linear static."
     yield ""
     yield "What stiffarm's own solution gives for the tool point (arm.dat: node sets TOOL and TOOL_ROT):"
-    yield "displacement (mm): " + " ".join(f"{MM_PER_M * v:.6g}" for v in expected[:3])
+    yield "displacement (mm): " + " ".join(f"{M_TO_MM * v:.6g}" for v in expected[:3])
     yield "rotation (rad):    " + " ".join(f"{v:.6g}" for v in expected[3:])
     yield ""
     yield f"{deck.nodes_made} nodes, {deck.elements_made} elements. What each set is:"
@@ -246,7 +247,7 @@ def _step(arm: _Arm, wrench: Array, tool: tuple[int, int]) -> Iterator[str]:
     yield "*CLOAD"
     for i, value in enumerate(wrench.tolist()):
         if value != 0.0:
-            yield f"{tool[0]},{i + 1},{number(value)}" if i < 3 else f"{tool[1]},{i - 2},{number(MM_PER_M * value)}"
+            yield f"{tool[0]},{i + 1},{number(value)}" if i < 3 else f"{tool[1]},{i - 2},{number(M_TO_MM * value)}"
     for name in ("TOOL", "TOOL_ROT", *(["SCALARS"] if arm.scalars else [])):
         yield f"*NODE PRINT,NSET={name}"
         yield "U"

@@ -19,7 +19,6 @@ from robots.arrays import Array, Integers
 
 Freedom = tuple[int, int]  # node and direction 1 to 6; 4 to 6 are rotations, which only shell nodes have
 
-MM_PER_M = 1e3
 PA_PER_MPA = 1e6
 # Coefficients below this share of an equation's largest are round-off of products of cosines.
 SMALLEST_SHARE = 1e-14

@@ -13,20 +13,12 @@ import scipy.sparse as sp
 from fem.elements.couplings import Coupling, distributing_coupling, giving_way, rigid_motion
 from fem.elements.shell import ring_parts
 from fem.model import LinkPart
-from fem.reference.calculix.deck import (
-    MM_PER_M,
-    Deck,
-    Freedom,
-    QuadraticMesh,
-    ascii_text,
-    number,
-    safe_name,
-    with_middles,
-)
+from fem.reference.calculix.deck import Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
 from fem.reference.shell_arm import shell_of
 from meshes import ShellMesh
 from robots import InputError
 from robots.arrays import Array, Integers
+from robots.constants import M_TO_MM
 
 # The beams: side as a share of the thinnest wall, modulus as a share of the wall's.
 BEAM_SIDE, BEAM_SOFTNESS = 0.1, 1e-3
@@ -50,7 +42,7 @@ class Motion:
 
     def carried(self, r: Array) -> Motion:
         """Motion of a point rigidly connected, r (3,) m away."""
-        return Motion(self.freedoms, rigid_motion(MM_PER_M * r[None])[0] @ self.G)
+        return Motion(self.freedoms, rigid_motion(M_TO_MM * r[None])[0] @ self.G)
 
     def plus(self, freedom: Freedom, direction: Array) -> Motion:
         """With one freedom more, along ``direction`` (6,)."""
@@ -100,16 +92,16 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     """
     mesh, label, where = shell_of(link), f"L{index}_{safe_name(link.name)}".rstrip("_"), ascii_text(link.name)
     quadratic = with_middles(mesh)
-    nodes = MM_PER_M * (origin + quadratic.nodes @ R.T)
+    nodes = M_TO_MM * (origin + quadratic.nodes @ R.T)
     what = f"link {where}, the first {quadratic.corners} are the corners in stiffarm's order, then mid-side nodes"
     first = int(deck.nodes(nodes, f"N_{label}", what)[0])
-    placed = _Placed(quadratic, nodes, first, MM_PER_M * float(mesh.thickness.min()))
+    placed = _Placed(quadratic, nodes, first, M_TO_MM * float(mesh.thickness.min()))
     _shell(deck, link, placed, label)
     _beams(deck, link, placed, label)
     interfaces = {}
     for name, point, ring in zip(mesh.interfaces, link.element.points, mesh.interfaces.values(), strict=True):
         tag, what = f"{label}_{safe_name(name)}", f"interface {ascii_text(name)} of {where}"
-        interfaces[name] = _interface(deck, tag, what, ring, MM_PER_M * (origin + R @ point))
+        interfaces[name] = _interface(deck, tag, what, ring, M_TO_MM * (origin + R @ point))
     kinds: list[Coupling] = [link.flanges.get(name, "rigid") for name in interfaces]
     parts = ring_parts(mesh, list(mesh.interfaces.values()), kinds)
     # Rigid rings first: a distributing one that shares nodes with them must know which freedoms are taken.
@@ -181,7 +173,7 @@ def _beams(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
 
 def _walls(mesh: ShellMesh) -> Array:
     """Thickness of each element (m + q,) mm to the digits that are written, so that round-off makes no step."""
-    return np.array([float(number(MM_PER_M * t)) for t in mesh.thickness.tolist()])
+    return np.array([float(number(M_TO_MM * t)) for t in mesh.thickness.tolist()])
 
 
 def _steps(thickness: Array, mesh: QuadraticMesh) -> Integers:

@@ -43,7 +43,11 @@ from stiffarm.session.own_effects import own_effects, own_files
 
 Free = Annotated[
     str | None,
-    typer.Option("--free", help="numbers set free, as in j2.stiffness,j3.rx,forearm.modulus; instead of --joints"),
+    typer.Option(
+        "--free",
+        help="Parameters to identify, separated by commas, as in j2.stiffness,j3.rx,forearm.modulus; "
+        "replaces --joints.",
+    ),
 ]
 
 
@@ -52,31 +56,58 @@ def calibrate(
     data: TablesArg = None,
     scheme: Annotated[
         str | None,
-        typer.Option("--scheme", help="staged (published) or global; default: staged where a scheme is known"),
+        typer.Option(
+            "--scheme",
+            help="Calibration scheme: staged (the published one) or global (all parameters at once). Default: "
+            "staged if a scheme is known for the robot.",
+        ),
     ] = None,
     joints: Joints = None,
     free: Free = None,
     campaign: Annotated[
-        Path | None, typer.Option("--campaign", help="calibration TOML: free numbers, ranges, priors, laws, stages")
+        Path | None,
+        typer.Option(
+            "--campaign", help="Campaign file (TOML): parameters to identify, their ranges, priors, laws and stages."
+        ),
     ] = None,
     effect: EffectFile = None,
     loads: Loads = None,
     spacing: Annotated[
-        str | None, typer.Option("--spacing", help="of the levels (staged): log or linear; default: log")
+        str | None,
+        typer.Option(
+            "--spacing", help="Spacing of the factor levels in a staged calibration: log or linear. Default: log."
+        ),
     ] = None,
     low: Annotated[
         float | None,
-        typer.Option(help="springs are expected from here (global), N m/rad; default: the scheme's, or 1e5"),
+        typer.Option(
+            help="Lower bound for joint stiffnesses in a global calibration, in N m/rad. Default: the "
+            "scheme's, otherwise 1e5."
+        ),
     ] = None,
     high: Annotated[
-        float | None, typer.Option(help="springs are expected to here (global), N m/rad; default: the scheme's, or 1e6")
+        float | None,
+        typer.Option(
+            help="Upper bound for joint stiffnesses in a global calibration, in N m/rad. Default: the "
+            "scheme's, otherwise 1e6."
+        ),
     ] = None,
     holdout: Annotated[
-        Path | None, typer.Option("--holdout", help="table of other poses, to judge the prediction (global)")
+        Path | None,
+        typer.Option(
+            "--holdout",
+            help="Measurement table of other poses (CSV/XLSX), kept out of the calibration to test its prediction.",
+        ),
     ] = None,
-    robust: Annotated[bool, typer.Option("--robust/--no-robust", help="outliers lose weight (global)")] = True,
+    robust: Annotated[bool, typer.Option("--robust/--no-robust", help="Give outliers less weight.")] = True,
     bootstrap: Annotated[
-        int, typer.Option("--bootstrap", help="draws of poses with replacement (global)", min=0, max=MOST_DRAWS)
+        int,
+        typer.Option(
+            "--bootstrap",
+            help="Number of bootstrap samples of the poses (drawn with replacement); 0 for none.",
+            min=0,
+            max=MOST_DRAWS,
+        ),
     ] = 0,
     seed: Seed = 0,
     confirm_units: ConfirmUnits = False,
@@ -87,7 +118,10 @@ def calibrate(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Find numbers of the model from measured deflections; writes a new model TOML and a report into --out."""
+    """Identify parameters from measured deflections.
+
+    Writes the calibrated model, the parameters with their intervals and a report into --out.
+    """
     with user_errors(debug):
         staged_only = {"--spacing": spacing}
         global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}

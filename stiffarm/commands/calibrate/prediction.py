@@ -17,8 +17,9 @@ from fem import ArmModel
 from fem.effects import History, Maker, PlacedEffect
 from robots import InputError, ModelDescription
 from robots.arrays import Array
+from robots.progress import Progress
 
-Count = Callable[[int, int], None]
+Count = Progress
 
 
 @dataclass(frozen=True)

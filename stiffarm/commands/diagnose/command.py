@@ -44,22 +44,36 @@ def diagnose(
     model: ModelArg,
     data: TablesArg = None,
     holdout: Annotated[
-        Path | None, typer.Option("--holdout", help="table of other poses, to judge the result by")
+        Path | None,
+        typer.Option(
+            "--holdout",
+            help="Measurement table of other poses (CSV/XLSX), kept out of the diagnosis to test its result.",
+        ),
     ] = None,
     effect: EffectFile = None,
     free: Annotated[
         str | None,
-        typer.Option("--free", help="joints whose springs are fitted, as in j2,j3; default: all with a spring"),
+        typer.Option(
+            "--free",
+            help="Joints whose stiffness is fitted, separated by commas, as in j2,j3. Default: all joints with"
+            " a spring.",
+        ),
     ] = None,
     next_poses: Annotated[
-        int, typer.Option("--next", help="set-ups to propose where something is not settled", min=0, max=30)
+        int,
+        typer.Option(
+            "--next",
+            help="Number of further set-ups to propose if the readings leave something open; 0 for none.",
+            min=0,
+            max=30,
+        ),
     ] = 3,
     setup_percent: Annotated[
         float,
         typer.Option(
             "--setup-percent",
-            help="scatter between set-ups to expect, in percent of the deflection: more than twice as much counts as "
-            "something unknown",
+            help="Expected scatter between set-ups, in percent of the deflection. More than twice as much "
+            "counts as an unknown effect.",
             min=0.05,
             max=20.0,
         ),
@@ -73,9 +87,10 @@ def diagnose(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Find what the model is missing: where it disagrees with readings, which physical effect explains it, how sure.
+    """Find out what the model is missing, and how sure that is.
 
-    Writes diagnosis.json, the model with what was found, and a report into --out.
+    Shows where the model disagrees with the readings, which physical effect explains it, and which set-ups to measure
+    next. Writes diagnosis.json, the model with the identified effects and a report into --out.
     """
     with user_errors(debug):
         chosen_loads = inputs.parse_loads(loads) or ()

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 from doe.diagnosis.diagnose import State
 from fem.effects import EffectParameter, PlacedEffect
+from robots.constants import NORMAL_95
 from robots.schema.units import factor
-
-# Half the width of a 95 % interval, in standard deviations.
-HALF = 1.96
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ def _number(placed: PlacedEffect, index: int, p: EffectParameter, sd: float | No
     ends: tuple[float | None, float | None] = (None, None)
     shown = None
     if sd is not None:
-        low, high = acts - HALF * sd, acts + HALF * sd
+        low, high = acts - NORMAL_95 * sd, acts + NORMAL_95 * sd
         if not p.signed:
             low = max(low, 0.0)
         if p.scale == "compliance":

@@ -15,6 +15,7 @@ from fem.effects import History, PlacedEffect
 from fem.model import ArmModel
 from fem.springs import ConstantSpring
 from robots.arrays import Array, Bools, Indices
+from robots.constants import NORMAL_95
 
 Axis = Literal["torque", "angle"]
 
@@ -23,8 +24,8 @@ ANGLE_LAWS = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
 POINTS = 181
 # Readings that a law moves by less than this share of the most tell too little about it to be drawn.
 LEVER = 0.25
-# Steps of differences in standard deviations, and half the width of a 95 % band in them.
-STEP, HALF = 0.1, 1.96
+# Steps of differences, in standard deviations.
+STEP = 0.1
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def _band(curves: Array, covariance: Array) -> tuple[Array, Array, Array]:
     of both is known.
     """
     J = 0.5 * (curves[1::2] - curves[2::2])
-    spread = HALF * np.sqrt(np.maximum(np.einsum("fk,fg,gk->k", J, covariance, J), 0.0))
+    spread = NORMAL_95 * np.sqrt(np.maximum(np.einsum("fk,fg,gk->k", J, covariance, J), 0.0))
     return curves[0], curves[0] - spread, curves[0] + spread
 
 

@@ -16,6 +16,7 @@ from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
 from fem.free.parameters import TURN, parameter
 from robots import ModelDescription
+from robots.constants import NORMAL_95
 from robots.schema.description import Calibration as Origin
 from robots.schema.description import CalibrationUncertainty
 from robots.schema.quantities import RotationalStiffness
@@ -46,7 +47,10 @@ def fitted_springs(state: State) -> tuple[FittedSpring, ...]:
     sd = np.sqrt(np.diag(state.refit.inverse))
     for k, joint in enumerate(s.free):
         c, spread = float(s.springs[k]), float(sd[k])
-        low, high = 1.0 / (c + 1.96 * spread), 1.0 / (c - 1.96 * spread) if c > 1.96 * spread else math.inf
+        low, high = (
+            1.0 / (c + NORMAL_95 * spread),
+            1.0 / (c - NORMAL_95 * spread) if c > NORMAL_95 * spread else math.inf,
+        )
         rigid = c * TURN[1] <= 1.0
         status = "rigid" if rigid else "one-sided" if math.isinf(high) else "determined"
         out.append(FittedSpring(joint, math.inf if rigid else 1.0 / c, low, high, status))

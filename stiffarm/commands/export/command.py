@@ -21,19 +21,28 @@ DEFAULT_LOAD = "fz_N=-650"
 
 def export(
     model: ModelArg,
-    out: Annotated[Path, typer.Option("--out", help="folder for arm.inp and export.json")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for arm.inp and export.json; it is created if needed.")],
     pose: Annotated[
-        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; the rest is 0")
+        list[str] | None,
+        typer.Option(
+            "--pose", help="Joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5; coordinates not given are 0."
+        ),
     ] = None,
-    load: Annotated[str, typer.Option("--load", help="wrench at the tool point, as in fz_N=-650,mx_Nm=10")] = (
-        DEFAULT_LOAD
-    ),
-    links: Annotated[str, typer.Option("--links", help="shell, shell:rigid or shell:distributing")] = "shell",
+    load: Annotated[
+        str, typer.Option("--load", help="Load at the tool point in base axes, in N and N m, as in fz_N=-650,mx_Nm=10.")
+    ] = (DEFAULT_LOAD),
+    links: Annotated[
+        str,
+        typer.Option("--links", help="Link model: shell (flanges as in the model), shell:rigid or shell:distributing."),
+    ] = "shell",
     load_path: LoadPathOpt = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """The whole shell arm in one pose as a CalculiX input that runs as it is, with our own solution beside it."""
+    """Write the shell model in one pose for CalculiX.
+
+    The input file arm.inp runs as it is; our own solution is printed for comparison and written into export.json.
+    """
     with user_errors(debug):
         if links.partition(":")[0] != "shell":
             raise InputError(

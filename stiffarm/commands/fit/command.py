@@ -31,42 +31,79 @@ from surrogate.model import COMPLIANCE
 
 def fit(
     model: ModelArg,
-    out: Annotated[Path, typer.Option("--out", help="folder for the surrogate")],
-    basis: Annotated[str, typer.Option(help="best, polynomial, trigonometric, factored or adaptive")] = "best",
-    degree: Annotated[int, typer.Option(help="total degree of the polynomial", min=1, max=12)] = 6,
-    order: Annotated[int, typer.Option(help="order of the trigonometric basis in each angle", min=1, max=4)] = 2,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the surrogate; it is created if needed.")],
+    basis: Annotated[
+        str,
+        typer.Option(
+            help="Basis: polynomial, trigonometric, factored, adaptive, or best (the most accurate of these)."
+        ),
+    ] = "best",
+    degree: Annotated[int, typer.Option(help="Total degree of the polynomial basis.", min=1, max=12)] = 6,
+    order: Annotated[int, typer.Option(help="Order of the trigonometric basis in each angle.", min=1, max=4)] = 2,
     runs: Annotated[
         int | None,
-        typer.Option(help="model runs to fit on; default: 4096, or three for each term", min=1, max=1_000_000),
+        typer.Option(
+            help="Number of model runs to fit to. Default: 4096, or three per term if that is more.",
+            min=1,
+            max=1_000_000,
+        ),
     ] = None,
-    over: Annotated[str | None, typer.Option("--inputs", help="joint coordinates, as in q2_deg,q3real_deg")] = None,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            "--inputs",
+            help="Joint coordinates that the surrogate covers, separated by commas, as in q2_deg,q3real_deg. "
+            "Default: all that matter.",
+        ),
+    ] = None,
     fixed: Annotated[
         list[str] | None,
-        typer.Option(help="where the other coordinates stand, as in q5_deg=30; default: 0; may be repeated"),
+        typer.Option(
+            help="Values of the other joint coordinates in deg, as in q5_deg=30. May be repeated. Default: 0."
+        ),
     ] = None,
-    direction: Annotated[str | None, typer.Option(help="load direction in base axes; default: 0,0,-1")] = None,
+    direction: Annotated[str | None, typer.Option(help="Load direction in base axes. Default: 0,0,-1.")] = None,
     quantity: Annotated[
-        str, typer.Option(help="stiffness (with it the 6 x 6 compliance), or an index: k_fs, weakest, isotropy, ...")
+        str,
+        typer.Option(
+            help="Quantity to learn: stiffness (with the 6 x 6 compliance), or an index such as k_fs, weakest "
+            "or isotropy."
+        ),
     ] = "stiffness",
     normal: Annotated[
-        str | None, typer.Option("--normal", metavar="X,Y,Z", help="surface normal in base axes, for an index")
+        str | None,
+        typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes, for an index that needs one."),
     ] = None,
     force: Annotated[
-        str | None, typer.Option("--force", metavar="X,Y,Z", help="N on the tool, base axes, for an index")
+        str | None,
+        typer.Option(
+            "--force", metavar="X,Y,Z", help="Force on the tool in base axes, in N, for an index that needs one."
+        ),
     ] = None,
     accuracy: Annotated[
         float | None,
-        typer.Option(help="relative RMS error to refine to, as in 0.001: runs are added where the error is largest"),
+        typer.Option(
+            help="Target relative RMS error, as in 0.001; runs are added where the error is largest. Default: "
+            "no refinement."
+        ),
     ] = None,
-    solver: Annotated[str, typer.Option(help="qr, or ridge with its penalty by cross-validation")] = "qr",
+    solver: Annotated[
+        str, typer.Option(help="Least-squares solver: qr, or ridge (penalty by cross-validation).")
+    ] = "qr",
     formats: Annotated[
-        str | None, typer.Option("--format", help="also write onnx, c, python (one or more, by commas)")
+        str | None,
+        typer.Option(
+            "--format", help="Also write the surrogate in these formats, separated by commas: onnx, c, python."
+        ),
     ] = None,
     matrix: Annotated[
-        bool, typer.Option("--matrix", help="with --format: the 6 x 6 compliance, not the one along the load")
+        bool,
+        typer.Option(
+            "--matrix", help="With --format: write the 6 x 6 compliance instead of the compliance along the load."
+        ),
     ] = False,
     against: Annotated[
-        bool, typer.Option("--compare", help="also fit what else one would take, on the same runs, and compare")
+        bool, typer.Option("--compare", help="Also fit the usual alternatives (scikit-learn, SMT) on the same runs.")
     ] = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -74,7 +111,11 @@ def fit(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Learn a surrogate from joint angles to structural stiffness, judged on runs it has not seen."""
+    """Fit a surrogate of the stiffness over the joint angles.
+
+    Its errors are measured on model runs that it has not seen. Writes surrogate.json, its errors and a report into
+    --out.
+    """
     with user_errors(debug):
         from stiffarm.commands.fit import learning
         from stiffarm.commands.fit import portable as portable_files
@@ -174,30 +215,53 @@ def _refuse_conflicts(
 
 
 def query(
-    surrogate_file: Annotated[Path, typer.Argument(metavar="SURROGATE", help="surrogate.json")],
+    surrogate_file: Annotated[
+        Path, typer.Argument(metavar="SURROGATE", help="Surrogate file (surrogate.json) written by `stiffarm fit`.")
+    ],
     table: Annotated[
-        Path | None, typer.Argument(metavar="[POSES]", help="table with joint columns, CSV or XLSX")
+        Path | None,
+        typer.Argument(
+            metavar="[POSES]", help="Table of poses (CSV/XLSX) with one column per joint coordinate, in deg."
+        ),
     ] = None,
     pose: Annotated[
-        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; may be repeated")
+        list[str] | None,
+        typer.Option(
+            "--pose",
+            help="Joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5; coordinates not given are 0. May "
+            "be repeated.",
+        ),
     ] = None,
     extrapolate: Annotated[
-        bool, typer.Option("--extrapolate", help="answer outside the fitted domain too, flagged")
+        bool, typer.Option("--extrapolate", help="Also answer outside the fitted domain; such answers are flagged.")
     ] = False,
     direction: Annotated[
-        str | None, typer.Option("--direction", help="another load direction, base axes; needs the basis factored")
+        str | None,
+        typer.Option(
+            "--direction",
+            help="Load direction in base axes; requires a surrogate with the factored basis. Default: that of "
+            "the surrogate.",
+        ),
     ] = None,
     matrix: Annotated[
-        bool, typer.Option("--matrix", help="with the 6 x 6 compliance in SI units; needs the basis factored")
+        bool,
+        typer.Option(
+            "--matrix",
+            help="Also return the 6 x 6 compliance in SI units; requires a surrogate with the factored basis.",
+        ),
     ] = False,
     of: Annotated[
-        str | None, typer.Option("--model", metavar="MODEL", help="refuse a surrogate of another robot or model")
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="Refuse the surrogate unless it was fitted to this model."),
     ] = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Structural stiffness at poses, from a surrogate, with its error bar and flags."""
+    """Evaluate a surrogate at poses, with error bars.
+
+    Poses outside the fitted domain, out of reach or close to a singularity are flagged.
+    """
     with user_errors(debug):
         from stiffarm.commands.query import answers
         from stiffarm.session import payloads

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
+from robots.progress import Progress
 from stiffarm.session.payloads import number
 from surrogate import Surrogate, Trained, predict
 from surrogate.expansion import Expansion
@@ -19,7 +20,7 @@ from surrogate.peer_comparison import PeerResult, compare_with_peers
 from surrogate.peer_estimators import OwnCandidate
 
 
-def compare(trained: Trained, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+def compare(trained: Trained, progress: Progress | None = None) -> list[dict[str, Any]]:
     """Fit the other methods on the training's runs and judge them on its held-out runs; rows, ours first.
 
     Raises

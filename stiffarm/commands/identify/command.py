@@ -45,33 +45,46 @@ def identify(
         list[Path] | None,
         typer.Argument(
             metavar="TABLE",
-            help="tables of relative displacements and twists of neighbouring arms, or of reflector coordinates, "
-            "CSV or XLSX",
+            help="One or more tables (CSV/XLSX) of relative displacements and rotations of neighbouring links,"
+            " or of reflector coordinates.",
         ),
     ] = None,
     law: Annotated[
         str | None,
         typer.Option(
             "--law",
-            help="of every stiffness over its joint's angle: constant, fourier-1, fourier-2 or table; default: by "
-            "leaving out one angle at a time",
+            help="Law of each stiffness over its joint angle: constant, fourier-1, fourier-2 or table. "
+            "Default: chosen by cross-validation, leaving out one angle at a time.",
         ),
     ] = None,
     branches: Annotated[
-        str, typer.Option("--branches", help="mean (of loading and unloading) or loading (the way up alone)")
+        str,
+        typer.Option("--branches", help="Readings used: mean (of loading and unloading) or loading (loading only)."),
     ] = "mean",
     holdout: Annotated[
-        Path | None, typer.Option("--holdout", help="measurement table of flange deflections, to judge the prediction")
+        Path | None,
+        typer.Option(
+            "--holdout", help="Measurement table of flange deflections (CSV/XLSX), used only to test the prediction."
+        ),
     ] = None,
     flange: Annotated[
         str,
-        typer.Option("--flange", help="orientation over the map: forward (Z along base X), base (as base) or down"),
+        typer.Option(
+            "--flange",
+            help="Flange orientation over the map: forward (Z along base X), base (parallel to the base) or down.",
+        ),
     ] = "forward",
     window: Annotated[
-        str, typer.Option("--window", help="of the map, in the plane Y = 0: X,Z of its corner, width, height in mm")
+        str,
+        typer.Option(
+            "--window", help="Window of the map in the plane Y = 0: X and Z of its corner, width and height, in mm."
+        ),
     ] = DEFAULT_WINDOW,
     synthetic: Annotated[
-        bool, typer.Option("--synthetic", help="make up a campaign for this model and identify from that; needs --out")
+        bool,
+        typer.Option(
+            "--synthetic", help="Simulate a measurement campaign for this model and identify from it. Requires --out."
+        ),
     ] = False,
     confirm_units: ConfirmUnits = False,
     seed: Seed = 0,
@@ -80,9 +93,11 @@ def identify(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Identify six stiffnesses at every joint, each over the joint's angle, from displacements between its two arms.
+    """Identify six stiffnesses per joint from joint twists.
 
-    Writes the model with six springs a joint, identification.json, stiffnesses.csv, a map and a report into --out.
+    Joint twists are relative displacements and rotations of the two links of a joint. Each stiffness may vary with the
+    joint angle. Writes the model with six springs per joint, identification.json, stiffnesses.csv, a map and a report
+    into --out.
     """
     with user_errors(debug):
         request = _request(law, branches, flange, window, seed)

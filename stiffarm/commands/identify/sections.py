@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from doe.joint_twists.model_file import rms_mm
+from robots.constants import NORMAL_95
 from stiffarm.commands.identify import figures
 from stiffarm.commands.identify.payload import held_out_rows
 from stiffarm.commands.identify.step import POSES, JointTwists
@@ -36,7 +37,7 @@ def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
     ]
     rows = tuple(
         (
-            f"{x.joint}.{x.row}", f"{1e6 * x.width:+.1f} ± {1.96e6 * x.spread:.1f}",
+            f"{x.joint}.{x.row}", f"{1e6 * x.width:+.1f} ± {1e6 * NORMAL_95 * x.spread:.1f}",
             "µm" if x.row[0] == "t" else "µrad", f"{100.0 * x.share:+.1f}", f"{100.0 * x.loading_only:+.1f}",
             "yes" if x.proven else "no",
         )

@@ -17,45 +17,92 @@ from stiffarm.session.options import Debug, Json, output_folder
 
 
 def import_command(
-    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="a URDF, or a STL, OBJ, PLY or DAE of one link")],
-    out: Annotated[Path, typer.Option("--out", help="folder for model.toml and meshes/")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE", help="A URDF with its meshes, or the surface of one link (STL, OBJ, PLY or DAE)."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for model.toml and meshes/; it is created if needed.")],
     wall_mm: Annotated[
-        float | None, typer.Option("--wall-mm", help="wall of all casings; default: 6, or the model's for one link")
+        float | None,
+        typer.Option(
+            "--wall-mm",
+            help="Wall thickness of all casings, in mm. Default: 6, or the model's value when importing one link.",
+        ),
     ] = None,
-    wall: Annotated[str | None, typer.Option("--wall", help="walls by link in mm, as in upper_arm=8,forearm=6")] = None,
+    wall: Annotated[
+        str | None,
+        typer.Option("--wall", help="Wall thickness of individual links, in mm, as in upper_arm=8,forearm=6."),
+    ] = None,
     size_mm: Annotated[
-        float | None, typer.Option("--size-mm", help="element size; default: some 10,000 elements a link")
+        float | None,
+        typer.Option("--size-mm", help="Element size, in mm. Default: chosen for about 10,000 elements per link."),
     ] = None,
     close_mm: Annotated[
         float | None,
-        typer.Option("--close-mm", help="width of openings to close; default: by trial"),
+        typer.Option("--close-mm", help="Openings up to this width are closed, in mm. Default: found by trial."),
     ] = None,
     material: Annotated[
-        str | None, typer.Option("--material", help="steel (default), aluminium or cast-iron; one link has its model's")
+        str | None,
+        typer.Option(
+            "--material",
+            help="Material of all links: steel, aluminium or cast-iron. Default: steel, or the model's "
+            "material when importing one link.",
+        ),
     ] = None,
     youngs_modulus: Annotated[
-        float | None, typer.Option("--youngs-modulus-GPa", help="instead of the usual one")
+        float | None,
+        typer.Option("--youngs-modulus-GPa", help="Young's modulus, in GPa. Default: the usual value of the material."),
     ] = None,
-    poissons_ratio: Annotated[float | None, typer.Option("--poissons-ratio", help="instead of the usual one")] = None,
-    density: Annotated[float | None, typer.Option("--density", help="kg/m^3, instead of the usual one")] = None,
-    tip: Annotated[str | None, typer.Option("--tip", help="URDF link at the arm's end")] = None,
-    base: Annotated[str | None, typer.Option("--base", help="URDF link at the arm's foot")] = None,
-    meshes: Annotated[str, typer.Option("--meshes", help="visual or collision")] = "visual",
-    rigid: Annotated[str | None, typer.Option("--rigid", help="links to leave rigid, as in hand,link_4")] = None,
+    poissons_ratio: Annotated[
+        float | None,
+        typer.Option("--poissons-ratio", help="Poisson's ratio. Default: the usual value of the material."),
+    ] = None,
+    density: Annotated[
+        float | None, typer.Option("--density", help="Density, in kg/m^3. Default: the usual value of the material.")
+    ] = None,
+    tip: Annotated[
+        str | None,
+        typer.Option("--tip", help="URDF link at the end of the arm. Default: where the most revolute joints lead."),
+    ] = None,
+    base: Annotated[
+        str | None, typer.Option("--base", help="URDF link at the base of the arm. Default: the root link.")
+    ] = None,
+    meshes: Annotated[str, typer.Option("--meshes", help="URDF meshes to use: visual or collision.")] = "visual",
+    rigid: Annotated[
+        str | None, typer.Option("--rigid", help="Links to leave rigid, separated by commas, as in hand,link_4.")
+    ] = None,
     radius: Annotated[
-        str | None, typer.Option("--radius", help="radius of the interface discs by link in mm, as in forearm=80")
+        str | None,
+        typer.Option("--radius", help="Radius of the interface discs of individual links, in mm, as in forearm=80."),
     ] = None,
-    repair: Annotated[str, typer.Option("--repair", help="auto, none (only clean surfaces) or wrap (always)")] = "auto",
-    wrap: Annotated[str, typer.Option("--wrap", help="auto, grid or alpha (the extra `wrap`)")] = "auto",
-    model: Annotated[str | None, typer.Option("--model", help="for one link: the model it belongs to")] = None,
-    link: Annotated[str | None, typer.Option("--link", help="for one link: its name in the model")] = None,
+    repair: Annotated[
+        str,
+        typer.Option(
+            "--repair",
+            help="Surface repair: auto (only if needed), none (accept only clean surfaces) or wrap (always wrap).",
+        ),
+    ] = "auto",
+    wrap: Annotated[
+        str,
+        typer.Option("--wrap", help="Wrapping method: auto, grid or alpha (alpha needs the optional extra `wrap`)."),
+    ] = "auto",
+    model: Annotated[
+        str | None, typer.Option("--model", help="When importing one link: the model it belongs to.")
+    ] = None,
+    link: Annotated[str | None, typer.Option("--link", help="When importing one link: its name in the model.")] = None,
     scale: Annotated[
-        float | None, typer.Option("--scale", help="for one link: metres for a unit of the file; 0.001 for mm")
+        float | None,
+        typer.Option("--scale", help="When importing one link: length of one file unit in metres, as in 0.001 for mm."),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Make shell links of surface files: a URDF with its meshes becomes a model, or one file a link of a model."""
+    """Build a model from a URDF, or one link from a surface file.
+
+    A URDF with its meshes becomes a model with shell links; a surface file becomes one shell link of an existing model.
+    """
     with user_errors(debug):
         from stiffarm.commands.importing import results as import_results
         from stiffarm.commands.importing import step as importing

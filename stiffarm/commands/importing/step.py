@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -18,12 +18,11 @@ from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings
 from robots import InputError, InputErrors, ModelDescription, Robot
 from robots.arrays import Array
+from robots.progress import Progress
 from robots.robot import robot_from
 from robots.schema.description import Link, Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
 from robots.urdf.reading import UrdfRobot, Visual
-
-Progress = Callable[[int, int], None]
 
 # Young's modulus (GPa), Poisson's ratio, density (kg/m^3): usual figures of structural steel, a cast aluminium
 # alloy and spheroidal graphite iron. Which alloy a casing is made of is not known from its mesh.

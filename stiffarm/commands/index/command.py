@@ -28,19 +28,35 @@ SHOWN = 30
 def index(
     model: ModelArg,
     table: Annotated[
-        Path | None, typer.Argument(metavar="[POSES]", help="table with joint columns, CSV or XLSX")
+        Path | None,
+        typer.Argument(
+            metavar="[POSES]", help="Table of poses (CSV/XLSX) with one column per joint coordinate, in deg."
+        ),
     ] = None,
     pose: Annotated[
-        list[str] | None, typer.Option("--pose", help="as in q2_deg=5,q3_deg=77; the rest is 0; may be repeated")
+        list[str] | None,
+        typer.Option(
+            "--pose",
+            help="Joint coordinates in deg, as in q2_deg=5,q3_deg=77; coordinates not given are 0. May be repeated.",
+        ),
     ] = None,
     normal: NormalOpt = "0,0,1",
     force: Annotated[
-        str | None, typer.Option("--force", metavar="X,Y,Z", help="N on the tool, base axes: for nspi and rayleigh")
+        str | None,
+        typer.Option(
+            "--force",
+            metavar="X,Y,Z",
+            help="Force on the tool in base axes, in N; needed for NSPI and the Rayleigh quotient.",
+        ),
     ] = None,
     tool: ToolOpt = None,
     load: Annotated[
         str | None,
-        typer.Option("--load", help="what the arm carries meanwhile, as in fz_N=-650: takes K_C in; default: nothing"),
+        typer.Option(
+            "--load",
+            help="Load that the arm carries, in N and N m, as in fz_N=-650; adds the stiffness K_C due to the "
+            "load. Default: no load.",
+        ),
     ] = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -48,7 +64,10 @@ def index(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Stiffness indices at poses: k_fs, NSPI, Rayleigh quotient, directional, worst and best direction, isotropy."""
+    """Compute stiffness indices at poses, such as k_fs and NSPI.
+
+    Also the Rayleigh quotient, directional stiffness, weakest and stiffest direction, and isotropy.
+    """
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path, without="the indices")
         q, labels = _poses(given, pose, table)

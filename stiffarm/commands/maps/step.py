@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robots import InputError, content_hash
+from robots.progress import Progress
 from stiffarm.commands.maps import sweep as maps
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
@@ -25,8 +25,6 @@ from surrogate.maps.data import MapData
 from surrogate.maps.poses import Extreme, shortfall
 from surrogate.maps.store import MapStore
 from surrogate.maps.vtk_files import STIFFNESS_ARRAY
-
-Progress = Callable[[int, int], None]
 
 # Points at which an extreme pose is sought again with a denser sample.
 CHECKED = 12

@@ -12,6 +12,7 @@ from fem import ArmModel, PartKind
 from fem.statics.budget import part_kinds
 from robots import InputError, ModelDescription, content_hash, singularity_distance
 from robots.arrays import Array, Bools, Integers
+from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot
 from stiffarm import __version__
@@ -29,8 +30,6 @@ MOST_POINTS: Final = 200_000
 DIGITS: Final = 5
 # Parts that nowhere reach this share show as 0.0 %.
 _LEAST_SHARE = 5e-4
-# Half width of a 95 % interval over its standard deviation.
-_HALF_WIDTH = 1.96
 _NO_SHARE = 0xFFFF
 _CATEGORY_COLOURS = tuple(OKABE_ITO[c] for c in ("blue", "orange", "green", "vermillion", "sky", "purple", "yellow"))
 # Of links, bar and crank along the chain, apart from each other and from the joints' colours (three of them from Paul
@@ -219,7 +218,7 @@ def _relative_error(data: MapData, given: Array | None) -> Array | None:
     own = data.fields.get("uncertainty_percent")
     if given is not None or own is None:
         return given
-    return np.asarray(_HALF_WIDTH / 100.0 * own.values)
+    return np.asarray(NORMAL_95 / 100.0 * own.values)
 
 
 def _near_singular(data: MapData, rows: Integers | slice, robot: Robot, q: Array, reached: Bools) -> Bools:

@@ -11,13 +11,14 @@ import typer
 
 from machining import Drive
 from machining.cell import Cell, read_cell
-from machining.cutting import CuttingForce
+from machining.cutting import CuttingForce, stiffness_uncertainty
 from machining.placement import AIMS, MODES, Goal, How
 from machining.stiffness.criterion import Criterion
 from robots import InputError
 from robots.files.csv_text import records_text
 from stiffarm.commands.place import payload as placement_payload
 from stiffarm.commands.place.step import PlacedStep, PlaceRequest, path_from, place_along, scene_for
+from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
@@ -30,67 +31,124 @@ from stiffarm.session.task_setup import MillingOpt, read_cut, require_springs
 def place(
     model: ModelArg,
     path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, CLS, APT or G-code")
+        Path,
+        typer.Argument(
+            metavar="PATH", help="Tool path: APT, CLS, G-code, or CSV with the columns x_mm,y_mm,z_mm,nx,ny,nz."
+        ),
     ],
-    cell: Annotated[Path, typer.Option("--cell", metavar="CELL.toml", help="robot, axes, part, tool, what is around")],
-    force: Annotated[str | None, typer.Option("--force", metavar="X,Y,Z", help="cutting force on the tool, N")] = None,
+    cell: Annotated[
+        Path,
+        typer.Option(
+            "--cell", metavar="CELL.toml", help="Cell file (TOML): linear axes, turntable, part, tool and surroundings."
+        ),
+    ],
+    force: Annotated[
+        str | None,
+        typer.Option("--force", metavar="X,Y,Z", help="Cutting force on the tool, in N, in the axes of --force-axes."),
+    ] = None,
     force_axes: Annotated[
-        str, typer.Option("--force-axes", help="part, process (feed, cross-feed, tool axis) or base")
+        str, typer.Option("--force-axes", help="Axes of --force: part, process (feed, cross-feed, tool axis) or base.")
     ] = "part",
     milling: MillingOpt = None,
     aim: Annotated[
-        str, typer.Option("--aim", help="ksf, mean or worst stiffness along the force, or least surface error")
+        str,
+        typer.Option(
+            "--aim",
+            help="What to optimise: ksf (the criterion K_sf), mean or worst (stiffness along the force), or "
+            "error (surface error).",
+        ),
     ] = "ksf",
     mode: Annotated[
-        str, typer.Option("--mode", help="fixed; steps:3, at most so many positions; moving along the path")
+        str,
+        typer.Option(
+            "--mode", help="Motion of the base: fixed, steps:N (at most N positions) or moving (along the path)."
+        ),
     ] = "fixed",
     gamma: GammaOpt = "-180:180:10",
     gamma_course: Annotated[
-        bool, typer.Option("--gamma-course", help="let gamma follow a course along the path where that is better")
+        bool, typer.Option("--gamma-course", help="Let gamma vary along the path where that is better.")
     ] = False,
     ranges: Annotated[
         list[str] | None,
-        typer.Option("--range", metavar="AXIS=FROM:TO", help="mm of a linear axis; may be repeated; default: limits"),
+        typer.Option(
+            "--range",
+            metavar="AXIS=FROM:TO",
+            help="Range of a linear axis to search, in mm. May be repeated. Default: the axis limits.",
+        ),
     ] = None,
     table: Annotated[
-        str, typer.Option("--table", metavar="DEG or FROM:TO", help="the turntable's angle, or range to search")
+        str, typer.Option("--table", metavar="DEG or FROM:TO", help="Turntable angle, or range to search, in deg.")
     ] = "0",
     alpha: Annotated[
-        float | None, typer.Option("--alpha", help="weight of sum k^2 in K_sf, mm^2/N^2; default: comparable terms")
+        float | None,
+        typer.Option(
+            "--alpha",
+            help="Weight of sum k^2 in K_sf, in mm^2/N^2; requires --beta. Default: chosen so that the terms "
+            "are comparable.",
+        ),
     ] = None,
     beta: Annotated[
-        float | None, typer.Option("--beta", help="weight of (mean k)^4 in K_sf, mm^4/N^4; goes with --alpha")
+        float | None,
+        typer.Option(
+            "--beta",
+            help="Weight of (mean k)^4 in K_sf, in mm^4/N^4; requires --alpha. Default: chosen so that the "
+            "terms are comparable.",
+        ),
     ] = None,
     by_length: Annotated[
-        bool, typer.Option("--by-length", help="sums and means by length of path, not by points")
+        bool, typer.Option("--by-length", help="Weight sums and means by path length instead of by points.")
     ] = False,
     anywhere: Annotated[
         bool,
-        typer.Option("--anywhere", help="with steps: move the base between any points, not only at rapids"),
+        typer.Option(
+            "--anywhere",
+            help="With --mode steps: allow the base to move between any two points, not only on rapid moves.",
+        ),
     ] = False,
     cost: Annotated[
-        float, typer.Option("--cost", metavar="PERCENT", help="with steps: what a move of the base must bring at least")
+        float,
+        typer.Option(
+            "--cost",
+            metavar="PERCENT",
+            help="With --mode steps: least improvement that justifies one more move of the base, in percent.",
+        ),
     ] = 1.0,
     speed: Annotated[
-        str | None, typer.Option("--speed", metavar="DEG/S", help="joint speeds, one or one each; default: the cell's")
+        str | None,
+        typer.Option(
+            "--speed",
+            metavar="DEG/S",
+            help="Maximum joint speeds in deg/s: one for all joints, or one per joint separated by commas. "
+            "Default: the cell's.",
+        ),
     ] = None,
     jump: Annotated[
-        float, typer.Option("--jump", metavar="DEG", help="most that a joint may move from point to point", min=1e-6)
+        float,
+        typer.Option(
+            "--jump", metavar="DEG", help="Maximum joint motion between two neighbouring points, in deg.", min=1e-6
+        ),
     ] = 20.0,
     clearance: Annotated[
         float | None,
-        typer.Option("--clearance", metavar="MM", help="distance kept; default: the cell's safety"),
+        typer.Option(
+            "--clearance",
+            metavar="MM",
+            help="Distance to keep from the surroundings, in mm. Default: the cell's safety distance.",
+        ),
     ] = None,
-    collisions: Annotated[bool, typer.Option("--collisions/--no-collisions", help="keep clear of the cell")] = True,
+    collisions: Annotated[
+        bool, typer.Option("--collisions/--no-collisions", help="Keep the arm clear of the cell and its surroundings.")
+    ] = True,
     links: Links = None,
     load_path: LoadPathOpt = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Where the robot's base should stand on its linear axes, or how it should move, for the stiffest cut.
+    """Find where the base should stand for the stiffest cut.
 
-    Writes placement.csv, placement.json and a report into --out.
+    The base stands or moves on the linear axes of the cell. Writes placement.csv, placement.json and a report into
+    --out.
     """
     with user_errors(debug):
         cutting = _force(force, force_axes, milling)
@@ -107,6 +165,7 @@ def place(
             ranges=dict(_range(text) for text in ranges or []),
             table=_table(table),
             clearance=described.safety if clearance is None else clearance * 1e-3,
+            stiffness=stiffness_uncertainty(given.model, given.description, given.own),
         )
         scene, notes = scene_for(described, model) if collisions else (None, ())
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path, "cell": cell}
@@ -204,5 +263,6 @@ def _show(step: PlacedStep) -> None:
 
     title = f"{step.request.given.path.n} points, {step.arc_mm[-1]:.4g} mm; {step.placed.evaluations} base positions"
     show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
+    say(sentence(step.placed.problem.uncertainty))
     for text in remarks(step):
         say(f"note: {text}")

@@ -36,51 +36,124 @@ from stiffarm.session.outputs import OutputFolder
 
 TABLE, PAGE, RESULT, FIGURE = "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png"
 
-Poses = Annotated[int | None, typer.Option("--poses", help="set-ups to choose: poses, each with a direction", min=1)]
-DesignOnly = Annotated[
-    int | None, typer.Option("--design-only", help="instead: all so many poses of a plain --design", min=1)
+Poses = Annotated[
+    int | None,
+    typer.Option("--poses", help="Number of set-ups to choose; a set-up is a pose with a load direction.", min=1),
 ]
-Iso = Annotated[bool, typer.Option("--iso9283", help="instead: a sheet for the static compliance test of ISO 9283")]
+DesignOnly = Annotated[
+    int | None,
+    typer.Option(
+        "--design-only",
+        help="Instead of --poses: plan this many poses straight from --design, without choosing.",
+        min=1,
+    ),
+]
+Iso = Annotated[
+    bool,
+    typer.Option("--iso9283", help="Instead of --poses: write a sheet for the static compliance test of ISO 9283."),
+]
 WithoutData = Annotated[
-    bool, typer.Option("--without-data", help="a first campaign: heed no readings, not even bundled ones")
+    bool,
+    typer.Option("--without-data", help="Plan from scratch; ignore all existing readings, including bundled ones."),
 ]
 Free = Annotated[
     str | None,
-    typer.Option("--free", help="numbers to be told, as in j2.stiffness,base.rx; default: the joint springs seen"),
+    typer.Option(
+        "--free",
+        help="Parameters to identify, separated by commas, as in j2.stiffness,base.rx. Default: the joint "
+        "stiffnesses that the readings can show.",
+    ),
 ]
-Criteria = Annotated[str, typer.Option("--criterion", help="D: all parameters at once; A: their mean; I: predictions")]
+Criteria = Annotated[
+    str,
+    typer.Option(
+        "--criterion",
+        help="Design criterion: D (all parameters jointly), A (their mean variance) or I (prediction variance).",
+    ),
+]
 Forces = Annotated[
-    str | None, typer.Option("--loads", help="in N, as in 150,650; default: the data's, else 1/4, 1/2 and all payload")
+    str | None,
+    typer.Option(
+        "--loads",
+        help="Loads, in N, separated by commas, as in 150,650. Default: those of the readings, otherwise "
+        "1/4, 1/2 and all of the payload.",
+    ),
 ]
 Directions = Annotated[
-    str | None, typer.Option("--directions", help="as in +x,-x,-z or 0,0,-1;1,0,-1; default: the data's, else -z")
+    str | None,
+    typer.Option(
+        "--directions",
+        help="Load directions in base axes, as in +x,-x,-z or 0,0,-1;1,0,-1. Default: those of the "
+        "readings, otherwise -z.",
+    ),
 ]
-Read = Annotated[str | None, typer.Option("--read", help="z, xyz, xyzr (r: rotations); default: the data's, else z")]
-Repeats = Annotated[int, typer.Option("--repeats", help="readings of each load", min=1, max=100)]
-Unloading = Annotated[bool, typer.Option("--unloading", help="read on the way down too")]
-Candidates = Annotated[int, typer.Option("--candidates", help="poses to choose from", min=1, max=20_000)]
-Design = Annotated[str, typer.Option("--design", help=f"of the candidates: {', '.join(METHODS)}")]
-Levels = Annotated[int, typer.Option("--levels", help="of a full factorial", min=2, max=50)]
+Read = Annotated[
+    str | None,
+    typer.Option(
+        "--read",
+        help="Components to read: z, xyz or xyzr (r: the three rotations). Default: those of the readings,"
+        " otherwise z.",
+    ),
+]
+Repeats = Annotated[int, typer.Option("--repeats", help="Number of readings at each load.", min=1, max=100)]
+Unloading = Annotated[bool, typer.Option("--unloading", help="Read during unloading too.")]
+Candidates = Annotated[
+    int, typer.Option("--candidates", help="Number of candidate poses to choose from.", min=1, max=20_000)
+]
+Design = Annotated[str, typer.Option("--design", help=f"Design of the candidate poses: {', '.join(METHODS)}.")]
+Levels = Annotated[int, typer.Option("--levels", help="Number of levels of a full factorial design.", min=2, max=50)]
 Vary = Annotated[
-    str | None, typer.Option("--vary", help="coordinates that vary, as in q2_deg,q4_deg; default: all that matter")
+    str | None,
+    typer.Option(
+        "--vary", help="Joint coordinates to vary, separated by commas, as in q2_deg,q4_deg. Default: all that matter."
+    ),
 ]
 Hold = Annotated[
-    str | None, typer.Option("--hold", help="where others stand, as in q1_deg=30; default: 0 or mid-range")
+    str | None,
+    typer.Option(
+        "--hold",
+        help="Values of the other joint coordinates in deg, as in q1_deg=30. Default: 0, or mid-range if 0"
+        " is out of range.",
+    ),
 ]
-Floor = Annotated[str, typer.Option("--floor-mm", help="height below which no part of the arm may be, or none")]
-KeepOut = Annotated[list[str] | None, typer.Option("--keep-out", help="box x0,y0,z0:x1,y1,z1 in mm; repeatable")]
+Floor = Annotated[
+    str, typer.Option("--floor-mm", help="Height of the floor in mm: no part of the arm may be below it; or none.")
+]
+KeepOut = Annotated[
+    list[str] | None,
+    typer.Option("--keep-out", help="Box that the arm must keep out of, x0,y0,z0:x1,y1,z1, in mm. May be repeated."),
+]
 Clearance = Annotated[
     float | None,
-    typer.Option("--clearance-mm", help="wrist and tool from base and upper arm; default: as the casings need; 0: any"),
+    typer.Option(
+        "--clearance-mm",
+        help="Distance of wrist and tool from base and upper arm, in mm; 0 for no limit. Default: what the"
+        " casings need.",
+    ),
 ]
-RandomOrder = Annotated[bool, typer.Option("--random-order", help="against drift; default: a short way")]
-Gauge = Annotated[float, typer.Option("--gauge-mm", help="smallest scatter of a reading, mm")]
-GaugeTurn = Annotated[float, typer.Option("--gauge-mrad", help="smallest scatter of a rotation, mrad")]
+RandomOrder = Annotated[
+    bool,
+    typer.Option(
+        "--random-order", help="Randomise the order of the set-ups, against drift. Default: ordered for a short path."
+    ),
+]
+Gauge = Annotated[
+    float, typer.Option("--gauge-mm", help="Smallest standard deviation of a displacement reading, in mm.")
+]
+GaugeTurn = Annotated[
+    float, typer.Option("--gauge-mrad", help="Smallest standard deviation of a rotation reading, in mrad.")
+]
 IsoPose = Annotated[
-    list[str] | None, typer.Option("--pose", help="for --iso9283, as in q2_deg=5,q3real_deg=77.5; repeatable")
+    list[str] | None,
+    typer.Option(
+        "--pose",
+        help="With --iso9283: joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5. May be repeated. "
+        "Default: one pose in mid-workspace.",
+    ),
 ]
 Rated = Annotated[
-    float | None, typer.Option("--rated-N", help="for --iso9283: rated load; default: the payload's weight")
+    float | None,
+    typer.Option("--rated-N", help="With --iso9283: rated load, in N. Default: the weight of the payload."),
 ]
 
 
@@ -119,7 +192,10 @@ def plan(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Which poses, loads and directions to measure next; writes a sheet that can be filled in and read back."""
+    """Choose what to measure next and write a sheet to fill in.
+
+    Chooses poses, loads and load directions; the filled-in sheet is read back by calibrate and diagnose.
+    """
     with user_errors(debug):
         _check_kind(poses, design_only, iso)
         given = inputs.read_model(model, links, load_path, without="the plan")

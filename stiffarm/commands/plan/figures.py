@@ -14,7 +14,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
-from stiffarm.commands.plan.words import WIDE, factor95, is_open, quantity
+from robots.constants import NORMAL_95
+from stiffarm.commands.plan.words import factor95, is_open, quantity
 from stiffarm.pages.figure_parts import above, log_ticks, note, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
@@ -114,7 +115,7 @@ def _bar(ax: Axes, y: float, low: float, high: float, colour: str) -> None:
 
 def _name(f: Foresight, in_one_line: bool) -> str:
     p = f.parameter
-    end = f"± {quantity(WIDE * f.after, p.unit, 2)} after" if p.scale == "linear" else ""
+    end = f"± {quantity(NORMAL_95 * f.after, p.unit, 2)} after" if p.scale == "linear" else ""
     return f"{p.name}{' ' if in_one_line else chr(10)}{end or 'at ' + quantity(f.planned_for, p.unit, 2)}"
 
 

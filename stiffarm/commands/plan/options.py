@@ -14,9 +14,9 @@ from doe.planning.pose_designs import Zone
 from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
 from stiffarm.session.inputs import LARGEST_LOAD
 
-GRAVITY = 9.81
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.
 PAYLOAD_SHARES = (0.25, 0.5, 1.0)
 # What wrist and base keep from each other beyond their casings, m.
@@ -199,7 +199,7 @@ def rated_load(description: ModelDescription, given: float | None, option: str, 
             allowed=f"{option}, or a payload in the model file",
             remedy=remedy,
         )
-    return description.payload.si * GRAVITY
+    return description.payload.si * STANDARD_GRAVITY
 
 
 def usual_directions(data: Measurements | None) -> Array:

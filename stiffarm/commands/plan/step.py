@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,13 +29,12 @@ from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
 from robots import InputError, Robot
 from robots.arrays import Array
+from robots.progress import Progress
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
 from stiffarm.session import steps
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
-
-Progress = Callable[[int, int], None]
 
 # Poses in which a coordinate is moved to see whether it matters.
 PROBES = 40

@@ -10,9 +10,8 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 
-# Two-sided 95 % of a normal distribution.
-WIDE = 1.96
 # Beyond this factor to either side a parameter is not called known.
 POORLY = 3.0
 # Beyond this one nothing worth saying is.
@@ -83,7 +82,7 @@ def is_open(found: ParameterEstimate | None) -> bool:
 
 def factor95(sd: float) -> float:
     """Factor to either side within which a positive value lies with 95 %."""
-    return math.exp(min(WIDE * sd, 700.0))
+    return math.exp(min(NORMAL_95 * sd, 700.0))
 
 
 def rigid_from(f: Foresight) -> float:
@@ -91,7 +90,7 @@ def rigid_from(f: Foresight) -> float:
 
     Deflections are linear in compliances, so their standard deviation is that at the planned value.
     """
-    return f.planned_for / (WIDE * f.after)
+    return f.planned_for / (NORMAL_95 * f.after)
 
 
 def told(f: Foresight, found: ParameterEstimate | None) -> str:
@@ -101,7 +100,7 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
     if not f.seen:
         return f"{p.name}: no reading of this plan moves with it (known: {was}); load or read in other directions"
     if p.scale == "linear":
-        now, then = (quantity(WIDE * sd, p.unit) for sd in (f.after, f.before))
+        now, then = (quantity(NORMAL_95 * sd, p.unit) for sd in (f.after, f.before))
         return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.shrink)}"
     factor = factor95(f.after)
     if factor > HARDLY:

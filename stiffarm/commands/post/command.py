@@ -11,6 +11,7 @@ import typer
 
 from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
+from machining.cutting import stiffness_uncertainty
 from machining.placement import Placement, read_placement
 from machining.programs.posting import PostSettings
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
@@ -48,46 +49,74 @@ SAME_FRAME, SAME_POSTURE = 1e-5, 1e-4
 
 def post(
     model: ModelArg,
-    path: Annotated[Path, typer.Argument(metavar="PATH", help="tool path: APT/CLS, G-code or CSV")],
-    out: Annotated[Path, typer.Option("--out", help="folder for the programs")],
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PATH", help="Tool path: APT, CLS, G-code, or CSV with the columns x_mm,y_mm,z_mm,nx,ny,nz."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the programs; it is created if needed.")],
     cell: CellOpt = None,
     tool: ToolOpt = None,
     part: PartOpt = None,
     formats: Annotated[
-        str, typer.Option("--format", help="krl, rapid, val3, sinumerik, csv, json; several with commas")
+        str,
+        typer.Option("--format", help="Program formats, separated by commas: krl, rapid, val3, sinumerik, csv, json."),
     ] = "json",
-    coordinates: Annotated[str, typer.Option("--coordinates", help="cartesian, joint or both")] = "both",
+    coordinates: Annotated[
+        str, typer.Option("--coordinates", help="Coordinates of the programs: cartesian, joint or both.")
+    ] = "both",
     gamma: Annotated[
         str | None,
         typer.Option(
-            "--gamma", metavar="DEG|FROM:TO:STEP", help="one angle, or a range to choose the best from; default: 0"
+            "--gamma",
+            metavar="DEG|FROM:TO:STEP",
+            help="Angle gamma about the tool axis, in deg, or a range from which the best is chosen. Default: 0.",
         ),
     ] = None,
     placement: Annotated[
         Path | None,
         typer.Option(
-            "--placement", help="placement.json of `stiffarm place`: axes, turntable and gamma as it found them"
+            "--placement", help="Result of `stiffarm place` (placement.json): use its linear axes, turntable and gamma."
         ),
     ] = None,
     travel: Annotated[
-        str | None, typer.Option("--travel", metavar="MM,...", help="where the linear axes stand; default: 0")
+        str | None,
+        typer.Option(
+            "--travel", metavar="MM,...", help="Positions of the linear axes, in mm, separated by commas. Default: 0."
+        ),
     ] = None,
-    table: Annotated[float, typer.Option("--table", metavar="DEG", help="where the turntable stands")] = 0.0,
+    table: Annotated[float, typer.Option("--table", metavar="DEG", help="Turntable angle, in deg.")] = 0.0,
     reference: ReferenceOpt = None,
     tolerance: Annotated[
-        float, typer.Option("--tolerance-um", help="that joint motion may leave the straight line by", min=0.1)
+        float,
+        typer.Option("--tolerance-um", help="Maximum deviation from a straight line between points, in um.", min=0.1),
     ] = 10.0,
-    rapid: Annotated[str, typer.Option("--rapid", help="rapid moves: linear, or joint (as the axes like)")] = "linear",
+    rapid: Annotated[
+        str, typer.Option("--rapid", help="Rapid moves: linear, or joint: point-to-point joint interpolation.")
+    ] = "linear",
     compensate: Annotated[
-        bool, typer.Option("--compensate", help="take the deflection under --force or --milling off the path")
+        bool, typer.Option("--compensate", help="Correct the path for the deflection under --force or --milling.")
     ] = False,
-    cap: Annotated[float, typer.Option("--cap-um", help="most that a point is moved by", min=0.1)] = 1000.0,
+    cap: Annotated[float, typer.Option("--cap-um", help="Maximum correction of a point, in um.", min=0.1)] = 1000.0,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
     milling: MillingOpt = None,
-    options: Annotated[Path | None, typer.Option("--options", help="TOML or JSON of the formats' options")] = None,
-    templates: Annotated[Path | None, typer.Option("--template", help="folder of your own templates")] = None,
-    speed: Annotated[str | None, typer.Option("--speed", metavar="DEG/S", help="joint speeds, one or one each")] = None,
+    options: Annotated[
+        Path | None, typer.Option("--options", help="Options of the program formats (TOML or JSON).")
+    ] = None,
+    templates: Annotated[
+        Path | None, typer.Option("--template", help="Folder with your own program templates.")
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(
+            "--speed",
+            metavar="DEG/S",
+            help="Maximum joint speeds in deg/s: one for all joints, or one per joint separated by commas. "
+            "Default: the cell's.",
+        ),
+    ] = None,
     kind: KindOpt = None,
     units: UnitsOpt = None,
     rotary: RotaryOpt = "none",
@@ -98,9 +127,9 @@ def post(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Programs for the robot from a CAM tool path: Cartesian and joint coordinates from one run, read back.
+    """Write robot programs from a tool path and read them back.
 
-    Writes the programs, post.json and a report into --out.
+    Cartesian and joint programs come from one run. Writes the programs, post.json and a report into --out.
     """
     with user_errors(debug):
         targets = parse_targets(formats, coordinates)
@@ -141,6 +170,7 @@ def post(
             templates,
             cut if compensate else None,
             cap * 1e-6,
+            stiffness_uncertainty(given.model, given.description, given.own),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         named = (("cell", cell), ("milling", milling), ("options", options), ("placement", placement))
@@ -239,4 +269,6 @@ def _show(run: PostRun) -> None:
         say(f"note: {note}")
     if run.compensated is not None:
         say(post_report.compensation_words(run.compensated))
+    for text in post_report.uncertainty_words(run):
+        say(text)
     say(f"note: {post_report.UNVERIFIED}")

@@ -9,12 +9,14 @@ import numpy as np
 import typer
 
 from machining import INDICES, Drive, GammaRange, Objective
+from machining.cutting import stiffness_uncertainty
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.commands.posture.step import CHOSEN, Posed, PostureRequest, pose_along
+from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
@@ -54,18 +56,24 @@ FIXED_HALF_WIDTH = 1e-10
 def posture(
     model: ModelArg,
     path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="tool path: CSV with x_mm,y_mm,z_mm,nx,ny,nz, APT/CLS or G-code")
+        Path,
+        typer.Argument(
+            metavar="PATH", help="Tool path: APT, CLS, G-code, or CSV with the columns x_mm,y_mm,z_mm,nx,ny,nz."
+        ),
     ],
     tool: ToolOpt = None,
     part: PartOpt = None,
     gamma: GammaOpt = "-180:180:5",
     before: Annotated[
-        float, typer.Option("--before", metavar="DEG", help="gamma of the program as it stands, to compare with")
+        float, typer.Option("--before", metavar="DEG", help="Gamma of the existing program, in deg, for comparison.")
     ] = 0.0,
     quantity: Annotated[
-        str, typer.Option("--quantity", help=f"what is optimised: {', '.join((*INDICES, *DISPLACEMENTS))}")
+        str, typer.Option("--quantity", help=f"Quantity to optimise: {', '.join((*INDICES, *DISPLACEMENTS))}.")
     ] = "k_fs",
-    aim: Annotated[str, typer.Option("--aim", help="mean, or worst: of the path's points")] = "mean",
+    aim: Annotated[
+        str,
+        typer.Option("--aim", help="Optimise the mean over the points of the path, or the worst point: mean or worst."),
+    ] = "mean",
     reference: ReferenceOpt = None,
     cell: CellOpt = None,
     force: ForceOpt = None,
@@ -73,21 +81,40 @@ def posture(
     milling: MillingOpt = None,
     speed: Annotated[
         str | None,
-        typer.Option("--speed", metavar="DEG/S", help="joint speeds, one for all or one each, separated by commas"),
+        typer.Option(
+            "--speed",
+            metavar="DEG/S",
+            help="Maximum joint speeds in deg/s: one for all joints, or one per joint separated by commas. "
+            "Default: the cell's.",
+        ),
     ] = None,
     jump: Annotated[
-        float, typer.Option("--jump", metavar="DEG", help="most that a joint may move from point to point", min=1e-6)
+        float,
+        typer.Option(
+            "--jump", metavar="DEG", help="Maximum joint motion between two neighbouring points, in deg.", min=1e-6
+        ),
     ] = 20.0,
     gamma_step: Annotated[
         float | None,
-        typer.Option("--gamma-step", metavar="DEG", help="most that gamma may change a point; 0: one gamma", min=0.0),
+        typer.Option(
+            "--gamma-step",
+            metavar="DEG",
+            help="Maximum change of gamma from point to point, in deg; 0 for one gamma along the path. "
+            "Default: no limit.",
+            min=0.0,
+        ),
     ] = None,
     limit_margin: Annotated[
-        float, typer.Option("--limit-margin", metavar="DEG", help="distance to keep from joint limits", min=0.0)
+        float,
+        typer.Option("--limit-margin", metavar="DEG", help="Distance to keep from the joint limits, in deg.", min=0.0),
     ] = 0.5,
     motion: Annotated[
         float,
-        typer.Option("--motion", help="weight of joint motion against stiffness; 0: none, more: calmer", min=0.0),
+        typer.Option(
+            "--motion",
+            help="Weight of joint motion against stiffness; 0 for none, larger for smoother motion.",
+            min=0.0,
+        ),
     ] = Drive.motion,
     kind: KindOpt = None,
     units: UnitsOpt = None,
@@ -100,9 +127,10 @@ def posture(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """The stiffest posture that can be driven along a path: redundant angle, branch and turns of the joints.
+    """Find the stiffest posture along a tool path.
 
-    Writes posture.csv, posture.json and a report into --out.
+    Chooses the redundant angle gamma, branch and turns of the joints such that the path can be driven. Writes
+    posture.csv, posture.json and a report into --out.
     """
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path, without="the postures")
@@ -127,6 +155,7 @@ def posture(
             seed,
             cut,
             tuple(effects_left_out(given)),
+            stiffness_uncertainty(given.model, given.description, given.own),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
@@ -175,7 +204,7 @@ def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[
 
 
 def _show(posed: Posed) -> None:
-    from stiffarm.commands.posture.report import gain_words, remarks
+    from stiffarm.commands.posture.report import gain_words, mean_interval, remarks
 
     _, words, factor = posture_payload.quantity(posed.request.objective)
     rows = []
@@ -185,14 +214,16 @@ def _show(posed: Posed) -> None:
             [
                 name,
                 f"{course.mean * factor:.4g}",
+                mean_interval(posed, name, factor),
                 f"{course.worst * factor:.4g}",
                 f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
                 "yes" if not moves.undrivable else f"no ({len(moves.undrivable)} jumps)",
-                "" if name == CHOSEN else gain_words(posed, course),
+                "" if name == CHOSEN else gain_words(posed, name),
             ]
         )
     title = f"{words} on {posed.request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm"
-    show_table(title, ["course", "mean", "worst", "gamma, deg", "drivable", "gain"], rows)
+    show_table(title, ["course", "mean", "95 %", "worst", "gamma, deg", "drivable", "gain"], rows)
+    say(sentence(posed.stiffness))
     for text in remarks(posed):
         say(f"note: {text}")
     if posed.milling is not None and posed.milling.comparison is not None:

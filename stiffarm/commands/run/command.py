@@ -21,21 +21,37 @@ from stiffarm.session.options import (
 
 
 def run(
-    model: Annotated[str, typer.Argument(metavar="[MODEL]", help="a robot with a bundled or given scheme")] = "xr701",
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="[MODEL]",
+            help="Robot to run: a bundled name, a model TOML or a URDF. It needs a calibration scheme, bundled"
+            " or given.",
+        ),
+    ] = "xr701",
     data: DataArg = None,
     scheme_file: SchemeFile = None,
     holdout: Annotated[
-        Path | None, typer.Option("--holdout", help="table of other poses, to judge every variant's prediction")
+        Path | None,
+        typer.Option(
+            "--holdout",
+            help="Measurement table of other poses (CSV/XLSX), kept out of every calibration to test its prediction.",
+        ),
     ] = None,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
-    out: Annotated[Path, typer.Option("--out", help="folder for results")] = Path("out"),
-    points: Annotated[int, typer.Option(help="values of each swept coordinate of the map", min=2, max=200)] = 21,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the results; it is created if needed.")] = Path("out"),
+    points: Annotated[
+        int, typer.Option(help="Number of values of each swept coordinate in the map.", min=2, max=200)
+    ] = 21,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """The whole chain: data, first model, sensitivity, calibration, surrogate, maps, report."""
+    """Run everything from readings to report, surrogate and maps.
+
+    First model, sensitivity, calibration, surrogate, maps and one report that tells the whole story.
+    """
     with user_errors(debug):
         from stiffarm.commands.run.workflow import run_all
 

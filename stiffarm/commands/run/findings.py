@@ -17,7 +17,8 @@ from scipy.stats import spearmanr
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
-from stiffarm.commands.run.samples import POSES, PoseSample, Progress, Samples, influences, sample_model
+from robots.progress import Progress
+from stiffarm.commands.run.samples import POSES, PoseSample, Samples, influences, sample_model
 
 Verdict = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 

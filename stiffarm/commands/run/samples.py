@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,9 +11,8 @@ from doe.planning.pose_designs import pose_design
 from fem import ArmModel, directional_stiffness
 from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.progress import Progress
 from surrogate.maps.sweep import default_sweep
-
-Progress = Callable[[int, int], None]
 
 POSES: Final = 20_000
 # Poses at which the other coordinates are kept while one moves, and its values.

@@ -43,29 +43,49 @@ _MOST_PANELS = 6
 def sensitivity(
     model: ModelArg,
     data: DataArg = None,
-    poses: Annotated[str | None, typer.Option("--poses", help="pose labels, as in 5,41,77")] = None,
+    poses: Annotated[
+        str | None,
+        typer.Option(
+            "--poses",
+            help="Pose labels, separated by commas, as in 5,41,77. Default: those of the scheme, otherwise all.",
+        ),
+    ] = None,
     joints: Joints = None,
     method: Annotated[
         str | None,
-        typer.Option("--method", help="factorial (published; default), morris, sobol or derivative"),
+        typer.Option(
+            "--method", help="Method: factorial (the published one), morris, sobol or derivative. Default: factorial."
+        ),
     ] = None,
     free: Annotated[
-        str | None, typer.Option("--free", help="numbers to vary, as in j2.stiffness,base.ry,forearm.modulus")
+        str | None,
+        typer.Option(
+            "--free", help="Parameters to vary, separated by commas, as in j2.stiffness,base.ry,forearm.modulus."
+        ),
     ] = None,
     campaign: Annotated[
-        Path | None, typer.Option("--campaign", help="calibration TOML whose numbers and ranges are varied")
+        Path | None, typer.Option("--campaign", help="Campaign file (TOML) whose parameters and ranges are varied.")
     ] = None,
     component: Annotated[
-        str | None, typer.Option("--component", help="x, y, z, rx, ry or rz of the tool; default: z")
+        str | None, typer.Option("--component", help="Tool displacement component: x, y, z, rx, ry or rz. Default: z.")
     ] = None,
     samples: Annotated[
-        int | None, typer.Option("--samples", help=f"of Sobol's study, a power of two; default: {_SAMPLES}", max=2**20)
+        int | None,
+        typer.Option(
+            "--samples", help=f"Number of samples of a Sobol study, a power of two. Default: {_SAMPLES}.", max=2**20
+        ),
     ] = None,
     trajectories: Annotated[
-        int | None, typer.Option("--trajectories", help=f"of Morris' study; default: {_TRAJECTORIES}", min=2, max=10**5)
+        int | None,
+        typer.Option(
+            "--trajectories",
+            help=f"Number of trajectories of a Morris study. Default: {_TRAJECTORIES}.",
+            min=2,
+            max=10**5,
+        ),
     ] = None,
-    low: Annotated[float, typer.Option(help="low level of joint springs, N m/rad")] = 1e5,
-    high: Annotated[float, typer.Option(help="high level of joint springs, N m/rad")] = 1e6,
+    low: Annotated[float, typer.Option(help="Low level of the joint stiffnesses, in N m/rad.")] = 1e5,
+    high: Annotated[float, typer.Option(help="High level of the joint stiffnesses, in N m/rad.")] = 1e6,
     seed: Seed = 0,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
@@ -74,7 +94,11 @@ def sensitivity(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Which number of the model matters at which pose: factorial of the springs, Morris, Sobol or derivatives."""
+    """Show which parameters matter at which pose.
+
+    By a factorial of the joint stiffnesses (the published method), or by Morris, Sobol or derivatives of any
+    parameters.
+    """
     with user_errors(debug):
         if not (0.0 < low < high and np.isfinite(high)):
             raise InputError(

@@ -31,15 +31,16 @@ def serve_command(
     tool: ToolOpt = None,
     part: PartOpt = None,
     longest: Annotated[
-        int, typer.Option("--line-limit", metavar="MIB", help="longest request line", min=1, max=1024)
+        int, typer.Option("--line-limit", metavar="MIB", help="Longest request line, in MiB.", min=1, max=1024)
     ] = LONGEST_LINE // MIB,
     links: Links = None,
     load_path: LoadPathOpt = None,
     debug: Debug = False,
 ) -> None:
-    """Answer questions on stdin, one JSON object a line, on stdout: kinematics, stiffness, best posture.
+    """Answer questions of other programs, line by line.
 
-    For postprocessors and other programs; docs/reference/serve.md describes the protocol. Ends at the end of input.
+    Reads one JSON object per line on stdin and answers on stdout: kinematics, stiffness, best posture. Meant for
+    postprocessors; docs/reference/serve.md describes the protocol. Ends at the end of the input.
     """
     with user_errors(debug):
         given = inputs.read_model(model, links, load_path, without="the answers")

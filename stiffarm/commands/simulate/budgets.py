@@ -12,10 +12,10 @@ import numpy as np
 from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
 from robots.arrays import Array, Integers
+from robots.constants import M_TO_MM
 from stiffarm.session.payloads import number
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
-from surrogate.maps.vtk_files import M_TO_MM
 
 WORKSPACE_POSES: Final = 2000
 # A part is named as leading where it leads in this share of the poses at least.

@@ -30,11 +30,16 @@ from stiffarm.session.payloads import number
 
 
 def robots(
-    name: Annotated[str | None, typer.Argument(help="show one robot in detail")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Show this robot in detail: a bundled name, a model TOML or a URDF.")
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """List the bundled robots, or show one with its figures and their sources."""
+    """List the bundled robots, or show one in detail.
+
+    Details are joint limits, stiffnesses and masses, with their sources.
+    """
     with user_errors(debug):
         if name is not None:
             description = load_description(name)
@@ -82,26 +87,44 @@ def _masses(masses: RobotMasses) -> dict[str, Any]:
 def simulate(
     model: ModelArg,
     data: DataArg = None,
-    pose: Annotated[str | None, typer.Option("--pose", help="as in q2_deg=5,q3real_deg=77.5; the rest is 0")] = None,
+    pose: Annotated[
+        str | None,
+        typer.Option(
+            "--pose", help="Joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5; coordinates not given are 0."
+        ),
+    ] = None,
     load: Annotated[
         str | None,
-        typer.Option("--load", help="wrench at the tool point for --pose, as in fz_N=-650 (the default)"),
+        typer.Option(
+            "--load",
+            help="With --pose: load at the tool point in base axes, in N and N m, as in fz_N=-650,mx_Nm=10. "
+            "Default: fz_N=-650.",
+        ),
     ] = None,
     unload_from: Annotated[
         str | None,
-        typer.Option("--unload-from", help="with --pose: --load is reached by taking load off, as in fz_N=-1300"),
+        typer.Option(
+            "--unload-from", help="With --pose: --load is reached by unloading from this larger load, as in fz_N=-1300."
+        ),
     ] = None,
     rigid_joints: Annotated[
-        bool, typer.Option("--rigid-joints", help="only the links give way (and no effect acts)")
+        bool,
+        typer.Option("--rigid-joints", help="Treat the joints as rigid: only the links deflect and no effect acts."),
     ] = False,
     effect: EffectFile = None,
     field: Annotated[
         bool,
-        typer.Option("--field", help="with --pose and --out: the deformed arm (.vtu, .png) and who gives how much"),
+        typer.Option(
+            "--field",
+            help="With --pose and --out: write the deformed arm (.vtu, .png) and the share of each part in the"
+            " deflection.",
+        ),
     ] = False,
     scale: Annotated[
         float | None,
-        typer.Option("--scale", help="with --field: draw motion so many times; 1 is true size; default: automatic"),
+        typer.Option(
+            "--scale", help="With --field: magnification of the drawn deflection; 1 is true scale. Default: automatic."
+        ),
     ] = None,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
@@ -110,7 +133,10 @@ def simulate(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Deflection of the tool point: for one pose and load, or for every reading of a measurement table."""
+    """Compute tool-point deflections at a pose or for a table.
+
+    At one pose under one load, or for every reading of a measurement table.
+    """
     with user_errors(debug):
         from stiffarm.commands.simulate import field_results
         from stiffarm.commands.simulate import step as simulation

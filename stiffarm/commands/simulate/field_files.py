@@ -14,7 +14,8 @@ from fem import ArmFields
 from meshes import ShellMesh
 from robots import InputError
 from robots.arrays import Array, Integers
-from surrogate.maps.vtk_files import M_TO_MM, write_grid
+from robots.constants import M_TO_MM
+from surrogate.maps.vtk_files import write_grid
 
 # Share of the arm's size that the largest displacement is drawn as.
 DRAWN_SHARE: Final = 0.08

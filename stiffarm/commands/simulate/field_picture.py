@@ -20,13 +20,13 @@ from fem import ArmFields
 from fem.elements.couplings import distributing_coupling
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.constants import M_TO_MM
 from stiffarm.commands.simulate.budgets import PoseBudget
 from stiffarm.commands.simulate.field_files import FieldGrid
 from stiffarm.pages import style
 from stiffarm.pages.rendering import VIEWS, Picture, Renderer, chosen, drawn, show
 from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Surface
-from surrogate.maps.vtk_files import M_TO_MM
 
 # Colour stands for the largest densities and two decades below; what is less takes the darkest.
 _DECADES: Final = 2.0

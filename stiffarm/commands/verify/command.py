@@ -25,39 +25,58 @@ SHOWN = 12
 
 def verify_command(
     model: ModelArg,
-    program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="neutral program, JSON or CSV")],
-    cell: Annotated[Path, typer.Option("--cell", metavar="CELL.toml", help="cell file: tool, part, fixtures, axes")],
+    program: Annotated[
+        Path, typer.Argument(metavar="PROGRAM", help="Neutral program (JSON or CSV) written by `stiffarm post`.")
+    ],
+    cell: Annotated[
+        Path,
+        typer.Option(
+            "--cell", metavar="CELL.toml", help="Cell file (TOML): tool, part, fixtures, linear axes and turntable."
+        ),
+    ],
     interpolation: Annotated[
         str,
         typer.Option(
             "--interpolation",
-            help="between points: joint (all axes even), linear (straight lines of the tool) or mixed (cutting linear)",
+            help="Interpolation between points: joint (synchronised joint motion), linear (straight tool path)"
+            " or mixed (linear while cutting).",
         ),
     ] = "joint",
     safety: Annotated[
-        float | None, typer.Option("--safety", metavar="MM", help="distance to keep; default: the cell's", min=0.0)
+        float | None,
+        typer.Option(
+            "--safety",
+            metavar="MM",
+            help="Distance to keep from the surroundings, in mm. Default: the cell's safety distance.",
+            min=0.0,
+        ),
     ] = None,
     resolution: Annotated[
-        float, typer.Option("--resolution", metavar="MM", help="motion below which moves are not divided further")
+        float,
+        typer.Option("--resolution", metavar="MM", help="Resolution: moves are subdivided down to this motion, in mm."),
     ] = 1.0,
     tolerance: Annotated[
-        float, typer.Option("--tolerance", metavar="MM", help="that the tip may leave points and straight lines")
+        float,
+        typer.Option("--tolerance", metavar="MM", help="Allowed tool-tip deviation from the programmed path, in mm."),
     ] = 0.1,
     smoothing: Annotated[
-        float, typer.Option("--smoothing", metavar="MS", help="time over which the controller blends corners")
+        float, typer.Option("--smoothing", metavar="MS", help="Time over which the controller blends corners, in ms.")
     ] = 50.0,
     singular: Annotated[
-        float, typer.Option("--singular", help="least distance from singularities, 0 to 1", min=0.0)
+        float, typer.Option("--singular", help="Least distance from singularities, 0 to 1.", min=0.0)
     ] = Demands.singular_least,
-    jump: Annotated[float, typer.Option("--jump", metavar="DEG", help="largest joint step without tool motion")] = 20.0,
+    jump: Annotated[
+        float, typer.Option("--jump", metavar="DEG", help="Largest joint step without tool motion, in deg.")
+    ] = 20.0,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Look for collisions, limits, speeds, singularities, branch jumps and deviations before the cell moves.
+    """Check a program for collisions, limits and singularities.
 
-    Exit code 0: no offence (warnings may be left); 1: offences, the first one is named; 2: bad input. Writes
-    report.html, replay.html, verification.json, offences.csv and moves.csv into --out.
+    Also for speeds, branch changes and path deviations, before the cell moves. Exit code 0: no offence (there may be
+    warnings); 1: offences, the first one is named; 2: bad input. Writes report.html, replay.html, verification.json,
+    offences.csv and moves.csv into --out.
     """
     with user_errors(debug):
         demands = Demands(

@@ -14,13 +14,12 @@ from machining.programs.orientation import framed, from_quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Motions
 from robots import InputError, ModelDescription, Robot, load_description, read_urdf
+from robots.constants import MM_MIN, RPM
 from robots.files.reading import read_text
 from robots.inverse.branches import BRANCH_NAMES
 from robots.inverse.singularities import branch_of
 from robots.inverse.spherical_wrist import why_not_spherical
 from robots.urdf.xml import is_xml
-
-MM_MIN, RPM = 1e-3 / 60.0, 2.0 * np.pi / 60.0
 
 
 @dataclass(frozen=True, eq=False)

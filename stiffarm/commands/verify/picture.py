@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from machining.verification import Offence, Verification
 from robots.arrays import Array, Bools, Integers
+from robots.constants import M_TO_MM
 from stiffarm.commands.verify.bodies import BodySurface, body_surfaces, placed_in_world
 from stiffarm.pages import style
 from stiffarm.pages.rendering import Picture, Renderer, chosen, show
@@ -32,7 +33,6 @@ NEAR = 0.22
 # Lines of sight that a view is judged by, a body.
 RAYS = 24
 FLOOR_COLOUR = "#E8EAED"
-M_TO_MM = 1e3
 
 
 def offence_picture(found: Verification, offence: Offence, path: Path, *, renderer: Renderer | None = None) -> Picture:

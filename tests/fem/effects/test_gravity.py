@@ -9,9 +9,10 @@ import pytest
 
 from fem import ArmModel, build_model
 from fem.model import BodyMass
-from fem.statics.gravity import STANDARD_GRAVITY, gravity_torque
+from fem.statics.gravity import gravity_torque
 from robots import load_description
 from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
 from robots.kinematics import forward_kinematics
 
 # Central differences of an energy of 1e4 J with a step of 1e-5: 1e-16 * 1e4 / 1e-5, and more in cancellation.

@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 from stiffarm.commands.fit.figures.effects import percent_label
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, title
 from stiffarm.pages.style import FAINT, INK, house_style, new_figure
@@ -21,8 +22,6 @@ LEVEL: Final = 0.95
 PARTS: Final = 10
 # Errors over half-widths beyond this are not drawn.
 MOST_SHOWN: Final = 6.0
-# Half-width of a normal distribution's 95 % interval, in standard deviations.
-_NORMAL_95 = 1.96
 # Widths of an input's range that errors are gathered in, and the fewest runs that a 95th percentile is taken of.
 _BINS = 18
 _FEWEST = 20
@@ -69,7 +68,7 @@ def parts(row: JudgedBars, count: int = PARTS) -> list[Part]:
 
 def chance(runs: int) -> float:
     """What chance makes of a true share of 95 % among so many runs: half-width of its own 95 % interval."""
-    return float(_NORMAL_95 * np.sqrt(LEVEL * (1.0 - LEVEL) / max(runs, 1)))
+    return float(NORMAL_95 * np.sqrt(LEVEL * (1.0 - LEVEL) / max(runs, 1)))
 
 
 def error_bars_figure(rows: Sequence[JudgedBars]) -> Figure:

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array, Bools, Indices, Integers
+from robots.constants import M_TO_MM
 from stiffarm.commands.maps.looks import Look, category_patches, look_bar
 from stiffarm.pages import style
 from stiffarm.pages.rendering import VIEWS, show
@@ -19,7 +20,6 @@ from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
 from stiffarm.pages.scenes import Scene, Surface
 from surrogate.maps.data import MapData
 
-M_TO_MM: Final = 1e3
 # Points of a grid that surfaces are made from, and triangles that are drawn: a page shows no more.
 MOST_POINTS: Final = 1_000_000
 MOST_TRIANGLES: Final = 60_000

@@ -12,11 +12,12 @@ import numpy as np
 from machining.stiffness.distribution import Distribution, GammaChoice, Statistics
 from machining.stiffness.grid import Grid
 from robots.arrays import Array, Bools
+from robots.constants import M_TO_MM
 from robots.files.csv_text import columns_text
 from stiffarm.commands.index.units import Shown, shown
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.payloads import number
-from surrogate.maps.vtk_files import M_TO_MM, grid_cells, write_grid
+from surrogate.maps.vtk_files import grid_cells, write_grid
 
 # Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.
 DRAWN: Final = 5

@@ -13,9 +13,9 @@ from machining import INDICES, GammaRange, Objective
 from machining.stiffness.distribution import best_gamma, distribution, why_not_reached
 from machining.stiffness.grid import Grid, box_grid, grid_task, in_box, in_polygon
 from machining.stiffness.objective import DISPLACEMENTS
-from machining.sweep_parts import Progress
 from robots import InputError, content_hash
 from robots.arrays import Array, Bools
+from robots.progress import Progress
 from stiffarm.commands.maps.index.files import IndexMap, drawn_columns
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.task_options import frame_words, parse_frame, parse_gammas, parse_vector, tool_of

@@ -12,9 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from machining.cutting import Comparison, SurfaceError
-from machining.cutting.stiffness_uncertainty import NORMAL_95
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import NORMAL_95
 from stiffarm.pages.figure_parts import SERIES, above, note, title
 from stiffarm.pages.style import INK, house_style, new_figure
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from viewer_maps import arm, joint_map, kr60_box, map_of, xr701_sweep
 
 from robots import InputError, forward_kinematics, singularity_distance
+from robots.constants import M_TO_MM, NORMAL_95
 from stiffarm.commands.maps import viewer as map_viewer
 from stiffarm.commands.maps.viewer import column, kept_points, single, viewer_data, viewer_page
 from stiffarm.pages.robot_bodies import frame_transforms, framed_bodies
-from stiffarm.pages.robot_drawing import M_TO_MM, draw_robot
+from stiffarm.pages.robot_drawing import draw_robot
 from surrogate.maps.data import Axis, Field, Layout, MapData
 from surrogate.maps.quantities import NEAR_SINGULAR
 
@@ -115,7 +116,7 @@ def test_the_maps_own_uncertainty_becomes_the_error_bar() -> None:
     data = small_map()
     own = Field(np.full(data.layout.n, 0.5), "percent", "standard uncertainty of the stiffness")
     page = viewer_data(replace(data, fields={**data.fields, "uncertainty_percent": own}), *arm("xr701"))
-    np.testing.assert_allclose(unpacked(page["error"]), 1.96 * 0.005, rtol=1e-15)
+    np.testing.assert_allclose(unpacked(page["error"]), NORMAL_95 * 0.005, rtol=1e-15)
     assert page["error_of"] == 0
     assert viewer_data(data, *arm("xr701"))["error"] is None
 

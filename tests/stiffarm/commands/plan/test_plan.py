@@ -335,8 +335,8 @@ def test_iso_sheet(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     outcome = cli("plan", "xr701", "--iso9283", "--out", "out", "--json")
     assert outcome.code == 0, outcome.err
     result = outcome.json
-    # 132.5 kg x 9.81 m/s^2
-    assert result["rated_load_N"] == pytest.approx(1299.825, rel=1e-5)
+    # 132.5 kg x 9.80665 m/s^2
+    assert result["rated_load_N"] == pytest.approx(1299.381, rel=1e-6)
     rows = rows_of(tmp_path / "out" / "measurement_sheet.csv")
     assert len(rows) == 180
     assert {"dx_mm", "dy_mm", "dz_mm"} <= set(rows[0])

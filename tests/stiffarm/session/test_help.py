@@ -1,0 +1,47 @@
+"""What --help says: each command in its group, whole phrases, and what may be meant where a name is mistyped."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import pytest
+from cli_runs import Command, run_here
+
+from stiffarm.cli import COMMANDS, command_of
+
+# Words of a dialect that no reader shares; see the glossary of the docs.
+DIALECT = re.compile(r"\b(be told|heed|hangs? on|some ten|gives? way|as the axes like|what else one would)\b")
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "map"])
+def test_the_list_of_commands_says_what_the_command_says(name: str) -> None:
+    assert inspect.cleandoc(command_of(name).help).split("\n")[0] == COMMANDS[name].summary
+
+
+def test_the_list_fits_a_screen_with_one_line_a_command() -> None:
+    shown = run_here("--help").out
+    for name, entry in COMMANDS.items():
+        assert re.search(rf"│ {name} +{re.escape(entry.summary)} +│", shown), name
+        assert f"─ {entry.group} ─" in shown
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "map"])
+def test_each_option_is_explained_in_whole_phrases(name: str) -> None:
+    for parameter in command_of(name).params:
+        text = parameter.help
+        assert re.fullmatch(r"[A-Z].*\.", text, re.DOTALL), f"{name} {parameter.opts}: {text}"
+        assert not DIALECT.search(text), f"{name} {parameter.opts}: {text}"
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [(("calibrat", "xr701"), "calibrate"), (("plan", "xr701", "--pose", "3", "--critrion", "D"), "--criterion")],
+)
+def test_a_mistyped_command_or_option_is_answered_by_the_one_that_is_close(
+    cli: Command, typed: tuple[str, ...], meant: str
+) -> None:
+    outcome = cli(*typed)
+    assert outcome.code == 2
+    assert "Did you mean" in outcome.err
+    assert meant in outcome.err.split("Did you mean")[1]

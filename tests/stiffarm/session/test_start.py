@@ -1,0 +1,45 @@
+"""What a command imports when it starts: only what it uses. Each runs in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_runs import environment
+
+# Prints the names of all modules that were loaded, after whatever the command itself prints on stdout.
+CODE = """
+import json, sys
+from stiffarm.__main__ import main
+try:
+    main()
+finally:
+    print(json.dumps(sorted(sys.modules)))
+"""
+LIBRARIES = {"numpy", "scipy", "pandas", "pyvista", "matplotlib", "trimesh"}
+HEAVY = {"pandas", "pyvista", "matplotlib", "trimesh", "sklearn", "skfem", "openpyxl", "SALib", "networkx", "numba"}
+POSE = "q2_deg=5,q3real_deg=77.5"
+KR60 = "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40"
+
+
+def modules(*arguments: str | Path) -> set[str]:
+    """Modules that a command loads."""
+    run = subprocess.run(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", CODE, *map(str, arguments)],
+        env=environment(), capture_output=True, encoding="utf-8", timeout=120, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    return set(json.loads(run.stdout.splitlines()[-1]))
+
+
+def loaded(found: set[str], names: set[str]) -> set[str]:
+    """Which of some packages or modules are among those loaded."""
+    return {name for name in names if any(m == name or m.startswith(f"{name}.") for m in found)}
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("--show-completion", "bash")])
+def test_help_and_version_load_no_library(arguments: tuple[str, ...]) -> None:
+    assert loaded(modules(*arguments), LIBRARIES | HEAVY) == set()
