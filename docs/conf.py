@@ -18,7 +18,7 @@ author = "The stiffarm maintainers"
 project_copyright = author
 release = version = version_of("stiffarm")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "index"
 exclude_patterns = ["_site"]
 
@@ -38,8 +38,6 @@ autodoc_type_aliases = {name: name for name in ("Array", "Bools", "Integers", "I
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 88
-napoleon_google_docstring = False
-napoleon_use_rtype = False
 # Types in signatures come from everywhere; links between pages are all checked.
 nitpick_ignore_regex = [(r"py:.*", r".*")]
 
@@ -54,7 +52,8 @@ html_theme_options = {"navigation_with_keys": True}
 
 
 def setup(app: object) -> None:
-    """Write the generated pages, then let docstrings through as plain text."""
+    """Write the generated pages, then let docstrings be read as they are meant."""
     command_pages.write(HERE / "reference" / "commands")
     package_pages.write(HERE / "reference" / "python")
-    app.connect("autodoc-process-docstring", docstrings.as_plain_text)  # type: ignore[attr-defined]
+    app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # type: ignore[attr-defined]
+    app.connect("autodoc-process-signature", docstrings.short)  # type: ignore[attr-defined]

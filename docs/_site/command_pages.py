@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pages
+import typer
 
 INTRODUCTION = """# Commands
 
@@ -18,73 +19,66 @@ Every command says the same with `--help`. What all of them have in common (file
 
 def write(folder: Path) -> None:
     """Write ``index.md`` and a page for each command into the folder."""
-    import typer
+    from stiffarm.cli import COMMANDS, app, command_of
 
-    from stiffarm.cli import app
-
-    group = typer.main.get_command(app)
-    context = group.make_context("stiffarm", [], resilient_parsing=True)
-    commands = [(name, group.get_command(context, name)) for name in group.list_commands(context)]
+    top = typer.Context(typer.main.get_command(app), info_name="stiffarm")
     # Not the bare name: a command called index would be taken for the folder's first page.
-    written = {f"stiffarm-{name}.md": page(name, command, context) for name, command in commands}
-    rows = [f"| [`stiffarm {name}`](stiffarm-{name}.md) | {cell(summary(command))} |" for name, command in commands]
-    table = ["| command | what it does |", "|---|---|", *rows, ""]
-    written["index.md"] = "\n".join([INTRODUCTION, *table, *pages.toctree([f"stiffarm-{name}" for name, _ in commands])])
+    written = {f"stiffarm-{name}.md": page(name, command_of(name), top) for name in COMMANDS}
+    lines = [INTRODUCTION]
+    for group in dict.fromkeys(entry.group for entry in COMMANDS.values()):
+        lines += [f"## {group}", "", "| command | what it does |", "|---|---|"]
+        for name, entry in COMMANDS.items():
+            if entry.group == group:
+                lines.append(f"| [`stiffarm {name}`](stiffarm-{name}.md) | {one_line(entry.summary)} |")
+        lines.append("")
+    written["index.md"] = "\n".join([*lines, *pages.hidden_toctree([f"stiffarm-{name}" for name in COMMANDS])])
     pages.write_all(folder, written)
 
 
 def page(name: str, command: Any, above: Any) -> str:
     """One command with its arguments and options; below it, its sub-commands in the same way."""
-    return "\n".join(section(f"stiffarm {name}", command, above, 1))
+    return "\n".join(section(name, command, above, 1))
 
 
 def section(name: str, command: Any, above: Any, level: int) -> list[str]:
     """Markdown lines of a command and of all commands below it."""
-    context = type(above)(command, info_name=name.split()[-1], parent=above)
-    lines = ["#" * level + f" {name}", "", *paragraphs(command.help or ""), ""]
-    below = [] if not hasattr(command, "list_commands") else command.list_commands(context)
-    usage = " ".join(["COMMAND ..." if below else "", *(a.make_metavar(context) for a in arguments(command))])
-    lines += ["```", re.sub(r" +", " ", f"{name} [OPTIONS] {usage}").strip(), "```", "", f"```{{program}} {name}", "```", ""]
-    for parameter in arguments(command):
-        default = said_default(parameter, context)
-        lines += [f"`{parameter.make_metavar(context)}`", f": {one_line(parameter.help or '')}{default}", ""]
-    for parameter in command.params:
-        if parameter.param_type_name == "option" and not parameter.hidden and "--help" not in parameter.opts:
+    context = typer.Context(command, info_name=name, parent=above)
+    path = context.command_path
+    usage = re.sub(r"\{([A-Z]+)\}", r"\1", command.get_usage(context).removeprefix("Usage: "))
+    lines = ["#" * level + f" {path}", "", *paragraphs(command.help or ""), "```", usage, "```", ""]
+    lines += [f"```{{program}} {path}", "```", ""]
+    shown = [parameter for parameter in command.params if not parameter.hidden]
+    for parameter in shown:
+        if parameter.param_type_name == "argument":
+            lines += [f"`{parameter.display_name_raw}`", f": {explained(parameter, context)}", ""]
+    for parameter in shown:
+        if parameter.param_type_name == "option" and "--help" not in parameter.opts:
             lines += option(parameter, context)
-    for sub in below:
-        lines += section(f"{name} {sub}", command.get_command(context, sub), context, level + 1)
+    for sub in getattr(command, "commands", ()):
+        lines += section(sub, command.commands[sub], context, level + 1)
     return lines
-
-
-def arguments(command: Any) -> list[Any]:
-    """Its positional parameters."""
-    return [parameter for parameter in command.params if parameter.param_type_name == "argument"]
 
 
 def option(parameter: Any, context: Any) -> list[str]:
     """One option, so that it can be linked to and found in the index."""
-    is_flag = getattr(parameter, "is_flag", False)
-    metavar = "" if is_flag else f" {parameter.make_metavar(context)}"
-    names = ", ".join(f"{name}{metavar}" for name in [*parameter.opts, *parameter.secondary_opts])
-    required = " Required." if parameter.required else ""
-    text = one_line(parameter.help or "") + said_default(parameter, context) + required
-    return [f"````{{option}} {names}", text, "````", ""]
+    record, _ = parameter.get_help_record(context)
+    _, _, value = record.partition(" ")
+    names = [*parameter.opts, *parameter.secondary_opts]
+    shown = ", ".join(names) if parameter.secondary_opts or not value else f"{', '.join(names)} {value}"
+    return [f"````{{option}} {shown}", explained(parameter, context), "````", ""]
 
 
-def said_default(parameter: Any, context: Any) -> str:
-    """The default where the help does not say it; none for flags that are off, and what Python computes."""
-    value = parameter.get_default(context, call=False)
-    if value is None or value is False or value in ((), []) or callable(value) or "default" in (parameter.help or ""):
-        return ""
-    if value is True:
-        return f" Default: `{parameter.opts[0]}`."
-    return f" Default: `{value}`."
+def explained(parameter: Any, context: Any) -> str:
+    """Its help; what the terminal puts into brackets behind it, as sentences."""
+    record = parameter.get_help_record(context)
+    text, _, facts = (record[1] if record else "").partition("  [")
+    said = [fact.strip() for fact in facts.removesuffix("]").split(";") if fact.strip()]
+    return " ".join([one_line(text), *(f"{fact[:1].upper()}{fact[1:]}." for fact in map(in_words, said))])
 
 
-def summary(command: Any) -> str:
-    """Its first sentence."""
-    first = one_line(inspect.cleandoc(command.help or "").split("\n\n")[0])
-    return re.split(r"(?<=[.?]) (?=[A-Z])", first)[0]
+def in_words(fact: str) -> str:
+    """``1<=x<=10`` as the range that it is."""
+    return f"range: `{fact}`" if "x" in fact and "=" in fact.replace("default", "") else fact
 
 
 def paragraphs(text: str) -> list[str]:
@@ -94,13 +88,9 @@ def paragraphs(text: str) -> list[str]:
 
 
 def one_line(text: str) -> str:
-    """Text in one line, with what Markdown would read as its own taken literally outside of code."""
-    parts = re.split(r"(`[^`]*`)", " ".join(text.split()))
+    """Text in one line, with options as code, and nothing else that Markdown would take for its own."""
+    text = re.sub(r"(?<![\w`-])--[a-z][a-z-]*", r"`\g<0>`", " ".join(text.split()))
+    parts = re.split(r"(`[^`]*`)", text)
     quoted = [re.sub(r"([\\*_<>\[\]#|])", r"\\\1", part) if i % 2 == 0 else part for i, part in enumerate(parts)]
     line = "".join(quoted)
     return line[:1].upper() + line[1:] + ("." if line and line[-1] not in ".?!:" else "")
-
-
-def cell(text: str) -> str:
-    """Text for a table's cell."""
-    return text.replace("\n", " ")

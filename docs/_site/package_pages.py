@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import typing
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,8 @@ import pages
 PACKAGES = ("stiffarm", "machining", "surrogate", "doe", "fem", "meshes", "robots")
 INTRODUCTION = """# Python
 
-`import stiffarm` is the face: the steps of the command line as functions ([Python in ten lines](../../start/python.md)).
+`import stiffarm` is the face: the steps of the command line as functions
+([Python in ten lines](../../start/python.md)).
 The packages below it stay importable for those who extend them. Arrays are in SI units: m, N, rad, N m/rad; a batch of
 poses is `(n, dof)`, a wrench `(n, 6)` in the order force, moment.
 """
@@ -24,7 +27,7 @@ def write(folder: Path) -> None:
     written = {f"{name}.md": page(name) for name in PACKAGES}
     rows = [f"| [`{name}`]({name}.md) | {first_line(importlib.import_module(name))} |" for name in PACKAGES]
     table = ["| package | what it owns |", "|---|---|", *rows, ""]
-    written["index.md"] = "\n".join([INTRODUCTION, *table, *pages.toctree(list(PACKAGES))])
+    written["index.md"] = "\n".join([INTRODUCTION, *table, *pages.hidden_toctree(list(PACKAGES))])
     pages.write_all(folder, written)
 
 
@@ -58,8 +61,14 @@ def entry(package: str, name: str, value: Any) -> list[str]:
     elif inspect.isroutine(value):
         fence += [f".. autofunction:: {package}.{name}", ""]
     else:
-        fence += [f".. autodata:: {package}.{name}", "   :no-value:", ""]
+        fence += [f".. py:data:: {package}.{name}", "", f"   {values(value)}", ""]
     return [*fence, "````", ""]
+
+
+def values(value: Any) -> str:
+    """What a table or a choice of names consists of."""
+    names = typing.get_args(value) or (value if isinstance(value, Collection) and not isinstance(value, str) else ())
+    return f"One of: {', '.join(f'``{name}``' for name in names)}." if names else f"``{value!r}``."
 
 
 def first_line(module: Any) -> str:

@@ -17,6 +17,6 @@ def write_all(folder: Path, pages: dict[str, str]) -> None:
             path.write_text(text, encoding="utf-8")
 
 
-def toctree(names: list[str], depth: int = 1) -> list[str]:
-    """A list of pages as MyST writes it."""
-    return ["```{toctree}", f":maxdepth: {depth}", "", *names, "```", ""]
+def hidden_toctree(names: list[str]) -> list[str]:
+    """The pages below this one, for the site's navigation; the page itself shows them as a table."""
+    return ["```{toctree}", ":hidden:", "", *names, "```", ""]
