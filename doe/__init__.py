@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from doe.published.sensitivity import PoseEffects, sensitivity_study
     from doe.published.spring_regression import SpringPoints, fit_law
     from doe.published.staged import StagedResult, calibrate_staged
-    from doe.tables.measurements import Measurements, bundled_data, read_measurements, write_measurements
+    from doe.tables.measurements import Measurements
+    from doe.tables.reading import bundled_data, read_measurements, write_measurements
 else:
     __getattr__ = lazily(__name__)
 

@@ -101,8 +101,12 @@ def certainty(e: Estimate, level: float = 0.95, *, profiles: bool = True) -> Cer
 
 def blind_directions(e: Estimate) -> Array:
     """Directions (d, p) of the variables that no reading determines, length one."""
-    A = np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])
-    return _covariance(A, e.seen)[1][1]
+    return null_directions(np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]]), e.seen)
+
+
+def null_directions(A: Array, seen: Bools) -> Array:
+    """Directions (d, p), length one, that rows A (m, p) do not determine, of the columns ``seen`` (p,)."""
+    return _covariance(A, seen)[1][1]
 
 
 def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress: Progress | None = None) -> Array:

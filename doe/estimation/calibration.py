@@ -11,9 +11,10 @@ import numpy as np
 
 from doe.certainty.identifiability import TradeOff, trade_offs, unseen
 from doe.certainty.lack_of_fit import LackOfFit, lack_of_fit
+from doe.certainty.left_out import moving_with
 from doe.certainty.uncertainty import Certainty, blind_directions, certainty
 from doe.estimation.campaign import Campaign, Stage
-from doe.estimation.estimate import SETTLED, Estimate, estimate, estimate_at, unrest
+from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
 from doe.estimation.level_study import LevelStudy, level_study
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem, problem
@@ -29,14 +30,14 @@ from meshes.array_cache import ArrayCache
 from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
-from robots.progress import Messages, Progress
+from robots.progress import Messages
 
 Build = Callable[[ModelDescription], ArmModel]
 
 FORMAT = "stiffarm-stage/2"
-# Numbers that were kept are those of these readings if one more round of the estimator changes the noise and the
-# weights of readings by no more. Over 60 campaigns with noise of all kinds it was 2.4 % at most.
-KEPT_WITHIN = 0.1
+# Numbers that were kept are those of these readings if one more round of the estimator moves predictions by no more
+# than this share of their standard deviations, and the noise and the weights of readings by no more than that one.
+KEPT_STILL, KEPT_WITHIN = 1e-2, 0.1
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], 
     if not all(np.isfinite(a).all() for a in arrays.values()):
         return "numbers that are not finite"
     moved, noise, weight = unrest(p, gauge, arrays["u"], _noise(arrays["noise"]), arrays["weight"], robust=robust)
-    if moved <= SETTLED and noise <= KEPT_WITHIN and weight <= KEPT_WITHIN:
+    if moved <= KEPT_STILL and noise <= KEPT_WITHIN and weight <= KEPT_WITHIN:
         return None
     return (
         f"its numbers are no estimate from these readings: one more round moves predictions by up to {moved:.2g} "
@@ -272,43 +273,9 @@ def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], 
     )
 
 
-def leave_one_pose_out(result: StageResult, progress: Progress | None = None) -> tuple[Array, dict[str, str]]:
-    """Errors (m,) read minus predicted of each pose by an estimate on the others; NaN where they cannot tell.
-
-    The noise is that of the whole estimate. A pose that alone determines a number is not predicted; the second
-    value says why, by pose.
-    """
-    p, e = result.estimate.problem, result.estimate
-    error, reasons = np.full(len(p), np.nan), {}
-    for k, label in enumerate(p.poses):
-        mine = p.pose == k
-        if progress is not None:
-            progress(k, len(p.poses))
-        try:
-            rest = p.take(~mine)
-            found = estimate(rest, (0.0, 0.0), fixed_noise=e.noise, robust=False)
-        except InputError as reason:
-            reasons[label] = str(reason)
-            continue
-        value, J = p.take(mine).evaluate(found.u)
-        blind = undetermined(found, J)
-        if blind:
-            reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
-            continue
-        error[mine] = p.value[mine] - value
-    return error, reasons
-
-
 def undetermined(found: Estimate, J: Array) -> list[str]:
     """Parameters that an estimate does not determine and that other readings, with derivatives J (m, p), move with."""
-    names = [q.name for q in found.problem.parameters]
-    seen = found.seen
-    moves = np.linalg.norm(J, axis=0) > 1e-9 * np.linalg.norm(J)
-    out = [n for n, visible, moving in zip(names, seen, moves, strict=True) if not visible and moving]
-    for row in blind_directions(found):
-        if np.linalg.norm(J @ row) > 1e-6 * np.linalg.norm(J * row):
-            out += [n for n, part in zip(names, row, strict=True) if part != 0.0 and n not in out]
-    return out
+    return moving_with(found.problem, J, found.seen, blind_directions(found))
 
 
 def without_outliers(result: StageResult) -> StageResult:

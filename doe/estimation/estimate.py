@@ -22,11 +22,12 @@ from robots.arrays import Array, Bools
 
 __all__ = ["BLIND", "OUTLIER", "Estimate", "estimate", "estimate_at", "prior_residual", "solve", "step_sizes"]
 
-ROUNDS = 20
+ROUNDS = 100
 # Rounds in which it is decided which variances the readings can tell; later ones keep to that, so that they settle.
 CHOOSING = (0, 1)
-# Parameters and noise have settled when no prediction moves by more than this share of its standard deviation.
-SETTLED = 1e-2
+# Parameters and noise have settled when all predictions together (and the distances from priors) are nearer than this
+# to where they are going, in standard deviations: no parameter, nor any combination of them, is farther by its own.
+SETTLED = 1e-6
 # Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
 OUTLIER = 3.0
 # Median of the absolute value of a standard normal number.
@@ -69,14 +70,19 @@ class Estimate:
     @property
     def seen(self) -> Bools:
         """Which parameters (p,) move any reading."""
-        norm = np.linalg.norm(self.whitened * step_sizes(self.problem), axis=0)
-        return np.asarray(norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300))
+        return seen_columns(self.problem, self.whitened)
 
 
 def step_sizes(p: Problem) -> Array:
     """How much each variable (p,) is worth: the span of its range, by which columns are compared."""
     low, high = p.bounds
     return np.asarray(high - low)
+
+
+def seen_columns(p: Problem, J: Array) -> Bools:
+    """Which parameters (p,) move any reading; J (m, p): derivatives, whitened or not. Others' columns are rounding."""
+    reach = np.linalg.norm(J * step_sizes(p), axis=0)
+    return np.asarray(reach > BLIND * max(float(reach.max(initial=0.0)), 1e-300))
 
 
 def estimate(
@@ -91,27 +97,28 @@ def estimate(
     InputError
         No readings, or fewer of them than parameters without a prior.
     """
-    _check(p)
+    check_enough(p)
     blocks, weight = Blocks.of(p), np.ones(len(p))
     names: tuple[str, ...] = ()
     noise = fixed_noise or Noise(white=gauge)
     u = p.free.start
     f, J = p.evaluate(u)
-    settled = False
+    prior, moved, settled = prior_residual(p, u)[0], np.inf, False
     # Noise that is given and hangs on no prediction leaves nothing to go back for.
     once = fixed_noise is not None and not robust and not (fixed_noise.share or fixed_noise.pose_share)
     for turn in range(ROUNDS):
         u = solve(p, blocks, noise, f, weight, u)
-        before, (f, J) = f, p.evaluate(u)
-        error = p.value - f
-        sd = np.sqrt(noise.variance(p, f))
-        moved = float(np.max(np.abs(f - before) / sd, initial=0.0))
-        if once or (turn > (fixed_noise is None) and moved < SETTLED):
+        before, (f, J) = (f, prior), p.evaluate(u)
+        error, prior = p.value - f, prior_residual(p, u)[0]
+        sd, last = np.sqrt(noise.variance(p, f)), moved
+        moved = float(np.hypot(np.linalg.norm((f - before[0]) / sd), np.linalg.norm(prior - before[1])))
+        if once or (turn > (fixed_noise is None) and _to_go(moved, last) < SETTLED):
             settled = True
             break
         if fixed_noise is None:
             names = terms_of(p, f) if turn in CHOOSING else names
-            noise = fit_noise(p, f, J, error, noise, gauge, weight, names=names, blocks=blocks)
+            told = J[:, seen_columns(p, J)]
+            noise = fit_noise(p, f, told, error, noise, gauge, weight, names=names, blocks=blocks)
         if robust and len(p) > len(u) + 3:
             own = _own(p, blocks, noise, f, weight, error)
             # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
@@ -123,6 +130,14 @@ def estimate(
     if fixed_noise is None:
         noise = within_readings(p, f, noise, gauge)
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
+
+
+def _to_go(moved: float, last: float) -> float:
+    """What is left to go after a round that moved so far, and the ``last`` before: rounds shrink by one factor."""
+    if moved < 0.1 * SETTLED:
+        return moved
+    rate = moved / last
+    return moved * max(rate / (1.0 - rate), 0.1) if rate < 1.0 else np.inf
 
 
 def _own(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
@@ -152,7 +167,7 @@ def unrest(
         return np.inf, np.inf, np.inf
     error, there = p.value - f, solve(p, blocks, noise, f, weight, u)
     moved, off = p.predict(there) - f, prior_residual(p, there)[0] - prior_residual(p, u)[0]
-    found = fit_noise(p, f, J, error, noise, gauge, weight, blocks=blocks)
+    found = fit_noise(p, f, J[:, seen_columns(p, J)], error, noise, gauge, weight, blocks=blocks)
     before, after = (np.sqrt(n.variance(p, f) + np.sum(n.common(p, f) ** 2, axis=1)) for n in (noise, found))
     judged = outlier_weight(_own(p, blocks, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
     return (
@@ -208,12 +223,12 @@ def solve(
     return minimise(p, V, start, held)[0]
 
 
-def _check(p: Problem) -> None:
+def check_enough(p: Problem) -> None:
+    """Raise InputError where there are no readings, or fewer of them than parameters without a prior."""
     if len(p) == 0:
         raise InputError("no reading to calibrate on", remedy="select poses or loads that were measured")
     _, J = p.evaluate(p.free.start)
-    norm = np.linalg.norm(J * step_sizes(p), axis=0)
-    seen = norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300)
+    seen = seen_columns(p, J)
     free = [q.name for q, visible in zip(p.parameters, seen, strict=True) if visible and q.prior is None]
     if len(free) > len(p):
         raise InputError(

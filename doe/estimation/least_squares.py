@@ -22,7 +22,7 @@ ROUNDING = 1e-10
 INDEPENDENT = 0.05
 STEPS = 100
 # Steps stop when all readings together move by less than this, in standard deviations.
-STILL = 1e-5
+STILL = 1e-7
 # Derivatives serve as long as the readings have moved by less than this since, all together.
 FRESH = 0.1
 

@@ -22,6 +22,10 @@ STEPS = 40
 # A step that promises less log-likelihood than this is the last one. Steps shrink tenfold or more each time, so what
 # is then left is far below what moves an interval.
 LAST = 1e-2
+# One that promises less than this starts from near enough for second derivatives in place of their expectation.
+NEAR = 0.5
+# Smallest eigenvalue of the second derivatives that a step reckons with, in units of the expected ones' diagonal.
+CONVEX = 0.02
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,21 @@ class Point:
         whole = np.block([[own.pairs(), mixed], [mixed.T, shared.pairs()]]) + A @ A.T
         back = np.argsort(np.argsort([x.common for x in self.of.terms], kind="stable"), kind="stable")
         return slope[back], 0.5 * whole[np.ix_(back, back)]
+
+    def curvature(self, expected: Array) -> Array:
+        """Minus the second derivatives (k, k), made convex; ``expected``: their expectation, which gives the scale.
+
+        ``e^T P V_i P V_j P e - tr(P V_i P V_j) / 2``: steps by it close in quadratically, where those by the
+        expectation go to and fro for a hundred rounds about a variance that is all but zero.
+        """
+        add, number = self.of.blocks.add, self.of.blocks.number
+        B = np.stack(
+            [x.pattern * (add(x.pattern * self.Pe)[number] if x.common else self.Pe) for x in self.of.terms], axis=1
+        )
+        Zb = self.Z.T @ B
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(expected), 1e-300))
+        size, way = np.linalg.eigh((B.T @ self.V.solve(B) - Zb.T @ Zb - expected) * np.outer(scale, scale))
+        return np.asarray((way * np.maximum(np.abs(size), CONVEX)) @ way.T / np.outer(scale, scale))
 
     @cached_property
     def _own(self) -> _Own:
@@ -181,7 +200,10 @@ def maximise(of: Likelihood, start: Array, low: Array) -> Array:
     for _ in range(STEPS):
         slope, information = here.slope_and_information()
         step = _step(slope, information, low - here.t)
-        if float(slope @ step - 0.5 * step @ information @ step) < LAST:
+        if _promise(slope, information, step) < NEAR:
+            information = here.curvature(information)
+            step = _step(slope, information, low - here.t)
+        if _promise(slope, information, step) < LAST:
             return np.asarray(np.maximum(here.t + step, low))
         for half in range(12):
             there = _point(of, np.maximum(here.t + 0.5**half * step, low))
@@ -192,6 +214,11 @@ def maximise(of: Likelihood, start: Array, low: Array) -> Array:
         assert there is not None  # noqa: S101 - left by the break above
         here = there
     return here.t
+
+
+def _promise(slope: Array, information: Array, step: Array) -> float:
+    """What a step is expected to add to the log-likelihood."""
+    return float(slope @ step - 0.5 * step @ information @ step)
 
 
 def _point(of: Likelihood, t: Array) -> Point | None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from machining.cutting import Estimated, StiffnessUncertainty, SurfaceError
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 
 def payload(arm: StiffnessUncertainty) -> dict[str, Any]:

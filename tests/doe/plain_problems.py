@@ -10,7 +10,7 @@ import numpy as np
 from doe.estimation.problem import Problem
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Indices, Integers
 
 Evaluate = Callable[[Array], tuple[Array, Array]]
 
@@ -32,6 +32,15 @@ class PlainModel:
 
     def displacement(self, u: Array) -> Array:
         return self.evaluate(u)[0]
+
+    def take(self, rows: Indices) -> tuple[PlainModel, Indices]:
+        def work(u: Array) -> tuple[Array, Array]:
+            f, J = self._work(u)
+            return f[rows], J[rows]
+
+        part = PlainModel(self.parameters, self.start, work)
+        part.is_linear = self.is_linear
+        return part, np.arange(len(rows))
 
 
 def problem_of(model: PlainModel, value: Array, pose: Integers | None = None) -> Problem:

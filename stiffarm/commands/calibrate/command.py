@@ -14,9 +14,10 @@ from robots import InputError, save_description
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
+from stiffarm.commands.calibrate import variant
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
 from stiffarm.commands.plan.options import parse_parameters
-from stiffarm.session import inputs, payloads, steps, tables
+from stiffarm.session import inputs, steps
 from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.effect_words import history_notes
 from stiffarm.session.options import (
@@ -204,11 +205,11 @@ def _by_stages(
     folder: OutputFolder | None,
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     result = steps.calibrate_by_stages(given, table, plan, loads, spacing, progress=say)
-    content = payloads.variant(result)
+    content = variant.payload(result)
     if folder is not None:
         folder.write_json("calibration.json", content)
         save_description(result.description, folder.path("model.toml"))
-    return content, lambda: tables.variant(result)
+    return content, lambda: variant.show(result)
 
 
 def _in_general(

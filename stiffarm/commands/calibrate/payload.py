@@ -14,11 +14,10 @@ from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
 from robots.files.csv_text import rows_text
 from stiffarm.commands.calibrate import laws as calibration_laws
-from stiffarm.commands.calibrate import words
+from stiffarm.commands.calibrate import variant, words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.session import payloads
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 QUANTILES = (0.025, 0.5, 0.975)
@@ -48,8 +47,8 @@ def calibration(c: Calibrated) -> dict[str, Any]:
     springs = [x for s in found.stages for e in s.certainty.estimates if (x := words.spring_of(e)) is not None]
     out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
     out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
-    out["springs"] = {s.joint: payloads.estimate(s) for s in springs}
-    out |= {payloads.spring_key(s.joint): payloads.estimate(s)["k_Nm_per_rad"] for s in springs}
+    out["springs"] = {s.joint: variant.estimate(s) for s in springs}
+    out |= {variant.spring_key(s.joint): variant.estimate(s)["k_Nm_per_rad"] for s in springs}
     if c.holdout is not None:
         out["holdout"] = holdout(c.holdout)
     return out

@@ -9,11 +9,11 @@ import numpy as np
 
 from doe import Measurements, select_loads
 from doe.certainty.lack_of_fit import downweighted
+from doe.certainty.left_out import leave_one_pose_out
 from doe.certainty.uncertainty import Certainty, bootstrap, certainty
 from doe.estimation.calibration import (
     Calibration,
     StageResult,
-    leave_one_pose_out,
     readings_of,
     refuse_cut_cycles,
     run_campaign,
@@ -183,7 +183,7 @@ def _findings(
     p, mine = stage.estimate.problem, readings_of(used, stage.stage)
     left_out, skipped = np.full(len(p), np.nan), {"all": "a parametric study has no noise model to predict with"}
     if stage.study is None:
-        left_out, skipped = leave_one_pose_out(stage, count)
+        left_out, skipped = leave_one_pose_out(stage.estimate, count)
     several = request.bootstrap > 0 and stage.study is None
     return StageFindings(
         stage,

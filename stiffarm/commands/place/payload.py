@@ -10,7 +10,7 @@ from machining.placement import Along, Placement, axis_rates, placement_content
 from stiffarm.commands.place.step import PlacedStep
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 # Every placement's error is drawn with the same arms and forces.
 SEED = 0

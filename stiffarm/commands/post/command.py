@@ -13,9 +13,10 @@ from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
 from machining.cutting import stiffness_uncertainty
 from machining.placement import Placement, read_placement
+from machining.programs.formats import FORMATS, read_options
 from machining.programs.posting import PostSettings
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
-from machining.programs.write_options import WriteOptions, read_options
+from machining.programs.write_options import WriteOptions
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.arrays import Array
@@ -61,7 +62,7 @@ def post(
     part: PartOpt = None,
     formats: Annotated[
         str,
-        typer.Option("--format", help="Program formats, separated by commas: krl, rapid, val3, sinumerik, csv, json."),
+        typer.Option("--format", help=f"Program formats, separated by commas: {', '.join(FORMATS)}."),
     ] = "json",
     coordinates: Annotated[
         str, typer.Option("--coordinates", help="Coordinates of the programs: cartesian, joint or both.")

@@ -21,8 +21,8 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import SERIES, title
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.pages.style import house_style, new_figure
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 
 SCHEMA = "stiffarm-post-run/1"
 UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."

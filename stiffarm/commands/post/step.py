@@ -13,9 +13,9 @@ from machining import GammaRange
 from machining.cell import middle_pose
 from machining.cutting import Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.programs.compensation import CAP, Compensated, compensate
-from machining.programs.convention import convention_for
-from machining.programs.formats import FORMATS, RoundTrip, round_trip, write_program
+from machining.programs.formats import FORMATS, round_trip, write_program
 from machining.programs.posting import Posted, PostSettings, post
+from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import WriteOptions
 from machining.programs.written import Written
 from machining.toolpaths import Motions
@@ -41,7 +41,7 @@ class Target:
     @property
     def folder(self) -> str:
         """Where its files go."""
-        return self.name if FORMATS[self.name].neutral else f"{self.name}_{self.kind}"
+        return FORMATS[self.name].folder(self.kind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +128,7 @@ def run_post(
     externals = len(cell.linear_axes) + (cell.turntable is not None)
     for target in request.targets:
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
-        if not FORMATS[target.name].neutral:
-            convention_for(model.robot, externals, target.name, request.options.arm)
+        FORMATS[target.name].check(model.robot, externals, request.options)
     flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
     found = None

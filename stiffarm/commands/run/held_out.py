@@ -15,7 +15,7 @@ from doe.tables.checks import refuse_seen
 from stiffarm.commands.calibrate.prediction import prediction_error
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from stiffarm.session.reading_checks import read_held_out
 from stiffarm.session.steps import Variant
 
