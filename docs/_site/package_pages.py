@@ -35,13 +35,24 @@ def page(package: str) -> str:
     """One package: what it owns, then its public names, grouped by the room that they live in."""
     module = importlib.import_module(package)
     rooms: dict[str, list[str]] = {}
+    lent: dict[str, list[str]] = {}
     for name in sorted(getattr(module, "__all__", ()), key=str.lower):
+        owner = str(getattr(getattr(module, name), "__module__", package)).split(".")[0]
+        if owner in PACKAGES and owner != package:
+            lent.setdefault(owner, []).append(name)
+            continue
         rooms.setdefault(room(package, getattr(module, name)), []).append(name)
     lines = [f"# {package}", "", first_line(module), ""]
     for where in sorted(rooms):
         lines += [f"## {where}", ""] if where != package else []
         for name in rooms[where]:
             lines += entry(package, name, getattr(module, name))
+    below = [name for name in PACKAGES if name != package]
+    lines += [
+        f"Also here: {', '.join(f'`{name}`' for name in borrowed)}, from [`{top}`]({top}.md)."
+        for top in PACKAGES
+        if (borrowed := lent.get(top))
+    ]
     return "\n".join(lines)
 
 
