@@ -47,7 +47,6 @@ def page(package: str) -> str:
         lines += [f"## {where}", ""] if where != package else []
         for name in rooms[where]:
             lines += entry(package, name, getattr(module, name))
-    below = [name for name in PACKAGES if name != package]
     lines += [
         f"Also here: {', '.join(f'`{name}`' for name in borrowed)}, from [`{top}`]({top}.md)."
         for top in PACKAGES
