@@ -80,7 +80,7 @@ class Frame:
             if not file.is_file():
                 option = f"--{name.replace('_', '-')}"
                 raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
-            self.files[name] = file
+            self.files[name.removesuffix("_file")] = file
 
     @contextmanager
     def folder(self, seed: int | None = None) -> Iterator[OutputFolder]:

@@ -1,23 +1,14 @@
-"""Tables for people: the surrogates of a training, and other methods beside ours."""
+"""A table for people: the surrogates of a training."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from stiffarm.session.console import say, show_table
 
 
 def show(content: dict[str, Any]) -> None:
-    """The surrogates, which one is best, and the other methods where they were asked for."""
-    surrogates(content)
-    if "comparison" in content:
-        peers(content["comparison"])
-    say(f"best: {content['best']}")
-
-
-def surrogates(content: dict[str, Any]) -> None:
-    """Held-out errors of the surrogates of a training."""
+    """Held-out errors of the surrogates of a training, and which one is best."""
     show_table(
         f"Relative error of {content['quantity']} on runs kept out",
         ["basis", "terms", "RMS", "worst", "in 95 % bars", "cond."],
@@ -33,28 +24,4 @@ def surrogates(content: dict[str, Any]) -> None:
             for s in content["surrogates"]
         ],
     )
-
-
-def peers(rows: Sequence[dict[str, Any]]) -> None:
-    """Other methods beside ours, on the same runs."""
-
-    def percent(value: float | None) -> str:
-        return "-" if value is None else f"{100.0 * value:.2g} %"
-
-    show_table(
-        "The same runs by other methods (errors of compliance on runs kept out)",
-        ["method", "RMS", "worst", "fit, s", "1e5 queries, s", "kB"],
-        [
-            [r["method"], "refused", "", "", "", ""]
-            if r["refused"]
-            else [
-                r["method"],
-                percent(r["interior_rms"]),
-                percent(r["interior_worst"]),
-                f"{r['fit_s']:.2g}",
-                f"{r['seconds_for_1e5_queries']:.2g}",
-                f"{(r['bytes'] or 0) / 1e3:.3g}",
-            ]
-            for r in rows
-        ],
-    )
+    say(f"best: {content['best']}")
