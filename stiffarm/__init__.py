@@ -10,7 +10,10 @@ if TYPE_CHECKING:
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
+    from stiffarm.face.indices import Indices, index
+    from stiffarm.face.plans import Plan, plan
     from stiffarm.face.readings import Readings, bundled, read_readings
+    from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
 
     __version__: str
@@ -22,18 +25,26 @@ __all__ = [
     "Arm",
     "Calibration",
     "Diagnosis",
+    "Indices",
     "InputError",
     "InputErrors",
+    "Plan",
     "Readings",
+    "Replayed",
+    "Simulation",
     "Surrogate",
     "bundled",
     "calibrate",
     "diagnose",
     "fit",
+    "index",
     "load",
     "load_surrogate",
+    "plan",
     "read_readings",
+    "replay",
     "robots_bundled",
+    "simulate",
 ]
 
 
