@@ -119,6 +119,15 @@ class Robot:
         return out
 
 
+def middle_pose(robot: Robot) -> Array:
+    """A pose (dof,) rad to show the robot in: mid-range, moved towards zero until it can be taken."""
+    zero = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
+    middle = robot.limits.mean(axis=1)
+    trials = middle + np.linspace(0.0, 1.0, 21)[:, None] * (zero - middle)
+    reachable = np.flatnonzero(robot.reachable(trials))
+    return np.asarray(trials[reachable[0] if reachable.size else 0])
+
+
 def _deg(angle: float) -> str:
     return f"{np.degrees(angle):.6g}"
 

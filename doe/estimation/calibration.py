@@ -207,7 +207,7 @@ def _run_stage(
     used, (model, effects, history) = readings_of(data, stage), arm
     then = history_of_part(data, lambda whole: readings_of(whole, stage), history)
     parameters, laws = campaign.free(model, stage.parameters, effects)
-    walls = wall_flexibilities(description, model, [p.place for p in parameters if p.kind == "wall"])
+    walls = wall_flexibilities(description, model, parameters)
     p = problem(model, used, parameters, laws, walls, effects, then)
     gauge = (campaign.noise.gauge_mm * 1e-3, campaign.noise.gauge_mrad * 1e-3)
     file = hashlib.sha256(f"{key}:{model.link_kind}:{model.load_path}:{stage.model_dump_json()}".encode()).hexdigest()

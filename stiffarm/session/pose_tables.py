@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import Faults, RawTable, drop_ragged, parse_number, read_table, texts
+from doe.tables.columns import RawTable, drop_ragged, parse_number, read_table, texts
 from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
+from robots.faults import Faults
 from stiffarm.session.inputs import parse_pairs
 from surrogate import Surrogate
 

@@ -32,20 +32,18 @@ from doe.tables.load_history import history_of
 from fem import ArmModel, LinkKind, directional_stiffness
 from fem.effects import History, PlacedEffect, observed
 from fem.statics.loads import as_loaded
-from robots import InputError, ModelDescription, content_hash
+from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.files.reading import read_sha256
-from robots.progress import Progress
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
-from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
+from surrogate import Surrogate, full_poses
 from surrogate.model import predict_compliance
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
 DEFAULT_BOUNDS_Nm_per_rad = (1e5, 1e6)
 VERTICAL = (0.0, 0.0, -1.0)
-MAP_LAYERS_DEG = (-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0)
 
 
 @dataclass(frozen=True)
@@ -221,58 +219,6 @@ def default_inputs(model: ArmModel) -> tuple[str, ...]:
     """Joint coordinates that move the stiffness: all but the first, and but the last of six."""
     names = model.robot.coordinates
     return names[1:5] if model.robot.dof == 6 else names[1:]
-
-
-def stiffness_map(
-    description: ModelDescription,
-    model: ArmModel,
-    points: int,
-    learned: Surrogate | None,
-    layers_deg: tuple[float, ...] | None = None,
-    progress: Progress | None = None,
-) -> StiffnessMap:
-    """The 3-D stiffness map, from the surrogate if one is given, else from the model itself.
-
-    The load is that of the surrogate, else vertical. With a surrogate the model's own stiffness stands beside it
-    in the file, so the difference can be seen.
-    """
-    robot = model.robot
-    direction = VERTICAL if learned is None else learned.load_direction
-    swept, layer = default_sweep(robot)
-    layers = {}
-    if layer is not None:
-        low, high = np.degrees(robot.limits[robot.coordinate_index(layer)])
-        wanted = MAP_LAYERS_DEG if layers_deg is None else layers_deg
-        layers[layer] = [v for v in wanted if low <= v <= high]
-
-    def exact(q: Array) -> Array:
-        return directional_stiffness(model, q, np.array(direction))
-
-    def from_surrogate(q: Array) -> Array:
-        assert learned is not None  # noqa: S101 - only called with one
-        columns = [robot.coordinate_index(name) for name in learned.inputs]
-        return 1.0 / predict_compliance(learned, q[:, columns])
-
-    metadata = {
-        "robot": robot.name,
-        "model_hash": content_hash(description),
-        "load_direction": " ".join(f"{v + 0.0:.6g}" for v in direction),
-        "stiffness_from": "model" if learned is None else f"surrogate ({learned.basis})",
-        "links": model.link_kind,
-        "load_path": model.load_path,
-        "units": "points mm, angles deg",
-    }
-    scalars = {} if learned is None else {"model_stiffness_N_per_mm": lambda q: exact(q) * 1e-3}
-    return sweep_map(
-        robot,
-        exact if learned is None else from_surrogate,
-        swept,
-        points,
-        layers,
-        scalars=scalars,
-        metadata=metadata,
-        progress=progress,
-    )
 
 
 def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:

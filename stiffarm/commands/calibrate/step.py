@@ -159,7 +159,9 @@ def calibrate(
         error, skipped = stages[0].left_out, stages[0].skipped
     else:
         error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own, history)
-    shifts = [e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind == "point"]
+    shifts = [
+        e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind.shifts == "point"
+    ]
     remarks = words.remarks(found.stages, request.expected) + words.points_remark(shifts, points_of(used))
     return Calibrated(
         request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,

@@ -47,7 +47,7 @@ def is_joint_spring(name: str) -> bool:
 def spring_of(e: ParameterEstimate) -> SpringEstimate | None:
     """A joint's spring about its axis as the other schemes know it; None for any other parameter."""
     p = e.parameter
-    if p.kind != "stiffness" or p.index != (5,) or not is_joint_spring(p.name):
+    if p.spring_of is None:
         return None
     return SpringEstimate(p.place, e.value, e.interval, e.status)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from robots.arrays import Array
 from stiffarm.commands.calibrate import variant as variants
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.payload import trained as trained_payload
-from stiffarm.commands.maps import sweep as maps
+from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
@@ -95,22 +95,16 @@ def run_all(
         judged = None if kept is None else held_out.judge(compared.own.variants, kept)
         findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder, judged)
         with folder.timed("map"), progress("stiffness map") as bar:
-            made = steps.stiffness_map(
-                findings.best.description, findings.best.model, points, findings.surrogate, progress=bar
-            )
-            drawn = maps.write(made, findings.best.description, given.robot, folder)
+            arm = replace(given, description=findings.best.description, model=findings.best.model)
+            drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, points, progress=bar), arm, folder)
         for message in drawn["messages"]:
             say(f"note: {message}")
-        from stiffarm.commands.run.story.findings import check, json_of
         from stiffarm.commands.run.story.story import write_report
 
-        with folder.timed("findings"):
-            checked = check(findings)
-            drawn["findings"] = json_of(checked)
         content = _write_results(findings, drawn, folder)
         with folder.timed("report"):
             say("report")
-            write_report(findings, drawn, checked, folder)
+            write_report(findings, drawn, folder)
     say(f"done: open {out / 'report.html'}")
     return content
 

@@ -118,7 +118,6 @@ def map_of(
         "tool_axis": _words(asked.axis),
         "gamma_counts_from": _words(R @ np.asarray(task.reference)),
         "force_N": "none" if asked.objective.force is None else _words(asked.objective.force),
-        "units": "points mm, angles deg, base axes",
         "not_looked_at": "collisions; the way from point to point",
     }
     drawn = asked.drawn or drawn_columns(asked.gamma, choice)
