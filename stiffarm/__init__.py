@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.indices import Indices, index
+    from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
@@ -28,6 +29,7 @@ __all__ = [
     "Indices",
     "InputError",
     "InputErrors",
+    "Map",
     "Plan",
     "Readings",
     "Replayed",
@@ -40,6 +42,10 @@ __all__ = [
     "index",
     "load",
     "load_surrogate",
+    "map_box",
+    "map_cylinder",
+    "map_joints",
+    "map_slice",
     "plan",
     "read_readings",
     "replay",

@@ -169,3 +169,13 @@ def test_indices_are_found_by_name() -> None:
     assert found["k_fs"][0] == found["k_fs"][1] > 0
     with pytest.raises(sa.InputError, match="k_fs"):
         found["stiffness"]
+
+
+def test_a_map_is_saved_drawn_and_framed(tmp_path: Path) -> None:
+    m = sa.map_slice(sa.load("kr60-3", links="rigid"), step_mm=500, pose="best-gamma")
+    assert m.points().shape[0] == m.data.layout.n == len(m["stiffness_N_per_mm"])
+    for ending in ("vti", "csv"):
+        assert m.save(tmp_path / f"map.{ending}").stat().st_size > 0
+    assert m.plot(tmp_path / "map.png").png.startswith(b"\x89PNG")
+    with pytest.raises(sa.InputError, match=r"\.vti"):
+        m.save(tmp_path / "map.stl")

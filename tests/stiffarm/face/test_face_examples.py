@@ -20,6 +20,6 @@ WITHOUT = {"load_surrogate", "robots_bundled"}
 def test_the_example_of_a_function_holds(name: str) -> None:
     function = getattr(sa, name)
     module = importlib.import_module(function.__module__)
-    (found,) = [t for t in doctest.DocTestFinder(recurse=False).find(function, name, module, vars(module).copy())]
+    (found,) = doctest.DocTestFinder(recurse=False).find(function, name, module, vars(module).copy())
     assert name in WITHOUT or found.examples
     assert doctest.DocTestRunner().run(found).failed == 0
