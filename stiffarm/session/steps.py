@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,17 +21,13 @@ from doe import (
     constant_left_out,
     equations,
     factorial_poses,
-    loaded_points,
     select_loads,
     sensitivity_study,
     staged_left_out,
     with_constant_springs,
     with_spring_laws,
 )
-from doe.tables.load_history import history_of
 from fem import ArmModel, LinkKind, directional_stiffness
-from fem.effects import History, PlacedEffect, observed
-from fem.statics.loads import as_loaded
 from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.files.reading import read_sha256
@@ -231,11 +227,3 @@ def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> 
         1e-3 / predict_compliance(learned, q[:, columns]),
         directional_stiffness(model, full_poses(model.robot, learned, q[:, columns])) * 1e-3,
     )
-
-
-def simulate(
-    model: ArmModel, data: Measurements, effects: Sequence[PlacedEffect] = (), history: History | None = None
-) -> Array:
-    """Simulated displacement (n, 6) of every reading; ``history``: by default what the table says of it."""
-    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
-    return observed(model, at, effects, history or history_of(data))

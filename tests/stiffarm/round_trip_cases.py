@@ -13,6 +13,7 @@ from doe import Measurements
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import problem
 from doe.tables.load_history import history_of
+from doe.tables.simulated import simulate
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, described_effects, with_effects
 from fem.elements.walls import wall_flexibilities
 from fem.free.parameters import Parameter
@@ -21,7 +22,7 @@ from robots.arrays import Array
 from robots.robot import robot_from
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs
 from stiffarm.session.inputs import ModelInput
 
 Points = Literal["tool", "own", "mixed"]
@@ -135,7 +136,7 @@ def travelled(case: Case, folder: Path) -> Trip:
 
 def residual(back: ModelInput, data: Measurements, found: Calibrated) -> Array:
     """Read minus simulated (m,) of the readings that a calibration used, on the whole table."""
-    error = data.displacement - steps.simulate(back.model, data, back.effects, history_of(data))
+    error = data.displacement - simulate(back.model, data, back.effects, history_of(data))
     used = error[np.isin(data.row_numbers, found.data.row_numbers)]
     return np.asarray(used[found.found.overall.row, found.found.overall.component])
 

@@ -21,8 +21,10 @@ from stiffarm.commands.maps.request import (
     table_of,
     uncertainty_of,
 )
-from stiffarm.session.inputs import ModelInput, parse_direction, parse_layers, parse_names
-from stiffarm.session.task_options import parse_gammas, parse_vector, tool_of
+from stiffarm.commands.maps.surrogate_input import parse_layers
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.parsing import parse_direction, parse_names, parse_vector, tool_of
+from stiffarm.session.task_options import parse_gammas
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
 from surrogate.maps.layouts import (
     ALONG_BOX,

@@ -16,7 +16,7 @@ from stiffarm.commands.maps.request import engine_of, evaluate
 from stiffarm.session.inputs import ModelInput, no_springs_note
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.task_options import frame_words
+from stiffarm.session.parsing import frame_words
 from surrogate.maps.assembled import counts, figures, map_of_store, number_true
 from surrogate.maps.blocks import Engine, run_blocks
 from surrogate.maps.cluster import run_on

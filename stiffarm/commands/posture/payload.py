@@ -13,7 +13,7 @@ from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingE
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.session.json_text import number
-from stiffarm.session.task_options import frame_words
+from stiffarm.session.parsing import frame_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
 

@@ -21,12 +21,12 @@ from stiffarm.commands.run import held_out, link_models, payload
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
-from stiffarm.session.options import open_measured
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.readings import open_measured
 from stiffarm.session.steps import FactorialRuns, RigidJoints, Variant
 from surrogate import Surrogate, Trained, save_surrogate
 
@@ -83,7 +83,7 @@ def run_all(
     given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
-    scheme = inputs.read_scheme(given.robot, scheme_file)
+    scheme = readings.read_scheme(given.robot, scheme_file)
     if scheme_file is not None:
         files["scheme"] = scheme_file
     kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)

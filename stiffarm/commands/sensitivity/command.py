@@ -16,7 +16,7 @@ from stiffarm.commands.plan.options import parse_parameters
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
 from stiffarm.commands.sensitivity.screening import Method, Study
-from stiffarm.session import inputs, steps
+from stiffarm.session import parsing, steps
 from stiffarm.session.console import emit_json, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import (
@@ -31,9 +31,9 @@ from stiffarm.session.options import (
     Out,
     Seed,
     folder_if,
-    open_measured,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.readings import open_measured
 
 _METHODS: tuple[Method, ...] = ("morris", "sobol", "derivative")
 _SAMPLES, _TRAJECTORIES = 512, 40
@@ -118,7 +118,7 @@ def sensitivity(
         if campaign is not None and campaign.is_file():
             files["campaign"] = campaign
         scheme = bundled_scheme(given.robot.name)
-        springs = inputs.parse_names(joints, given.robot.joint_names, "--joints")
+        springs = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         springs = springs or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
         labels = _labels(poses, table, scheme)
         with folder_if(out, files, None if chosen is None else seed) as folder:
@@ -170,7 +170,7 @@ _NAMING = ("--joints", "--free", "--campaign")
 def _labels(poses: str | None, table: Measurements, scheme: Scheme | None) -> tuple[str, ...]:
     """The poses named, else those of the scheme if they were measured, else all."""
     every = tuple(dict.fromkeys(table.pose))
-    labels = inputs.parse_names(poses, every, "--poses")
+    labels = parsing.parse_names(poses, every, "--poses")
     if labels is not None:
         return labels
     planned = scheme.sensitivity.poses if scheme and set(scheme.sensitivity.poses) <= set(every) else ()

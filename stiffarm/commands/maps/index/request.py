@@ -18,7 +18,8 @@ from robots.arrays import Array, Bools
 from robots.progress import Progress
 from stiffarm.commands.maps.index.files import IndexMap, drawn_columns
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.task_options import frame_words, parse_frame, parse_gammas, parse_vector, tool_of
+from stiffarm.session.parsing import frame_words, parse_frame, parse_vector, tool_of
+from stiffarm.session.task_options import parse_gammas
 
 GAMMA = "-180:180:5"
 # Share of a step by which a range may miss a whole number of steps: rounding of decimals.

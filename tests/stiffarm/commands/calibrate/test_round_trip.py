@@ -13,6 +13,7 @@ from round_trip_cases import CASES, LOAD, NOISE_M, STAGED, Case, Trip, arm, fill
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.model_file.applied import apply_estimates
 from doe.tables.reading import write_measurements
+from doe.tables.simulated import simulate
 from fem.effects import build_plain, catalogue
 from fem.free.kinds import KINDS
 from fem.free.parameters import parameter
@@ -21,7 +22,7 @@ from robots.robot import robot_from
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose.model import described
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs
 
 # A model file holds all digits; what is left is sums of some ten numbers of a millimetre in another order.
 DIGITS = 1e-14
@@ -122,7 +123,7 @@ def test_poses_left_out_are_predicted_as_a_model_without_them_does(kind: str, tm
     fewer = calibrating.calibrate(given, whole.data.select(~out), whole.found.request)
     save_description(fewer.description, tmp_path / "fewer.toml")
     back = inputs.read_model(str(tmp_path / "fewer.toml"), None, None)
-    error = whole.data.displacement - steps.simulate(back.model, whole.data, back.effects)
+    error = whole.data.displacement - simulate(back.model, whole.data, back.effects)
     p = whole.found.found.overall
     mine = p.pose == p.poses.index("P4")
     expected = error[p.row[mine], p.component[mine]]
@@ -152,11 +153,11 @@ def test_so_does_the_model_that_a_diagnosis_writes(
     plain = build_plain(given.description, load_path=load_path).with_springs({"j2": 1.8e6, "j3": 1.1e6})  # type: ignore[arg-type]
     known = catalogue(plain, given.description)
     data = table(given.robot, poses=8)
-    data = filled(data, steps.simulate(plain, data, [known[code].placed(v) for code, v in truth.items()]))
+    data = filled(data, simulate(plain, data, [known[code].placed(v) for code, v in truth.items()]))
     found = diagnosing.diagnose(given, data, diagnosing.Request(loads, next_poses=0))
     save_description(described(found), tmp_path / "model.toml")
     back = inputs.read_model(str(tmp_path / "model.toml"), None, load_path)
-    error = data.displacement - steps.simulate(back.model, data, back.effects)
+    error = data.displacement - simulate(back.model, data, back.effects)
     after = found.found.after
     assert {e.effect.code for e in after.setting.accepted} == set(truth)
     error = error[np.isin(data.row_numbers, found.used.row_numbers)]

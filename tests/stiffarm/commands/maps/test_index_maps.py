@@ -21,7 +21,7 @@ from machining.stiffness.distribution import best_gamma, distribution
 from machining.stiffness.grid import box_grid, grid_task, in_box
 from robots import InputError
 from stiffarm.commands.maps.index.request import parse_values, parse_workpiece, read_request
-from stiffarm.session.task_options import parse_frame
+from stiffarm.session.parsing import parse_frame
 
 GRID = ("--x", "-300:600:150", "--y", "600:1200:150", "--z", "486")
 TOOL = ("--tool", "200,0,80,0,90,0")
