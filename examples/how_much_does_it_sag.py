@@ -15,4 +15,4 @@ parts.plot.barh(xlabel="vertical displacement (mm)")
 plt.tight_layout()
 plt.savefig("how_much_does_it_sag.png")
 
-assert parts.index[0] == "spring j3"
+assert parts.index[0] == "j3"

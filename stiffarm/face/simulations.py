@@ -13,7 +13,7 @@ from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
 from stiffarm.face.shown import Shown
-from stiffarm.session.inputs import WRENCH_NAMES
+from stiffarm.session.parsing import WRENCH_NAMES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,7 +123,7 @@ def replay(arm: Arm, readings: Readings, *, rigid_joints: bool = False) -> Repla
     """
     import pandas as pd
 
-    from stiffarm.commands.simulate.step import of_table
+    from stiffarm.commands.simulate.readings import of_table
 
     with called():
         found: dict[str, Any] = of_table(arm, readings.table, rigid_joints)
