@@ -43,14 +43,14 @@ def make_map(
     engine = engine_of(request, given.description, given.model)
     # Inside the hidden stage, unless it is to outlive an interrupted run; the stage is emptied of it before the end.
     place = folder.stage / "work" if files.work is None else files.work
-    store = MapStore(place, request.key, engine.grid.layout.n, request.block, engine.columns)
+    store = MapStore(place, request.key, engine.grid.n, request.block, engine.columns)
     with folder.timed("map"):
         if files.dask is None:
             store.complete(lambda: run_blocks(engine, store, progress))
         else:
             address = files.dask
             store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
-    data = map_of_store(engine, store, _metadata(given, asked))
+    data = map_of_store(engine, store, metadata(given, asked))
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)
     content = statistics(engine, store, data, asked)
@@ -140,7 +140,8 @@ def _place(data: MapData, row: int) -> dict[str, Any]:
     }
 
 
-def _metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
+def metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
+    """What the map is of, in words by name, as its files say it."""
     request = asked.request
     words = " ".join(f"{v + 0.0:.6g}" for v in request.direction)
     out = {
@@ -165,8 +166,8 @@ def _out_of_reach(given: ModelInput, asked: Asked) -> InputError:
     free = asked.request.pose["rule"] in ("stiffest", "softest")
     pose = "" if free else f" with {asked.pose_words.split(', best')[0]}"
     return InputError(
-        f"no point of the {asked.grid.layout.kind} can be reached{pose}",
-        value=f"{asked.grid.layout.n} points",
+        f"no point of the {asked.grid.kind} can be reached{pose}",
+        value=f"{asked.grid.n} points",
         allowed=f"within the reach of {given.robot.name}, about {asked.reach.words}",
         remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),
     )
