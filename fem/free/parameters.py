@@ -75,6 +75,11 @@ class Parameter:
         return min(ends), max(ends)
 
     @property
+    def is_joint_spring(self) -> bool:
+        """Whether it is a joint's stiffness about its own axis."""
+        return self.kind == "stiffness" and self.index == (5,) and self.place not in ("base", "tool", "bar")
+
+    @property
     def is_linear(self) -> bool:
         """Whether the displacement is linear in the estimator's variable."""
         return self.kind in ("stiffness", "coupling", "modulus")

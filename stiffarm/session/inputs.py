@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
+from doe import Measurements, bundled_data, read_measurements
+from doe.estimation.campaign import Campaign, bundled_campaign, load_campaign
 from fem import FLANGES, LINK_KINDS, LinkKind
 from fem.arm import Arm, with_flanges
 from fem.effects import LOAD_PATH, Maker
@@ -126,7 +127,7 @@ def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
     return read_measurements(bundled, robot)
 
 
-def read_scheme(robot: Robot, file: Path | None) -> Scheme:
+def read_scheme(robot: Robot, file: Path | None) -> Campaign:
     """The scheme given, or the one bundled with the robot.
 
     Raises
@@ -137,7 +138,7 @@ def read_scheme(robot: Robot, file: Path | None) -> Scheme:
     if file is not None:
         if not file.is_file():
             raise InputError("scheme file", value=str(file), allowed="an existing scheme TOML", remedy="check the path")
-        scheme = load_scheme(file)
+        scheme = load_campaign(file)
         scheme.check_against(robot)
         if scheme.robot != robot.name:
             raise InputError(
@@ -147,7 +148,7 @@ def read_scheme(robot: Robot, file: Path | None) -> Scheme:
                 remedy="choose the scheme of this robot, or name this robot in its 'robot' key",
             )
         return scheme
-    scheme_or_none = bundled_scheme(robot.name)
+    scheme_or_none = bundled_campaign(robot.name)
     if scheme_or_none is None:
         raise InputError(
             f"no calibration scheme is bundled for {robot.name}",

@@ -12,7 +12,6 @@ from meshes import RobotMasses
 from robots import ModelDescription
 from robots.schema.description import Joint
 from robots.schema.quantities import RotationalStiffness
-from stiffarm.session import steps
 from stiffarm.session.console import say, show_table
 
 
@@ -71,53 +70,6 @@ def sensitivity(effects: Sequence[PoseEffects], low: float, high: float, load_pa
         ["pose", *effects[0].joints, "ranking"],
         [[e.pose, *(f"{v:+.3f}" for v in e.effect_mm), " > ".join(e.ranking)] for e in effects],
     )
-
-
-def variant(result: steps.Variant) -> None:
-    """A calibrated variant: springs or stages, remarks and how good it is."""
-    if result.constant is not None:
-        show_table(
-            f"Constant springs, {result.model.load_path} load path",
-            ["joint", "k (N m/rad)", "95 % interval", "status"],
-            [
-                [
-                    s.joint,
-                    f"{s.stiffness:.3g}" if s.status in ("determined", "one-sided") else "-",
-                    _interval(s.interval),
-                    s.status,
-                ]
-                for s in result.constant.springs
-            ],
-        )
-    if result.staged is not None:
-        show_table(
-            f"Staged scheme, {result.model.load_path} load path",
-            ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
-            [
-                [
-                    stage,
-                    fit.pose,
-                    ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
-                    f"{fit.error_mm:+.3f}",
-                    str(fit.runs),
-                ]
-                for stage, fits in result.staged.fits.items()
-                for fit in fits
-            ],
-        )
-    for remark in result.remarks:
-        say(f"note: {remark}")
-    say(
-        f"RMS {result.rms_mm:.3f} mm on {len(result.system)} readings with {result.parameters} parameters; "
-        f"poses left out one at a time are predicted to {result.left_out.rms_mm:.3f} mm RMS"
-    )
-
-
-def _interval(interval: tuple[float, float]) -> str:
-    low, high = interval
-    if np.isnan(low):
-        return "-"
-    return f">= {low:.3g}" if np.isinf(high) else f"{low:.3g} to {high:.3g}"
 
 
 def peers(rows: Sequence[dict[str, Any]]) -> None:

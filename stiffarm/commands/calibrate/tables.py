@@ -1,4 +1,4 @@
-"""What `calibrate --scheme global` shows on stderr."""
+"""What `calibrate` shows on stderr."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from stiffarm.session.noise_words import scatter_name
 
 def show(c: Calibrated) -> None:
     """Numbers of each stage, noise, outliers, remarks and how good the result predicts."""
+    if c.found.studies:
+        _studies(c)
     for s in c.stages:
         _numbers(s)
         for name, size in words.noise_parts(s.result.estimate.noise, s.result.estimate.problem):
@@ -27,11 +29,24 @@ def show(c: Calibrated) -> None:
     error = c.left_out_rms_mm
     predicted = f"to {error:.3f} mm RMS{missed}" if np.isfinite(error) else f"not at all{missed}"
     say(
-        f"RMS {c.found.rms_mm:.3f} mm on {len(c.found.overall)} readings with {c.identified} parameters; "
+        f"RMS {c.found.rms_mm:.3f} mm on {len(c.found.overall)} readings with {c.found.count}; "
         f"poses left out one at a time are predicted {predicted}"
     )
     if c.holdout is not None:
         _holdout(c)
+
+
+def _studies(c: Calibrated) -> None:
+    show_table(
+        f"Level studies pose by pose, {c.model.load_path} load path",
+        ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
+        [
+            [s.stage.name, fit.pose, ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
+             f"{fit.error_mm:+.3f}", str(fit.runs)]
+            for s in c.found.studies
+            for fit in s.fits
+        ],
+    )  # fmt: skip
 
 
 def _numbers(s: StageFindings) -> None:

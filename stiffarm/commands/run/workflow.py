@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, Scheme, select_loads
+from doe import Measurements, PoseEffects, select_loads
+from doe.estimation.campaign import Campaign
 from fem import deflection_by_part
 from robots import save_description
 from robots.arrays import Array
+from stiffarm.commands.calibrate import payload as calibration_payload
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.maps import sweep as maps
-from stiffarm.commands.run import held_out, link_models
+from stiffarm.commands.run import held_out, link_models, link_payload
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.session import inputs, payloads, steps
@@ -23,7 +26,7 @@ from stiffarm.session.console import progress, say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import open_measured
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.steps import FactorialRuns, RigidJoints, Variant
+from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained, save_surrogate
 
 
@@ -33,12 +36,12 @@ class Findings:
 
     given: ModelInput
     data: Measurements
-    scheme: Scheme
+    scheme: Campaign
     rigid: RigidJoints
     effects: Mapping[str, list[PoseEffects]]
     link_models: LinkModels
-    best: Variant
-    published: Variant
+    best: Calibrated
+    published: Calibrated
     factorial: Mapping[str, FactorialRuns]
     trained: Mapping[str, Trained]
     budget_mm: Mapping[str, Array]
@@ -48,7 +51,7 @@ class Findings:
     held_out: HeldOut | None = None
 
     @property
-    def variants(self) -> tuple[Variant, ...]:
+    def variants(self) -> tuple[Calibrated, ...]:
         """Every load path and scheme, with the links that were asked for."""
         return self.link_models.own.variants
 
@@ -112,10 +115,10 @@ def run_all(
 
 
 def _calibrations(
-    given: ModelInput, table: Measurements, scheme: Scheme
+    given: ModelInput, table: Measurements, scheme: Campaign
 ) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
     used = select_loads(table, scheme.loads_N)
-    straight = scheme.sensitivity.poses
+    straight = scheme.beside.sensitivity.poses
     beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
     # Without flexible links there is no first model: beams stand in for them.
     rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
@@ -128,10 +131,9 @@ def _calibrations(
         path: steps.sensitivity(
             one,
             used,
-            scheme.sensitivity.joints,
+            scheme.beside.sensitivity.joints,
             straight,
-            scheme.low_Nm_per_rad,
-            scheme.high_Nm_per_rad,
+            *scheme.springs.ends,
         )
         for path, one in models.items()
     }
@@ -141,17 +143,22 @@ def _calibrations(
     return rigid, effects, LinkModels(own, other)
 
 
-def _say_variant(variant: Variant) -> None:
+def recommended(variants: Sequence[Calibrated]) -> Calibrated:
+    """The calibration that predicts left-out poses best (not the one that fits best)."""
+    return min(variants, key=lambda v: v.left_out_rms_mm if np.isfinite(v.left_out_rms_mm) else np.inf)
+
+
+def _say_variant(variant: Calibrated) -> None:
     say(
-        f"{variant.name}: {variant.parameters} parameters, RMS {variant.rms_mm:.3f} mm, "
-        f"left-out poses {variant.left_out.rms_mm:.3f} mm"
+        f"{variant.name}: {variant.found.count}, RMS {variant.found.rms_mm:.3f} mm, "
+        f"left-out poses {variant.left_out_rms_mm:.3f} mm"
     )
 
 
 def _learned(
     given: ModelInput,
     table: Measurements,
-    scheme: Scheme,
+    scheme: Campaign,
     rigid: RigidJoints,
     effects: dict[str, list[PoseEffects]],
     compared: LinkModels,
@@ -160,23 +167,23 @@ def _learned(
     judged: HeldOut | None,
 ) -> Findings:
     variants = compared.own.variants
-    best = steps.recommended(list(variants))
+    best = recommended(variants)
     published = variants[0]
     say(f"recommended: {best.name} (smallest error on left-out poses)")
     factorial: dict[str, FactorialRuns] = {}
     trained: dict[str, Trained] = {}
     with folder.timed("surrogates"):
         for variant in {v.name: v for v in (best, published)}.values():
-            factorial[variant.name] = steps.factorial_runs(variant.model, scheme)
+            factorial[variant.name] = steps.factorial_runs(variant.model, scheme.beside.factorial)
             trained[variant.name] = learning.learn(
                 variant.description,
                 variant.model,
-                scheme.factorial.inputs,
+                scheme.beside.factorial.inputs,
                 seed,
                 folder,
                 f"surrogates/{slug(variant.name)}",
                 variant.name,
-                degree=scheme.regression_degree,
+                degree=max((law.degree for law in scheme.regressions), default=6),
             )
     used = select_loads(table, scheme.loads_N)
     parts = deflection_by_part(best.model, used.q, used.wrench)
@@ -211,9 +218,9 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         "links": findings.given.model.link_kind,
         "rigid_joints": payloads.rigid(findings.rigid),
         "sensitivity": {path: payloads.effects(e) for path, e in findings.effects.items()},
-        "variants": {v.name: payloads.variant(v) for v in findings.variants},
+        "variants": {v.name: calibration_payload.calibration(v) for v in findings.variants},
         "recommended": findings.best.name,
-        "link_models": payloads.link_models(findings.link_models),
+        "link_models": link_payload.payload(findings.link_models),
         "factorial": {name: payloads.factorial(runs) for name, runs in findings.factorial.items()},
         "surrogates": {name: payloads.trained(t) for name, t in findings.trained.items()},
         "measured_poses": [

@@ -19,7 +19,7 @@ from fem.free.parameters import Parameter, parameter
 from fem.statics.loads import as_loaded
 from robots import InputError
 from robots.arrays import Array, Indices
-from stiffarm.commands.calibrate.words import is_joint_spring, spoken_unit
+from stiffarm.commands.calibrate.words import names_joint_spring, spoken_unit
 from stiffarm.commands.plan.words import direction_words
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.payloads import number
@@ -122,7 +122,7 @@ def _ranged(p: Parameter, springs: tuple[float, float]) -> Parameter:
 
 
 def _stiffness_range(p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
-    if is_joint_spring(p.name):
+    if names_joint_spring(p.name):
         return springs
     if math.isfinite(p.value):
         return p.value / FACTOR, p.value * FACTOR

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.text import Annotation
 
 from doe import Equations, SpringEstimate, fit_constant
-from stiffarm.commands.run.figures.springs import springs_figure
+from stiffarm.commands.calibrate.figures.springs import springs_figure
 from stiffarm.session.payloads import estimate
 from stiffarm.session.spring_words import bound_of, mega, spring_text
 
