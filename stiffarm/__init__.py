@@ -1,17 +1,91 @@
-"""The face of stiffarm: command line, reports, pictures.
+"""How stiff is my robot arm, here, in this pose, and why does the model say something else than my gauge: stiffarm.
 
-Nothing is imported here: this runs before the command line can heed Ctrl-C.
+``import stiffarm as sa`` is the Python face of the same steps that the command line runs. Names load what they need
+when they are first used: this file runs before the command line can heed Ctrl-C.
 """
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    __version__: str
-else:
+    from robots import InputError, InputErrors
+    from stiffarm.face.arms import Arm, load, robots_bundled
+    from stiffarm.face.calibrations import Calibration, calibrate
+    from stiffarm.face.diagnoses import Diagnosis, diagnose
+    from stiffarm.face.readings import Readings, bundled, read_readings
+    from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
 
-    def __getattr__(name: str) -> str:
-        """The version, looked up when it is asked for."""
-        if name != "__version__":
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __version__: str
+
+# Public name -> the module that it is in.
+_WHERE = {
+    "Arm": "stiffarm.face.arms",
+    "Calibration": "stiffarm.face.calibrations",
+    "Diagnosis": "stiffarm.face.diagnoses",
+    "InputError": "robots",
+    "InputErrors": "robots",
+    "Readings": "stiffarm.face.readings",
+    "Surrogate": "stiffarm.face.surrogates",
+    "bundled": "stiffarm.face.readings",
+    "calibrate": "stiffarm.face.calibrations",
+    "diagnose": "stiffarm.face.diagnoses",
+    "fit": "stiffarm.face.surrogates",
+    "load": "stiffarm.face.arms",
+    "load_surrogate": "stiffarm.face.surrogates",
+    "read_readings": "stiffarm.face.readings",
+    "robots_bundled": "stiffarm.face.arms",
+}
+# What stiffarm is made of; a folder of one of these names beside a script would be taken in its place.
+_PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining")
+
+__all__ = [
+    "Arm",
+    "Calibration",
+    "Diagnosis",
+    "InputError",
+    "InputErrors",
+    "Readings",
+    "Surrogate",
+    "bundled",
+    "calibrate",
+    "diagnose",
+    "fit",
+    "load",
+    "load_surrogate",
+    "read_readings",
+    "robots_bundled",
+]
+
+
+def __getattr__(name: str) -> object:
+    """A public name, or the version, looked up when it is asked for."""
+    from importlib import import_module
+
+    if name == "__version__":
         from importlib.metadata import version
 
         return version("stiffarm")
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    refuse_strangers()
+    value = getattr(import_module(_WHERE[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
+
+
+def refuse_strangers() -> None:
+    """Raise ImportError where Python takes a user's own folder or file for a part of stiffarm."""
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    home = Path(__file__).resolve().parent.parent
+    for part in _PARTS:
+        spec = find_spec(part)
+        places = [] if spec is None else [spec.origin] if spec.origin else list(spec.submodule_search_locations or ())
+        if [Path(str(place)).resolve() for place in places] != [home / part / "__init__.py"]:
+            raise ImportError(
+                f"stiffarm's own package {part!r} is hidden by {places[0] if places else 'nothing: it is missing'}. "
+                "To fix it: rename that folder or file, or start Python in another folder"
+            )

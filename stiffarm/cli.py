@@ -32,7 +32,7 @@ USE: Final = "Use"
 MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
-    "robots": Entry("simulate", "robots", MODEL, "List the bundled robots, or show one in detail."),
+    "robots": Entry("robots", "robots", MODEL, "List the bundled robots, or show one in detail."),
     "import": Entry(
         "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
     ),
@@ -45,7 +45,7 @@ COMMANDS: dict[str, Entry] = {
     "diagnose": Entry("diagnose", "diagnose", CALIBRATE, "Find out what the model is missing, and how sure that is."),
     "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
     "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
-    "query": Entry("fit", "query", USE, "Evaluate a surrogate at poses, with error bars."),
+    "query": Entry("query", "query", USE, "Evaluate a surrogate at poses, with error bars."),
     "map": Entry("maps", "map_command", USE, "Map the stiffness over joints or over points in space."),
     "index": Entry("index", "index", USE, "Compute stiffness indices at poses, such as k_fs and NSPI."),
     "posture": Entry("posture", "posture", MACHINE, "Find the stiffest posture along a tool path."),

@@ -28,9 +28,11 @@ from robots.arrays import Array, Bools
 from robots.kinematics import as_poses
 
 __all__ = [
+    "ComplianceGradients",
     "ParameterUncertainty",
     "Propagated",
     "compliance_gradients",
+    "drawn_variables",
     "gradients",
     "parameter_uncertainty",
     "propagate",
@@ -148,21 +150,44 @@ def gradients(
     return propagate(model, uncertainty, q, direction, point).gradient
 
 
-def compliance_gradients(
-    model: ArmModel, uncertainty: ParameterUncertainty, q: Array, point: Array | None = None
-) -> Array:
-    """Derivatives (n, p, 6, 6) of the whole compliance by the variables: ``d . G d`` is that along any unit wrench d.
+@dataclass(frozen=True, eq=False)
+class ComplianceGradients:
+    """How the compliance (n, k, k) itself depends on the variables, at n poses.
 
-    Where all variables are compliances, couplings and moduli, the compliance is linear in them and G is all there is.
-    Errors as in :func:`propagate`.
+    ``known`` (n, p, k, k): derivatives by the variables that have a variance: ``d . G d`` is that along any unit wrench
+    d. ``open_change`` (n, m, k, k): by how much each of the m parameters and combinations ``open_names`` that the
+    readings left open may change it. ``is_rough`` (n,): the first order does not hold for its trace.
+    """
+
+    known: Array
+    open_names: tuple[str, ...]
+    open_change: Array
+    is_rough: Bools
+
+
+def compliance_gradients(
+    model: ArmModel, uncertainty: ParameterUncertainty, q: Array, point: Array | None = None, *, size: int = 6
+) -> ComplianceGradients:
+    """Derivatives of the compliance by the variables; ``size`` 6: the whole of it, 3: its translational block.
+
+    Where all variables are compliances, couplings and moduli, the compliance is linear in them and the derivatives are
+    all there is. Errors as in :func:`propagate`.
     """
     q = as_poses(model.robot, q)
     bound, p = bind(uncertainty, model, q), len(uncertainty.names)
-    out = np.empty((len(q), p, 6, 6))
-    for column, load in enumerate(np.eye(6)):
+    C, G = np.empty((len(q), size, size)), np.empty((len(q), len(bound.names), size, size))
+    for column, load in enumerate(np.eye(6)[:size]):
         for rows, at in _batches(model, q, np.tile(load, (len(q), 1)), point):
-            out[rows, :, :, column] = _derivatives(bound, at)[1][:, :, :p].transpose(0, 2, 1)
-    return 0.5 * (out + out.swapaxes(2, 3))
+            value, J = _derivatives(bound, at)
+            C[rows, :, column] = value[:, :size]
+            G[rows, :, :, column] = J[:, :size].transpose(0, 2, 1)
+    G = 0.5 * (G + G.swapaxes(2, 3))
+    trace = np.trace(C, axis1=1, axis2=2)
+    share = np.trace(G, axis1=2, axis2=3) / np.where(trace > 0.0, trace, np.inf)[:, None]
+    change = [G[:, p + k] * bound.sizes[p + k] for k in range(len(bound.names) - p)]
+    change += [np.einsum("p,npab->nab", way, G[:, :p]) for way in _ways(bound, uncertainty)]
+    opened = np.stack(change, axis=1) if change else np.zeros((len(q), 0, size, size))
+    return ComplianceGradients(G[:, :p], bound.open_names, opened, _bent(bound, uncertainty, q, share))
 
 
 def sampled(
@@ -191,6 +216,19 @@ def sampled(
         d = bound.free(at).displacements(u)
         out[:, rows] = np.einsum("rni,ni->rn", d, load[rows])
     return out
+
+
+def drawn_variables(
+    uncertainty: ParameterUncertainty, model: ArmModel, q: Array, rng: np.random.Generator, draws: int
+) -> Array:
+    """Variables (draws, p) of models whose numbers are drawn as in :func:`sampled`, widened.
+
+    Numbers that do not act on the compliance keep their value. ``q`` (n, dof) rad: some poses, to know the model by.
+    """
+    bound = bind(uncertainty, model, q)
+    columns = bound.columns[: len(uncertainty.names)]
+    u = _draws(bound, uncertainty, rng, draws, widened=True)
+    return np.where(columns >= 0, u[:, np.maximum(columns, 0)], uncertainty.estimate)
 
 
 def _draws(
@@ -256,13 +294,21 @@ def _open_share(bound: Bound, uncertainty: ParameterUncertainty, G: Array) -> Ar
     """Shares (n, m + d) of the compliance that open numbers and combinations may change it by."""
     p = len(uncertainty.names)
     alone = np.abs(G[:, p:]) * bound.sizes[p:]
-    together = []
+    together = [np.abs(G[:, :p] @ way) for way in _ways(bound, uncertainty)]
+    return np.column_stack([alone, *together]) if together else alone
+
+
+def _ways(bound: Bound, uncertainty: ParameterUncertainty) -> list[Array]:
+    """How far (p,) the variables may go along each direction that no reading determines.
+
+    As far as the number that is the first to have changed by its own size.
+    """
+    p = len(uncertainty.names)
+    out = []
     for direction in uncertainty.directions:
         taking = direction != 0.0
-        # As far as the number that is the first to have changed by its own size.
-        way = float(np.min(bound.sizes[:p][taking] / np.abs(direction[taking])))
-        together.append(np.abs(G[:, :p] @ direction) * way)
-    return np.column_stack([alone, *together]) if together else alone
+        out.append(direction * float(np.min(bound.sizes[:p][taking] / np.abs(direction[taking]))))
+    return out
 
 
 def _bent(bound: Bound, uncertainty: ParameterUncertainty, q: Array, G: Array) -> Bools:

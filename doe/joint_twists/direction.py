@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from scipy.stats import t as student
 
 from doe.joint_twists.laws import Law
 from robots.arrays import Array
@@ -23,7 +24,7 @@ class Direction:
     (the best compliance is not positive: a lower limit at most); not identified (never loaded or never read).
     ``law`` is None where there is no number. ``mean`` and ``spread``: the compliance of all set-ups together, m/N or
     rad/(N m), and its standard deviation. ``angle`` (a,) rad, ``value`` and ``sd`` (a,): compliances by angle, without
-    any law. ``quantile``: Student's, for 95 % intervals. ``scores``: of the laws tried, lowest is best.
+    any law. ``degrees_of_freedom``: of Student's t in 95 % intervals. ``scores``: of the laws tried, lowest is best.
     """
 
     joint: str
@@ -35,8 +36,13 @@ class Direction:
     angle: Array
     value: Array
     sd: Array
-    quantile: float
+    degrees_of_freedom: float
     scores: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def quantile(self) -> float:
+        """Student's 97.5 % quantile."""
+        return float(student.ppf(0.975, self.degrees_of_freedom))
 
     @property
     def unit(self) -> str:

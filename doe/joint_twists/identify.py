@@ -168,23 +168,23 @@ def _direction(
     free = min([int(n) for n in (dof, cycles.noise_dof[s.joint, kind]) if n > 0], default=PLENTY)
     quantile = float(student.ppf(0.975, free))
     if not s.c.size:
-        return Direction(name, row, "not identified", None, np.nan, np.nan, none, none, none, quantile)
+        return Direction(name, row, "not identified", None, np.nan, np.nan, none, none, none, free)
     angle, value, sd = _by_angle(s, scatter)
     mean, spread = _mean(s.c, s.variance, scatter)
     if not is_judged:
         spread, sd = np.nan, np.full_like(sd, np.nan)
     if not mean > 0.0:
-        return Direction(name, row, "not determined", None, mean, spread, angle, value, sd, quantile)
+        return Direction(name, row, "not determined", None, mean, spread, angle, value, sd, free)
     if mean < quantile * spread:
         law = _fitted("constant", s, angle, scatter)
         status: Status = "one-sided" if law is not None else "not determined"
-        return Direction(name, row, status, law, mean, spread, angle, value, sd, quantile)
+        return Direction(name, row, status, law, mean, spread, angle, value, sd, free)
     chosen, scores = (asked, {}) if asked else choose_law(s.joint, s.q, s.c, s.variance, scatter)
     law = _fitted(chosen, s, angle, scatter) or _fitted("constant", s, angle, scatter)
     status = "not determined" if law is None else "determined" if is_judged else "not judged"
     if law is not None and not is_judged:
         law = replace(law, covariance=np.full_like(law.covariance, np.nan))
-    return Direction(name, row, status, law, mean, spread, angle, value, sd, quantile, scores)
+    return Direction(name, row, status, law, mean, spread, angle, value, sd, free, scores)
 
 
 def _fitted(kind: LawKind, s: _SetUps, angles: Array, scatter: float) -> Law | None:

@@ -7,6 +7,7 @@ import numpy as np
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from doe.joint_twists.laws import Law
+from doe.joint_twists.twist_table import is_held, mean_compliance, twist_table
 from fem import ArmModel
 from fem.statics.ports import ROWS
 from robots import ModelDescription
@@ -40,6 +41,7 @@ def with_six_springs(description: ModelDescription, model: ArmModel, found: Iden
                 data_sha256=data.sha256,
                 rms_mm=rms_mm(found),
                 loads_N=tuple(np.unique(np.round(data.load[data.load > 0.0], 1)).tolist()),
+                uncertainty=twist_table(found, model),
                 notes=(*found.notes, *held_constant(found)),
             ),
         }
@@ -50,7 +52,7 @@ def with_six_springs(description: ModelDescription, model: ArmModel, found: Iden
 
 def held_constant(found: Identified) -> tuple[str, ...]:
     """What the model file does not hold as identified: tables of stiffnesses across the axis."""
-    varying = [f"{j}.{r}" for (j, r), d in found.directions.items() if d.law is not None and not _is_held(d, d.law)]
+    varying = [f"{j}.{r}" for (j, r), d in found.directions.items() if d.law is not None and not is_held(d, d.law)]
     if not varying:
         return ()
     which = f"all {len(varying)} across the axes" if len(varying) > 8 else ", ".join(varying)
@@ -60,25 +62,13 @@ def held_constant(found: Identified) -> tuple[str, ...]:
     )
 
 
-def _is_held(d: Direction, law: Law) -> bool:
-    """Whether a model file has a direction's law as it is."""
-    return d.row == "rz" or law.kind == "constant" or law.kind.startswith("fourier")
-
-
 def constant_compliances(found: Identified, q: Array) -> Array:
     """Compliances (n, dof, 6) as the model file has them: laws where it holds them, else means over the angles."""
     c = found.compliances(q)[0]
     for k, d in enumerate(found.directions.values()):
-        if d.law is not None and not _is_held(d, d.law):
+        if d.law is not None and not is_held(d, d.law):
             c[:, k // 6, k % 6] = mean_compliance(d, d.law, k // 6, q.shape[1])
     return c
-
-
-def mean_compliance(d: Direction, law: Law, column: int, dof: int) -> float:
-    """Mean of a law's compliance over the angles measured."""
-    q = np.zeros((len(d.angle), dof))
-    q[:, column] = d.angle
-    return float(law.compliance(q)[0].mean())
 
 
 def rms_mm(found: Identified) -> float:
@@ -99,7 +89,7 @@ def _joint(joint: Joint, found: Identified, column: int) -> Joint:
     laws: dict[str, LogFourierLaw] = {}
     for row in ROWS[:5]:
         d = mine[row]
-        if d.law is not None and d.law.kind != "constant" and _is_held(d, d.law):
+        if d.law is not None and d.law.kind != "constant" and is_held(d, d.law):
             laws[row] = _fourier(joint, d.law)
         elif d.law is not None:
             kind = TranslationalStiffness if row.startswith("t") else RotationalStiffness

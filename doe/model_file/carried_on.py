@@ -94,8 +94,13 @@ def _is_held(
     key = _key(model, name, effects)
     if key is None or key in new:
         return False
-    laws = {one[1] for one in new if one is not None and one[0] == "law"}
-    return not (key[1] in laws and (key[0] == "law" or (key[0], key[2]) == ("stiffness", (5,))))
+    kind, place, index = key
+    # The law of a row has index (row, k), that about the axis (k,): what it replaces is the whole law, or the spring.
+    laws = {(one[1], one[2][:-1]) for one in new if one is not None and one[0] == "law"}
+    return not (
+        (kind == "law" and (place, index[:-1]) in laws)
+        or ((kind, index) == ("stiffness", (5,)) and (place, ()) in laws)
+    )
 
 
 def _is_same(

@@ -39,7 +39,8 @@ NO_SPARE = "no covariance of the springs is kept: as many springs as readings le
 class FoundNumber:
     """A number with what a calibration says of it; ``interval`` in SI ``unit``; ``has_variance``: see the covariance.
 
-    ``estimate``: the variable at the number that the model file holds.
+    ``estimate``: the variable at the number that the model file holds. ``note``: why it has no variance, where that is
+    not the usual reason.
     """
 
     name: str
@@ -50,6 +51,7 @@ class FoundNumber:
     status: Status
     degrees_of_freedom: float
     has_variance: bool
+    note: str | None = None
 
 
 def uncertainty_table(
@@ -161,7 +163,9 @@ def _undetermined(f: FoundNumber) -> UndeterminedNumber:
     low, high = (None if not math.isfinite(v) else v for v in f.interval)
     if low == 0.0 and f.scale != "linear":
         low = None
-    if f.status == "at bound":
+    if f.note is not None:
+        note = f.note
+    elif f.status == "at bound":
         said = [] if low is None else [f"at least {low:.3g} {f.unit}"]
         said += [] if high is None else [f"at most {high:.3g} {f.unit}"]
         note = "stands at an end of its range; " + (" and ".join(said) + ", 95 %" if said else "no limit is known")

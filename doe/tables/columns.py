@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from robots.errors import FAULTS_SHOWN, line_ranges
 from robots.files.csv_text import as_read
 from robots.files.reading import read_bytes
 from robots.schema.units import factor
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LOADS: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 DISPLACEMENTS: Final = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
@@ -144,6 +147,26 @@ def read_table(path: Path) -> RawTable:
         lines=tuple(body),
         notes=tuple(notes),
     )
+
+
+def table_of_frame(frame: pd.DataFrame, name: str = "DataFrame") -> RawTable:
+    """A data frame as the table that a file with the same cells would give: empty where a value is missing.
+
+    Raises
+    ------
+    InputError
+        No columns or no rows.
+    """
+    if not len(frame.columns) or not len(frame):
+        raise InputError(f"{name}: rows, columns", value=f"{len(frame)}, {len(frame.columns)}", allowed="1 or more")
+    missing = frame.isna().to_numpy()
+    rows = tuple(
+        tuple("" if gone else str(cell).strip() for cell, gone in zip(row, without, strict=True))
+        for row, without in zip(frame.itertuples(index=False, name=None), missing, strict=True)
+    )
+    header = tuple(str(column).strip() for column in frame.columns)
+    digest = hashlib.sha256(repr((header, rows)).encode()).hexdigest()
+    return RawTable(name, digest, header, rows, tuple(range(2, len(rows) + 2)), ())
 
 
 def _csv_rows(data: bytes, where: str) -> list[tuple[int, list[str]]]:

@@ -118,7 +118,11 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
     InputError
         The file as a whole cannot be read.
     """
-    table = mc.read_table(Path(path))
+    return measurements_of(mc.read_table(Path(path)), robot, check_reach=check_reach)
+
+
+def measurements_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> Measurements:
+    """Readings of a table of text, as :func:`read_measurements`."""
     faults = Faults(table.name)
     columns = mc.find_columns(table, robot, faults)
     header_fits = not faults.count

@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from fem.effects.base import PlacedEffect
-from fem.free.laws import FreeLaw
+from fem.free.laws import AXIAL, FreeLaw
 from fem.free.parameters import Parameter
-from fem.model import ArmModel
+from fem.model import ArmModel, JointPart
 from fem.springs import RIGID, LawSpring, SpringLaw, SumSpring
 from robots.arrays import Array
 
@@ -44,7 +44,8 @@ def changed_model(
             model = _with_link(model, p.place, walls[p.place](p.outer(v))[0])
     for law in laws:
         coefficients = u[law.first : law.first + law.basis.size]
-        model = _with_spring(model, law.joint, LawSpring(law.basis, coefficients))
+        spring = LawSpring(law.basis, coefficients)
+        model = _with_spring(model, law.joint, spring) if law.row == AXIAL else _with_bearing_law(model, law, spring)
     return model
 
 
@@ -99,6 +100,14 @@ def _with(C: Array, a: int, b: int, v: float) -> Array:
 
 def _with_spring(model: ArmModel, joint: str, spring: SpringLaw) -> ArmModel:
     return replace(model, joints=tuple(replace(j, axial=spring) if j.name == joint else j for j in model.joints))
+
+
+def _with_bearing_law(model: ArmModel, law: FreeLaw, spring: LawSpring) -> ArmModel:
+    def changed(joint: JointPart) -> JointPart:
+        others = tuple((row, one) for row, one in joint.laws if row != law.row)
+        return replace(joint, laws=(*others, (law.row, spring)))
+
+    return replace(model, joints=tuple(changed(j) if j.name == law.joint else j for j in model.joints))
 
 
 def _flexibility(model: ArmModel, name: str) -> Array:

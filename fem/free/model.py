@@ -19,7 +19,7 @@ from fem.effects.history import History, plain_history
 from fem.effects.observed import observed
 from fem.effects.situation import Situation
 from fem.free.effects import changed_effects, changed_model, step_of
-from fem.free.laws import FreeLaw
+from fem.free.laws import FreeLaw, law_compliance
 from fem.free.parameters import GEOMETRIC, Kind, Parameter, own_compliance
 from fem.model import ArmModel
 from fem.springs import ConstantSpring, SpringLaw, SumSpring
@@ -67,7 +67,7 @@ class FreeModel:
         for k, (p, key) in enumerate(zip(self.parameters, seen, strict=True)):
             if key in seen[:k]:
                 raise InputError(f"parameter {p.name}", value="given twice", allowed="each number once")
-            clash = p.kind == "stiffness" and p.index == (5,) and any(law.joint == p.place for law in self.laws)
+            clash = p.kind == "stiffness" and any((law.joint, (law.row,)) == (p.place, p.index) for law in self.laws)
             if clash:
                 raise InputError(f"parameter {p.name}", value="a constant and a law", allowed="one of them")
             if p.kind == "wall" and p.place not in self.walls:
@@ -251,8 +251,8 @@ class FreeModel:
             columns = slice(law.first, law.first + law.basis.size)
             basis = law.basis(at.q)
             compliance = np.exp(-np.sum(basis * u[..., columns], axis=1))
-            influence = port_of(places, law.joint).influence(5, 5)
-            value += (compliance - own_compliance(self.model, law.joint, 5, 5, at.q))[:, None] * influence
+            influence = port_of(places, law.joint).influence(law.row, law.row)
+            value += (compliance - law_compliance(self.model, law, at.q))[:, None] * influence
             J[:, :, columns] = -(compliance[:, None] * basis)[:, None, :] * influence[:, :, None]
         return value, J
 

@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.effects.base import PlacedEffect
-from fem.free.laws import FreeLaw, law_parameters
+from fem.free.laws import AXIAL, FreeLaw, law_parameters
 from fem.free.parameters import GEOMETRIC, Parameter, parameter
-from fem.model import ArmModel
-from fem.springs import LawSpring
+from fem.model import ArmModel, JointPart
+from fem.springs import LawSpring, SpringLaw
+from fem.statics.ports import ROWS
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Indices
 
-_COEFFICIENT = re.compile(r"(?P<joint>.+)\.law\[(?P<index>\d+)\]")
+_COEFFICIENT = re.compile(r"(?P<joint>.+?)(?:\.(?P<row>t[xyz]|r[xyz]))?\.law\[(?P<index>\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -55,17 +56,19 @@ def named_numbers(model: ArmModel, names: Sequence[str], effects: Sequence[Place
             parameters.append(parameter(model, name, effects))
             continue
         joint, index = match["joint"], int(match["index"])
-        law = next((one for one in laws if one.joint == joint), None)
+        row = AXIAL if match["row"] is None else ROWS.index(match["row"])
+        law = next((one for one in laws if (one.joint, one.row) == (joint, row)), None)
         if law is None:
-            spring = _law_of(model, name, joint)
-            law = FreeLaw(joint, spring.basis, len(parameters))
+            spring = _law_of(model, name, joint, row)
+            law = FreeLaw(joint, spring.basis, len(parameters), row)
             laws.append(law)
             parameters += [
                 replace(p, value=float(c))
-                for p, c in zip(law_parameters(model, joint, spring.basis), spring.coefficients, strict=True)
+                for p, c in zip(law_parameters(model, joint, spring.basis, row=row), spring.coefficients, strict=True)
             ]
         if index >= law.basis.size:
-            raise InputError("coefficient of a law", value=name, allowed=f"{joint}.law[0] to [{law.basis.size - 1}]")
+            whole = name.rpartition("[")[0]
+            raise InputError("coefficient of a law", value=name, allowed=f"{whole}[0] to [{law.basis.size - 1}]")
         columns.append(law.first + index)
     u = [0.0 if p.kind in GEOMETRIC else p.inner(p.value) for p in parameters]
     return NamedNumbers(tuple(parameters), tuple(laws), np.array(u), np.array(columns, dtype=np.intp))
@@ -82,13 +85,15 @@ def described_variables(description: ModelDescription, numbers: NamedNumbers) ->
     return np.asarray(out)
 
 
-def _law_of(model: ArmModel, name: str, joint: str) -> LawSpring:
-    spring = next((part.axial for part in model.joints if part.name == joint), None)
-    if not isinstance(spring, LawSpring):
-        having = [part.name for part in model.joints if isinstance(part.axial, LawSpring)]
+def _law_of(model: ArmModel, name: str, joint: str, row: int) -> LawSpring:
+    def springs(part: JointPart) -> list[SpringLaw]:
+        return [part.axial] if row == AXIAL else [one for its_row, one in part.laws if its_row == row]
+
+    having = {part.name: one for part in model.joints for one in springs(part) if isinstance(one, LawSpring)}
+    if joint not in having:
         raise InputError(
             "coefficient of a law",
             value=name,
             allowed=f"joints with a law: {', '.join(having) or 'none in this model'}",
         )
-    return spring
+    return having[joint]

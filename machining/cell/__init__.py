@@ -1,6 +1,6 @@
 """The machining cell: what stands where, what carries the robot and the part, and the arm's clearance in it."""
 
-from machining.cell.arm_bodies import ArmBodies, arm_bodies, arm_of
+from machining.cell.arm_bodies import ArmBodies, arm_bodies, arm_of, described_arm
 from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
 from machining.cell.distances import Clearance, clearance, clearance_of
 from machining.cell.reading import parse_cell, read_cell
@@ -25,6 +25,7 @@ __all__ = [
     "clearance",
     "clearance_of",
     "cylinder",
+    "described_arm",
     "hull",
     "mesh_file",
     "middle_pose",

@@ -64,11 +64,15 @@ class ArmBodies:
 
 def arm_of(model: str | Path, *, beam_radius: float | None = None) -> ArmBodies:
     """Bodies of a bundled robot, a model file or a URDF; see :func:`arm_bodies`."""
+    return described_arm(model, beam_radius=beam_radius)[1]
+
+
+def described_arm(model: str | Path, *, beam_radius: float | None = None) -> tuple[ModelDescription, ArmBodies]:
+    """The description beside what :func:`arm_of` gives."""
     path = Path(model)
-    if path.is_file() and is_xml(path):
-        urdf = read_urdf(path)
-        return arm_bodies(urdf.description, urdf, beam_radius=beam_radius)
-    return arm_bodies(load_description(model), beam_radius=beam_radius)
+    urdf = read_urdf(path) if path.is_file() and is_xml(path) else None
+    description = load_description(model) if urdf is None else urdf.description
+    return description, arm_bodies(description, urdf, beam_radius=beam_radius)
 
 
 def arm_bodies(

@@ -2,19 +2,22 @@
 
 from machining.cutting.coefficients import PUBLISHED, CuttingCoefficients, published, shop_coefficients
 from machining.cutting.comparison import Change, Comparison, compare
+from machining.cutting.drawn_stiffness import Drawn, drawn_objective, drawn_stiffness
 from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
 from machining.cutting.equilibrium import Balance, Balanced
 from machining.cutting.force import ConstantForce, CuttingForce, ForceAlong, MillingForce
 from machining.cutting.milling_file import MillingCut, read_milling
 from machining.cutting.process_axes import ProcessAxes, process_axes
+from machining.cutting.spread import Estimated
 from machining.cutting.stiffness_uncertainty import (
     CalibratedCompliances,
     PartShares,
     StiffnessUncertainty,
     assumed_uncertainty,
     calibrated_uncertainty,
+    stiffness_uncertainty,
 )
-from machining.cutting.surface_error import STATISTICS, Estimated, SurfaceError, statistics_of, surface_error
+from machining.cutting.surface_error import STATISTICS, SurfaceError, statistics_of, surface_error
 from machining.cutting.tool_bending import ToolBending
 
 __all__ = [
@@ -28,6 +31,7 @@ __all__ = [
     "ConstantForce",
     "CuttingCoefficients",
     "CuttingForce",
+    "Drawn",
     "EndMill",
     "Engagement",
     "Estimated",
@@ -43,12 +47,15 @@ __all__ = [
     "calibrated_uncertainty",
     "compare",
     "down_milling",
+    "drawn_objective",
+    "drawn_stiffness",
     "process_axes",
     "published",
     "read_milling",
     "shop_coefficients",
     "slotting",
     "statistics_of",
+    "stiffness_uncertainty",
     "surface_error",
     "up_milling",
 ]

@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from machining.cutting.spread import interval, variance
-from machining.cutting.surface_error import DRAWS, Estimated, SurfaceError, statistics_of
+from machining.cutting.spread import Estimated, interval, variance
+from machining.cutting.surface_error import DRAWS, SurfaceError, statistics_of
 from robots import InputError
 from robots.arrays import Array
 

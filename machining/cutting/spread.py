@@ -18,6 +18,15 @@ import numpy as np
 from robots.arrays import Array
 
 
+@dataclass(frozen=True)
+class Estimated:
+    """A number with its 95 % interval ``low`` to ``high``."""
+
+    value: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, eq=False)
 class Uncertain:
     """The uncertain numbers that all errors of one study share.

@@ -8,17 +8,19 @@ deep**.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 import fem
 from fem.statics.small_displacements import refuse_beyond
+from machining.cutting.drawn_stiffness import SHARE
 from machining.cutting.equilibrium import Balance, Balanced, balanced
 from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
 from machining.cutting.process_axes import arc_length, weights
-from machining.cutting.spread import Uncertain, covariance, enlarged, interval, parts, samples, variance
+from machining.cutting.spread import Estimated, Uncertain, covariance, enlarged, interval, parts, samples, variance
 from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
 from machining.cutting.tool_bending import ToolBending
 from machining.stiffness.cartesian import translational
@@ -36,15 +38,6 @@ DRAWS = 4000
 STATISTICS: Final = ("mean", "rms", "worst", "peak_to_valley")
 
 
-@dataclass(frozen=True)
-class Estimated:
-    """A number with its 95 % interval ``low`` to ``high``."""
-
-    value: float
-    low: float
-    high: float
-
-
 @dataclass(frozen=True, eq=False)
 class SurfaceError:
     """Surface error at n path points, SI.
@@ -54,7 +47,9 @@ class SurfaceError:
     (n,) m: the error, more than 0 is material left; ``tangential`` (n,) m: size of the deflection along the surface;
     ``sd`` (n,) m of the error, ``sd_stiffness`` and ``sd_force`` its parts to first order. ``form``, ``offset``,
     ``uncertain``: the error as :mod:`machining.cutting.spread` takes it. ``balance``: how depth and deflection came
-    to rest, None if the force was taken at the nominal depth.
+    to rest, None if the force was taken at the nominal depth. ``open_change``: by how much (n,) m each parameter that
+    the arm's calibration left open may change the error, beyond ``sd``. ``is_rough``: the laws or walls of the arm are
+    so uncertain that ``sd``, to first order, is too small.
     """
 
     arc_length: Array
@@ -71,6 +66,8 @@ class SurfaceError:
     offset: Array
     uncertain: Uncertain
     balance: Balanced | None
+    open_change: Mapping[str, Array] = field(default_factory=dict)
+    is_rough: bool = False
 
     @property
     def total(self) -> Array:
@@ -81,6 +78,13 @@ class SurfaceError:
     def band(self) -> tuple[Array, Array]:
         """95 % interval (n,), (n,) m of the error at each point, as if it were normal."""
         return self.normal - NORMAL_95 * self.sd, self.normal + NORMAL_95 * self.sd
+
+    @property
+    def left_open(self) -> dict[str, float]:
+        """Largest change (m) by each parameter that was left open and matters: above 1 % of the RMS error."""
+        least = SHARE * self.statistics()["rms"]
+        largest = {name: float(np.abs(change).max(initial=0.0)) for name, change in self.open_change.items()}
+        return {name: size for name, size in largest.items() if size > least}
 
     def statistics(self) -> dict[str, float]:
         """The numbers of :data:`STATISTICS` along the path, m."""
@@ -130,7 +134,8 @@ def surface_error(
     ----------
     q : (n, dof) rad, one posture a path point; they must put the tool on the path
     force : :class:`machining.cutting.ConstantForce` or :class:`machining.cutting.MillingForce`
-    stiffness : uncertainty of the arm; default :func:`machining.cutting.assumed_uncertainty`, 15 % of each compliance
+    stiffness : uncertainty of the arm, as :func:`machining.cutting.stiffness_uncertainty` finds it in the model file;
+        default :func:`machining.cutting.assumed_uncertainty`, 15 % of each compliance
     tool : the tool's own bending; None: the tool is rigid beyond what the model holds
     balance : let the deflection change the radial depth (peripheral milling only); the uncertainty is then first order
 
@@ -144,7 +149,8 @@ def surface_error(
     _check_on_path(model, task, q)
     arm = stiffness or assumed_uncertainty(model)
     C = translational(model, q, task.tip)
-    D = arm.influence(model, q, task.tip)
+    influence = arm.influence(model, q, task.tip)
+    D = influence.D
     rest = C - np.einsum("j,njab->nab", arm.value, D)
     terms = [rest[:, None], D]
     covariances = [np.zeros((1, 1)), arm.covariance]
@@ -187,6 +193,11 @@ def surface_error(
         offset=(1.0 - gain) * normal,
         uncertain=uncertain,
         balance=found,
+        open_change={
+            name: gain * _along(task, influence.open_change[:, k], acting.force)
+            for k, name in enumerate(influence.open_names)
+        },
+        is_rough=bool(influence.is_rough.any()),
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 import fem
 from machining.cell import Cell, Scene
 from machining.cutting.force import CuttingForce, ForceAlong
+from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
 from machining.placement.goals import Goal
 from machining.placement.space import Space
 from machining.posture.drive import Drive
@@ -41,6 +42,7 @@ class Problem:
     scene : arm and cell for collisions; None: not looked at. ``clearance`` m is kept then
     free : (n - 1,) segments that are rapid moves: steps are not bounded there, and the base may be moved
     reference : (3,) direction in the part frame that gamma counts from
+    stiffness : how uncertain the arm is, see :func:`machining.cutting.stiffness_uncertainty`; None: 15 % assumed
 
     Raises
     ------
@@ -58,6 +60,7 @@ class Problem:
     clearance: float = 0.0
     free: Bools | None = None
     reference: Array | None = None
+    stiffness: StiffnessUncertainty | None = None
 
     def __post_init__(self) -> None:
         if self.free is not None and self.free.shape != (self.path.n - 1,):
@@ -74,6 +77,11 @@ class Problem:
     def arm(self) -> fem.ArmModel:
         """The arm with the compliance of its linear axes under its base."""
         return on_axes(self.model, self.cell)
+
+    @cached_property
+    def uncertainty(self) -> StiffnessUncertainty:
+        """How uncertain the arm is."""
+        return self.stiffness or assumed_uncertainty(self.arm)
 
     @cached_property
     def angles(self) -> Array:

@@ -67,12 +67,6 @@ class Convention:
         return np.asarray(self.external_sign * (values - self.external_offset))
 
 
-def identity(robot: Robot, externals: int) -> Convention:
-    """The project's own angles and frames."""
-    dof = robot.dof
-    return Convention(np.ones(dof), np.zeros(dof), np.eye(4), np.eye(4), np.ones(externals), np.zeros(externals))
-
-
 def convention_for(robot: Robot, externals: int, language: str, given: ConventionTable | None) -> Convention:
     """The convention given, else the bundled one of this robot and format.
 
@@ -141,10 +135,10 @@ def tuples(node: Any) -> Any:
     return tuple(tuples(value) for value in node) if isinstance(node, list) else node
 
 
-def fault(error: ValidationError, where: str) -> InputError:
-    """The first fault of a table in the words of a user."""
+def fault(error: ValidationError, where: str, table: str | None = None) -> InputError:
+    """The first fault of a file, or of one table in it, in the words of a user."""
     item = error.errors()[0]
-    key = ".".join(str(step) for step in item["loc"])
+    key = ".".join(str(step) for step in (*([table] if table else []), *item["loc"]))
     shown = None if isinstance(item["input"], dict) or item["type"] == "missing" else item["input"]
     text = str(item["msg"]).removeprefix("Value error, ")
     return InputError(f"{where}, {key}: {text}", value=shown, remedy="correct it in the file")

@@ -1,4 +1,4 @@
-"""Neutral programs read back: JSON to a whole :class:`JointProgram`, CSV to its moves."""
+"""Neutral programs read back: JSON to a whole :class:`JointProgram`, CSV to one without its tables."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from robots import InputError, Robot
 from robots.arrays import Array, Integers
 from robots.constants import MM_MIN, RPM
 from robots.files.reading import parse_json
+from robots.inverse.branches import BRANCH_NAMES
+from robots.inverse.singularities import branch_of
+from robots.inverse.spherical_wrist import why_not_spherical
 
 # Degrees, and mm of external axes.
 LARGEST_ANGLE = limits.FARTHEST * 1e3
@@ -60,21 +63,52 @@ def program_from_json(text: str, robot: Robot, cell: Cell, where: str = "program
     except (TypeError, ValueError, KeyError, OverflowError) as error:
         raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
     names = tuple(str(name) for name in _list(data, "branches", where))
-    q = np.radians(np.stack([table[f"q{i + 1}_deg"] for i in range(robot.dof)], axis=1))
-    travel = np.stack([table[f"e{i + 1}_mm"] for i in range(len(cell.linear_axes))] or [np.zeros((0, len(T)))], axis=-1)
+    return _program(robot, cell, motions, T, table, branch, names)
+
+
+def program_from_csv(text: str, robot: Robot, cell: Cell, where: str = "program") -> JointProgram:
+    """A program from CSV: tables of tools and operations are not in it, branches are told from the joints.
+
+    Errors as :func:`moves_from_csv`.
+    """
+    table = moves_from_csv(text, robot.dof, len(cell.linear_axes), where)
+    T = _frames(table, where)
+    none = np.zeros(len(T), dtype=np.int64)
+    motions = _moves(table, T, tool=none, operation=none, source=where)
+    named = why_not_spherical(robot) is None
+    q = _joints(table, robot)
+    branch, names = (branch_of(robot, q), BRANCH_NAMES) if named else (none, ())
+    return _program(robot, cell, motions, T, table, branch, names)
+
+
+def _program(
+    robot: Robot,
+    cell: Cell,
+    motions: Motions,
+    T: Array,
+    table: Mapping[str, Array],
+    branch: Integers,
+    names: tuple[str, ...],
+) -> JointProgram:
+    axes = len(cell.linear_axes)
+    travel = np.array([table[f"e{i + 1}_mm"] for i in range(axes)]).reshape(axes, len(T)).T
     return JointProgram(
         robot=robot,
         cell=cell,
         motions=motions,
         T_part_tool=T,
-        q=q,
-        travel=travel.reshape(len(T), len(cell.linear_axes)) * 1e-3,
+        q=_joints(table, robot),
+        travel=travel * 1e-3,
         table=np.radians(table["table_deg"]),
         gamma=np.radians(table["gamma_deg"]),
         branch=branch,
         names=names,
         inserted=table["inserted"] != 0.0,
     )
+
+
+def _joints(table: Mapping[str, Array], robot: Robot) -> Array:
+    return np.radians(np.stack([table[f"q{i + 1}_deg"] for i in range(robot.dof)], axis=1))
 
 
 def moves_from_csv(text: str, dof: int, linear: int, where: str = "program") -> dict[str, Array]:
@@ -181,6 +215,21 @@ def _motions(data: Mapping[str, Any], table: Mapping[str, Array], T: Array, wher
         for e in _list(data, "events", where)
     )
     notes = tuple(Note(int(n["line"]), str(n["text"]), int(n["count"])) for n in _list(data, "notes", where))
+    return _moves(
+        table,
+        T,
+        tool=_integers(table["tool"]),
+        operation=_integers(table["operation"]),
+        tools=tools,
+        operations=tuple(str(name) for name in _list(data, "operations", where)),
+        events=events,
+        notes=notes,
+        source=str(_get(data, "source", where)),
+    )
+
+
+def _moves(table: Mapping[str, Array], T: Array, **others: Any) -> Motions:
+    """Moves along tool frames T (n, 4, 4) m; ``others``: fields of :class:`Motions` that are no columns of numbers."""
     return Motions(
         points=np.ascontiguousarray(T[:, :3, 3]),
         # The tool frame's z leads out of the holder through the tip.
@@ -188,15 +237,9 @@ def _motions(data: Mapping[str, Any], table: Mapping[str, Array], T: Array, wher
         rapid=table["rapid"] != 0.0,
         feed=table["feed_mm_min"] * MM_MIN,
         line=_integers(table["line"]),
-        tool=_integers(table["tool"]),
         spindle=table["spindle_rpm"] * RPM,
         dwell=table["dwell_s"],
-        operation=_integers(table["operation"]),
-        tools=tools,
-        operations=tuple(str(name) for name in _list(data, "operations", where)),
-        events=events,
-        notes=notes,
-        source=str(_get(data, "source", where)),
+        **others,
     )
 
 

@@ -46,11 +46,13 @@ def _decimals(job: Job, digits: int, k: int) -> tuple[int, ...]:
     return (job.options.decimals.length,) * 3 + (digits,) * k
 
 
-def configurations_of(job: Job, rule: Callable[..., Sequence[Sequence[object]] | Integers]) -> Configurations:
-    """Configurations of slices by a rule of :mod:`machining.programs.configuration`; nothing in joint programs."""
+def configurations_of(job: Job, rule: Callable[..., Sequence[Sequence[object]] | Integers | None]) -> Configurations:
+    """Configurations of slices by a language's rule; nothing in joint programs, and where it has none."""
 
     def cartesian(part: slice) -> Sequence[Sequence[object]]:
         found = rule(job.program.robot, job.program.q[part], job.angles(part))
+        if found is None:
+            return joint(part)
         return found.tolist() if isinstance(found, np.ndarray) else found
 
     def joint(part: slice) -> Sequence[Sequence[object]]:

@@ -79,9 +79,17 @@ class Objective:
             along = np.abs(np.einsum("ni,ni->n", d, normal))
             value = np.linalg.norm(d, axis=1) if self.quantity == "displacement" else along
         else:
-            value = evaluate(self.quantity, translational(model, q, task.tip), normal, force)
+            value = self.of_compliance(translational(model, q, task.tip), normal, force)
         self.check_finite(value, point)
         return np.asarray(value)
+
+    def of_compliance(self, C: Array, normal: Array, force: Array | None) -> Array:
+        """Quantity (k,) of translational compliances C (k, 3, 3) m/N; ``normal`` and ``force`` N (k, 3), base axes."""
+        if force is None or not self.minimised:
+            return evaluate(self.quantity, C, normal, force)
+        d = np.einsum("kab,kb->ka", C, force)
+        along = np.abs(np.einsum("ki,ki->k", d, normal))
+        return np.asarray(np.linalg.norm(d, axis=1) if self.quantity == "displacement" else along)
 
     def check_finite(self, value: Array, point: Integers) -> None:
         """Raise InputError for a value (k,) at the path points (k,) that is not finite."""

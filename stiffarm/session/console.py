@@ -6,6 +6,7 @@ import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -30,8 +31,26 @@ EXIT_OTHER = 1
 stderr = Console(stderr=True, highlight=False, emoji=False)
 
 
+# Where messages go that are not printed; None: to the terminal.
+_kept: ContextVar[list[str] | None] = ContextVar("kept", default=None)
+
+
+@contextmanager
+def kept_messages() -> Iterator[list[str]]:
+    """Within, nothing is printed: messages join the list that is handed out, and no progress is drawn."""
+    messages: list[str] = []
+    before = _kept.set(messages)
+    try:
+        yield messages
+    finally:
+        _kept.reset(before)
+
+
 def say(message: str) -> None:
     """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal."""
+    if (kept := _kept.get()) is not None:
+        kept.append(one_line(message))
+        return
     _print(Text(one_line(message)), soft_wrap=True)
 
 
@@ -86,7 +105,7 @@ def progress(description: str) -> Iterator[Progress]:
         TimeRemainingColumn(),
         console=stderr,
         transient=True,
-        disable=not stderr.is_terminal,
+        disable=not stderr.is_terminal or _kept.get() is not None,
     )
     with bar:
         task = bar.add_task(one_line(description), total=None)

@@ -52,9 +52,7 @@ def read_model(
         description = with_flanges(description, "distributing" if flanges == "distributing" else "rigid")
     path: LoadPath | None = None
     if load_path is not None:
-        if load_path not in ("parallelogram", "serial"):
-            raise InputError("--load-path", value=load_path, allowed="parallelogram, serial")
-        path = "parallelogram" if load_path == "parallelogram" else "serial"
+        path = as_load_path(load_path)
         if any(table.code == LOAD_PATH for table in description.effect):
             description = described_with_load_path(description, path)
     with _announced(kind, description):
@@ -63,6 +61,13 @@ def read_model(
     if arm.effects and without is not None:
         say(f"note: not in {without}: {', '.join(e.effect.code for e in arm.effects)}")
     return arm
+
+
+def as_load_path(text: str) -> LoadPath:
+    """A load path by its name."""
+    if text not in ("parallelogram", "serial"):
+        raise InputError("--load-path", value=text, allowed="parallelogram, serial")
+    return "parallelogram" if text == "parallelogram" else "serial"
 
 
 def no_springs_note(arm: Arm) -> str | None:

@@ -40,3 +40,8 @@ def _not_finite(node: Any, place: str) -> Iterator[str]:
     elif isinstance(node, list | tuple):
         for i, inner in enumerate(node):
             yield from _not_finite(inner, f"{place}[{i}]")
+
+
+def number(value: float, digits: int = 6) -> float | None:
+    """A JSON number with that many significant digits; None for NaN and infinity."""
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None

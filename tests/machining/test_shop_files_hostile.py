@@ -11,7 +11,7 @@ import pytest
 from machining.cell import read_cell
 from machining.cutting.milling_file import read_milling
 from machining.placement.file import SCHEMA, read_placement
-from machining.programs.write_options import read_options
+from machining.programs.formats import read_options
 from robots import InputError
 
 MILLING = """schema = "stiffarm-milling/1"

@@ -11,7 +11,7 @@ from doe.certainty.law_band import LawBand, law_band
 from doe.estimation.calibration import StageResult
 from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
 from robots.arrays import Array
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 _POINTS = 181
 

@@ -19,8 +19,8 @@ from stiffarm.commands.calibrate import laws as calibration_laws
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.session import payloads
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
+from stiffarm.session.spring_words import SpringEstimate, bound_of
 
 COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 QUANTILES = (0.025, 0.5, 0.975)
@@ -50,14 +50,32 @@ def calibration(c: Calibrated) -> dict[str, Any]:
         last = found.stages[-1]
         out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
         out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
-        out["springs"] = {s.joint: payloads.estimate(s) for s in c.springs}
-        out |= {payloads.spring_key(s.joint): payloads.estimate(s)["k_Nm_per_rad"] for s in c.springs}
+        out["springs"] = {s.joint: spring(s) for s in c.springs}
+        out |= {spring_key(s.joint): spring(s)["k_Nm_per_rad"] for s in c.springs}
     if found.studies:
         out["studies"] = {s.stage.name: [pose_fit(fit) for fit in s.fits] for s in found.studies}
         out["laws"] = {joint: law.model_dump(mode="json") for s in found.studies for joint, law in s.laws.items()}
     if c.holdout is not None:
         out["holdout"] = holdout(c.holdout)
     return out
+
+
+def spring_key(joint: str) -> str:
+    """``k2_Nm_per_rad`` for joint ``j2``, ``k_waist_Nm_per_rad`` for other names."""
+    short = joint.removeprefix("j")
+    return f"k{short if short.isdigit() else '_' + joint}_Nm_per_rad"
+
+
+def spring(s: SpringEstimate) -> dict[str, Any]:
+    """A constant spring with its interval; no plain number where it stands at a bound or is not determined."""
+    known = s.status in ("determined", "one-sided")
+    out = {
+        "k_Nm_per_rad": number(s.stiffness) if known else None,
+        "interval95_Nm_per_rad": [number(v) for v in s.interval],
+        "status": s.status,
+    }
+    bound = bound_of(s)
+    return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": number(s.stiffness)})
 
 
 def parameters(n: ParameterCount) -> dict[str, int]:
@@ -69,7 +87,7 @@ def pose_fit(fit: PoseFit) -> dict[str, Any]:
     """The springs of a level study at one pose."""
     return {
         "pose": fit.pose,
-        **{payloads.spring_key(joint): number(k) for joint, k in zip(fit.joints, fit.stiffness, strict=True)},
+        **{spring_key(joint): number(k) for joint, k in zip(fit.joints, fit.stiffness, strict=True)},
         "error_mm": number(fit.error_mm),
         "matched_within_gauge": fit.matched,
         "runs": fit.runs,

@@ -14,7 +14,7 @@ from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import FittedSpring, fitted_springs
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-diagnosis/1"
 LEFT_OUT = "leave-one-pose-out"

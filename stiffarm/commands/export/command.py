@@ -12,8 +12,8 @@ from robots import InputError
 from stiffarm import __version__
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg, model_hash, output_folder
-from stiffarm.session.payloads import number
 
 DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 DEFAULT_LOAD = "fz_N=-650"

@@ -1,16 +1,14 @@
-"""Commands of the surrogate: `fit`, `query`."""
+"""The command `fit`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, get_args
 
 import numpy as np
 import typer
 
 from robots import InputError
-from robots.arrays import Array
-from robots.files.csv_text import records_text
 from stiffarm.session import inputs, steps
 from stiffarm.session.console import emit_json, progress, say, user_errors
 from stiffarm.session.options import (
@@ -19,14 +17,10 @@ from stiffarm.session.options import (
     Links,
     LoadPathOpt,
     ModelArg,
-    Out,
     Seed,
     model_hash,
     output_folder,
-    say_notes,
 )
-from surrogate import Surrogate
-from surrogate.model import COMPLIANCE
 
 
 def fit(
@@ -117,10 +111,9 @@ def fit(
     --out.
     """
     with user_errors(debug):
-        from stiffarm.commands.fit import learning
+        from stiffarm.commands.fit import learning, payload, tables
         from stiffarm.commands.fit import portable as portable_files
         from stiffarm.commands.fit import report as surrogate_report
-        from stiffarm.session import payloads, tables
         from surrogate import save_surrogate
         from surrogate.least_squares import SOLVERS
         from surrogate.training import BasisChoice
@@ -168,7 +161,7 @@ def fit(
                 scalar=scalar,
             )
             save_surrogate(trained.best, folder.path("surrogate.json"))
-            content = payloads.trained(trained)
+            content = payload.trained(trained)
             content["files"] = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
             if against:
                 from stiffarm.commands.fit import comparison as surrogate_comparison
@@ -212,96 +205,3 @@ def _refuse_conflicts(
         raise InputError(
             "--basis factored with --quantity", value=quantity, allowed="stiffness", remedy="take adaptive or best"
         )
-
-
-def query(
-    surrogate_file: Annotated[
-        Path, typer.Argument(metavar="SURROGATE", help="Surrogate file (surrogate.json) written by `stiffarm fit`.")
-    ],
-    table: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[POSES]", help="Table of poses (CSV/XLSX) with one column per joint coordinate, in deg."
-        ),
-    ] = None,
-    pose: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--pose",
-            help="Joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5; coordinates not given are 0. May "
-            "be repeated.",
-        ),
-    ] = None,
-    extrapolate: Annotated[
-        bool, typer.Option("--extrapolate", help="Also answer outside the fitted domain; such answers are flagged.")
-    ] = False,
-    direction: Annotated[
-        str | None,
-        typer.Option(
-            "--direction",
-            help="Load direction in base axes; requires a surrogate with the factored basis. Default: that of "
-            "the surrogate.",
-        ),
-    ] = None,
-    matrix: Annotated[
-        bool,
-        typer.Option(
-            "--matrix",
-            help="Also return the 6 x 6 compliance in SI units; requires a surrogate with the factored basis.",
-        ),
-    ] = False,
-    of: Annotated[
-        str | None,
-        typer.Option("--model", metavar="MODEL", help="Refuse the surrogate unless it was fitted to this model."),
-    ] = None,
-    out: Out = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Evaluate a surrogate at poses, with error bars.
-
-    Poses outside the fitted domain, out of reach or close to a singularity are flagged.
-    """
-    with user_errors(debug):
-        from stiffarm.commands.query import answers
-        from stiffarm.session import payloads
-        from stiffarm.session.pose_tables import query_poses
-        from surrogate import load_surrogate
-        from surrogate import query as ask
-
-        learned = load_surrogate(surrogate_file)
-        if of is not None:
-            inputs.require_same_model(learned, of, surrogate_file)
-        along = None if direction is None else np.array(inputs.parse_direction(direction))
-        degrees, labels, remarks = query_poses(learned, pose, table)
-        say_notes(tuple(remarks))
-        result = ask(learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
-        rows = answers.query_rows(learned, degrees, labels, result, matrix=matrix)
-        content: dict[str, Any] = {
-            "robot": learned.robot,
-            "quantity": learned.quantity.name,
-            "quantity_in_words": learned.quantity.label,
-            "load_direction": _load_direction(learned, along),
-            "fixed_deg": dict(learned.fixed_deg),
-            "errors": payloads.surrogate_errors(learned),
-            "answers": rows,
-        }
-        if out is not None:
-            files = {"surrogate": surrogate_file} | ({} if table is None else {"poses": table})
-            with output_folder(out, dict(files)) as folder:
-                folder.write_json("query.json", content)
-                folder.write_text("query.csv", records_text(rows))
-        unanswered = int(np.count_nonzero(~result.answered))
-        if unanswered:
-            say(f"note: {unanswered} of {len(rows)} poses are outside of what was fitted and have no value: see flags")
-        if as_json:
-            emit_json(content)
-        else:
-            answers.show_answers(learned, rows)
-
-
-def _load_direction(learned: Surrogate, along: Array | None) -> list[float] | None:
-    """The load direction of the answers; an index has none."""
-    if learned.quantity.name != COMPLIANCE:
-        return None
-    return list(learned.load_direction) if along is None else [float(v) for v in along]

@@ -12,7 +12,7 @@ from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from robots.progress import Progress
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from surrogate import Surrogate, Trained, predict
 from surrogate.expansion import Expansion
 from surrogate.model import COMPLIANCE

@@ -37,7 +37,7 @@ def write_report(
 
     Parameters
     ----------
-    content : what ``surrogate_errors.json`` says (`payloads.trained`, with ``files`` and maybe ``comparison``)
+    content : what ``surrogate_errors.json`` says (`payload.trained`, with ``files`` and maybe ``comparison``)
     title, model : of the robot, and as the command was given it
     stem : of the surrogates' files ``<stem>_<basis>.json``, which are in the folder already
     """

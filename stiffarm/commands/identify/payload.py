@@ -15,7 +15,7 @@ from doe.joint_twists.unjudged import KINDS, NO_NOISE
 from doe.joint_twists.workspace import Window
 from robots.files.csv_text import rows_text
 from stiffarm.commands.identify.step import AtFlange, JointTwists
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-joint-twists/1"
 AXES = ("x", "y", "z")

@@ -21,7 +21,7 @@ from machining import (
 from robots import Robot
 from robots.arrays import Array
 from stiffarm.commands.index.units import shown
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from stiffarm.commands.maps.options import Asked
 from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate, uncertainty_of
 from stiffarm.commands.run.findings import model_findings, payload
 from stiffarm.session.inputs import ModelInput, no_springs_note
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from stiffarm.session.task_options import frame_words
 from surrogate.maps.assembled import counts, figures, map_data, number_true
 from surrogate.maps.blocks import Engine, run_blocks

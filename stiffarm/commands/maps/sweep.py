@@ -10,8 +10,8 @@ from robots import ModelDescription, Robot
 from robots.arrays import Array
 from stiffarm.pages.rendering import render_map
 from stiffarm.pages.robot_drawing import draw_robot
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from surrogate import StiffnessMap, write_vtu
 from surrogate.maps.data import MapData
 from surrogate.maps.vtk_files import STIFFNESS_ARRAY, grid_cells

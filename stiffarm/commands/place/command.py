@@ -11,13 +11,14 @@ import typer
 
 from machining import Drive
 from machining.cell import Cell, read_cell
-from machining.cutting import CuttingForce
+from machining.cutting import CuttingForce, stiffness_uncertainty
 from machining.placement import AIMS, MODES, Goal, How
 from machining.stiffness.criterion import Criterion
 from robots import InputError
 from robots.files.csv_text import records_text
 from stiffarm.commands.place import payload as placement_payload
 from stiffarm.commands.place.step import PlacedStep, PlaceRequest, path_from, place_along, scene_for
+from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
@@ -164,6 +165,7 @@ def place(
             ranges=dict(_range(text) for text in ranges or []),
             table=_table(table),
             clearance=described.safety if clearance is None else clearance * 1e-3,
+            stiffness=stiffness_uncertainty(given.model, given.description, given.own),
         )
         scene, notes = scene_for(described, model) if collisions else (None, ())
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path, "cell": cell}
@@ -261,5 +263,6 @@ def _show(step: PlacedStep) -> None:
 
     title = f"{step.request.given.path.n} points, {step.arc_mm[-1]:.4g} mm; {step.placed.evaluations} base positions"
     show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
+    say(sentence(step.placed.problem.uncertainty))
     for text in remarks(step):
         say(f"note: {text}")

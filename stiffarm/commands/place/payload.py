@@ -8,8 +8,12 @@ import numpy as np
 
 from machining.placement import Along, Placement, axis_rates, placement_content
 from stiffarm.commands.place.step import PlacedStep
-from stiffarm.session.payloads import number
+from stiffarm.pages.arm_uncertainty import estimated, interval
+from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
+from stiffarm.session.json_text import number
 
+# Every placement's error is drawn with the same arms and forces.
+SEED = 0
 CHOSEN, FIXED, BEFORE = "recommended", "best position at rest", "as it stands"
 KEYS = {CHOSEN: "recommended", FIXED: "fixed_position", BEFORE: "as_it_stands"}
 
@@ -42,6 +46,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
     """Everything that was found, keys with units."""
     placed, request = step.placed, step.request
     problem = placed.problem
+    others = {name: one for name, one in named(step).items() if name != CHOSEN}
     not_found = {KEYS[BEFORE]: placed.why_no_before, KEYS[FIXED]: placed.why_no_fixed}
     return placement_content(placement_of(step)) | {
         "aim": problem.goal.aim,
@@ -60,23 +65,30 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         },
         "base_positions_looked_at": placed.evaluations,
         "pieces_start_at_point": placed.first.tolist(),
+        "stiffness_uncertainty": arm_uncertainty(problem.uncertainty),
         "placements": {KEYS[name]: _summary(step, one) for name, one in named(step).items()},
+        "gain": {KEYS[name]: estimated(placed.after.gain(one), 1.0) for name, one in others.items()},
         "not_found": {name: why for name, why in not_found.items() if why is not None},
         "notes": [*placed.notes, *step.notes],
     }  # fmt: skip
 
 
 def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:
-    statistics = one.error.statistics()
+    error, stiffness = one.error.estimated(np.random.default_rng(SEED)), one.estimated()
     axes = step.request.cell.linear_axes
     return {
         "K_sf": number(one.k_sf),
+        "K_sf_95": interval(stiffness["K_sf"]),
         "K_sf_squares": number(float(one.terms.squares)),
         "K_sf_mean": number(float(one.terms.mean)),
         "mean_stiffness_N_per_mm": number(one.mean * 1e-3),
+        "mean_stiffness_N_per_mm_95": interval(stiffness["mean"], 1e-3),
         "worst_stiffness_N_per_mm": number(one.worst * 1e-3),
-        "rms_error_um": number(statistics["rms"] * 1e6),
-        "worst_error_um": number(statistics["worst"] * 1e6),
+        "worst_stiffness_N_per_mm_95": interval(stiffness["worst"], 1e-3),
+        "rms_error_um": number(error["rms"].value * 1e6),
+        "rms_error_um_95": interval(error["rms"], 1e6),
+        "worst_error_um": number(error["worst"].value * 1e6),
+        "worst_error_um_95": interval(error["worst"], 1e6),
         "axes_mm": {
             axis.name: [number(float(v)) for v in (column.min() * 1e3, column.max() * 1e3)]
             for axis, column in zip(axes, one.e.T, strict=True)
@@ -103,6 +115,7 @@ def rows(step: PlacedStep) -> list[dict[str, Any]]:
         row |= {name: number(float(v), 10) for name, v in zip(robot.coordinates, np.degrees(after.q[i]), strict=True)}
         row["stiffness_N_per_mm"] = number(float(after.stiffness[i] * 1e-3))
         row["error_um"] = number(float(after.error.normal[i] * 1e6))
+        row["error_sd_um"] = number(float(after.error.sd[i] * 1e6))
         for key, one in others.items():
             row[f"{key}_stiffness_N_per_mm"] = number(float(one.stiffness[i] * 1e-3))
             row[f"{key}_error_um"] = number(float(one.error.normal[i] * 1e6))

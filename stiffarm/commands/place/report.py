@@ -12,6 +12,7 @@ from stiffarm.commands.place.figures import along_figure, axes_figure, curve_fig
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
 from stiffarm.commands.place.step import PlacedStep
 from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.session.outputs import OutputFolder
@@ -54,12 +55,20 @@ def _key_figures(step: PlacedStep) -> list[KeyFigure]:
     after, before = step.placed.after, step.placed.before
     out = [
         KeyFigure(f"{after.k_sf:.4g}", "K_sf"),
-        KeyFigure(f"{after.mean * 1e-3:.4g} N/mm", "mean stiffness along the force"),
+        KeyFigure(f"{after.mean * 1e-3:.4g} N/mm", f"mean stiffness along the force (95 %: {_span(after, 'mean')})"),
         KeyFigure(f"{after.error_rms * 1e6:.3g} um", "RMS of the predicted surface error"),
     ]
     if before is not None:
-        out.append(KeyFigure(f"{after.mean / before.mean:.3g} x", "mean stiffness against as it stands"))
+        gain = after.gain(before)
+        label = f"mean stiffness against as it stands (95 %: {gain.low:.3g} to {gain.high:.3g})"
+        out.append(KeyFigure(f"{gain.value:.3g} x", label))
     return out
+
+
+def _span(one: Along, statistic: str) -> str:
+    """95 % interval of the mean or worst stiffness, N/mm."""
+    found = one.estimated()[statistic]
+    return f"{found.low * 1e-3:.3g} to {found.high * 1e-3:.3g}"
 
 
 def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
@@ -74,6 +83,7 @@ def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
                 f"{one.k_sf:.4g}",
                 f"{float(one.terms.squares):.3g} + {float(one.terms.mean):.3g}",
                 f"{one.mean * 1e-3:.4g}",
+                _span(one, "mean"),
                 f"{one.worst * 1e-3:.4g}",
                 f"{statistics['rms'] * 1e6:.3g}",
                 f"{statistics['worst'] * 1e6:.3g}",
@@ -83,7 +93,7 @@ def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
 
 
 COLUMNS = (
-    "placement", "base", "K_sf", "its terms", "mean, N/mm", "worst, N/mm", "RMS error, um", "worst error, um",
+    "placement", "base", "K_sf", "its terms", "mean, N/mm", "95 %", "worst, N/mm", "RMS error, um", "worst error, um",
 )  # fmt: skip
 
 
@@ -106,6 +116,7 @@ def result_section(step: PlacedStep) -> Section:
     blocks: list[Text | Note | Table | Bullets] = [
         Table("Placements", COLUMNS, tuple(table_rows(step)), text_columns=(0, 1), best=0),
         Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in names)),
+        Text(sentence(step.placed.problem.uncertainty)),
         Text(
             f"K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
             f"{criterion.alpha:.3g} mm²/N², beta {criterion.beta:.3g} mm⁴/N⁴. The published criterion gives no "
@@ -147,7 +158,8 @@ def remarks(step: PlacedStep) -> list[str]:
         out.append("Collisions were not looked at.")
     if np.isnan(placed.problem.path.times).any():
         out.append("Points without a feed: there no speeds and accelerations were looked at.")
-    return [*out, *step.notes]
+    out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
+    return [*out, *error_remarks(placed.after.error), *step.notes]
 
 
 def where_section(step: PlacedStep, pictures: Pictures) -> Section:

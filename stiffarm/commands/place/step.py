@@ -11,6 +11,7 @@ import numpy as np
 import fem
 from machining import Drive, GammaRange, read_path
 from machining.cell import Cell, Scene, arm_of, scene_of
+from machining.cutting import StiffnessUncertainty
 from machining.placement import Goal, How, Placed, Problem, Survey, place, space_of, survey
 from machining.task import ToolPath
 from machining.toolpaths import read_toolpath, to_tool_path
@@ -39,7 +40,7 @@ class GivenPath:
 
 @dataclass(frozen=True, eq=False)
 class PlaceRequest:
-    """What is asked: all but the model and the scene."""
+    """What is asked: all but the model and the scene; ``stiffness``: as :class:`machining.placement.Problem` has it."""
 
     cell: Cell
     given: GivenPath
@@ -50,6 +51,7 @@ class PlaceRequest:
     ranges: dict[str, tuple[float, float]]
     table: float | tuple[float, float]
     clearance: float
+    stiffness: StiffnessUncertainty | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,7 @@ def place_along(
         scene=scene,
         clearance=request.clearance,
         free=request.given.free if request.given.free.any() else None,
+        stiffness=request.stiffness,
     )
     placed = place(problem, request.how, said)
     grid = placed.survey

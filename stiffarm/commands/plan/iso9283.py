@@ -15,7 +15,7 @@ from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from stiffarm.commands.plan.options import resting_pose
 from stiffarm.commands.plan.sheets import SetUp, Sheet
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from surrogate import default_sweep
 
 STEPS, REPEATS, COMPONENTS = 10, 3, (0, 1, 2)

@@ -16,7 +16,7 @@ from stiffarm.commands.plan.sheets import SetUp, Sheet
 from stiffarm.commands.plan.step import Planned
 from stiffarm.session.console import say, show_table
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-plan/1"
 

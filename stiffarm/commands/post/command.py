@@ -11,10 +11,12 @@ import typer
 
 from machining import Drive, GammaRange, Objective
 from machining.cell import Cell
+from machining.cutting import stiffness_uncertainty
 from machining.placement import Placement, read_placement
+from machining.programs.formats import FORMATS, read_options
 from machining.programs.posting import PostSettings
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
-from machining.programs.write_options import WriteOptions, read_options
+from machining.programs.write_options import WriteOptions
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.arrays import Array
@@ -60,7 +62,7 @@ def post(
     part: PartOpt = None,
     formats: Annotated[
         str,
-        typer.Option("--format", help="Program formats, separated by commas: krl, rapid, val3, sinumerik, csv, json."),
+        typer.Option("--format", help=f"Program formats, separated by commas: {', '.join(FORMATS)}."),
     ] = "json",
     coordinates: Annotated[
         str, typer.Option("--coordinates", help="Coordinates of the programs: cartesian, joint or both.")
@@ -169,6 +171,7 @@ def post(
             templates,
             cut if compensate else None,
             cap * 1e-6,
+            stiffness_uncertainty(given.model, given.description, given.own),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         named = (("cell", cell), ("milling", milling), ("options", options), ("placement", placement))
@@ -267,4 +270,6 @@ def _show(run: PostRun) -> None:
         say(f"note: {note}")
     if run.compensated is not None:
         say(post_report.compensation_words(run.compensated))
+    for text in post_report.uncertainty_words(run):
+        say(text)
     say(f"note: {post_report.UNVERIFIED}")

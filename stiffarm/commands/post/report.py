@@ -16,12 +16,13 @@ from stiffarm import __version__
 from stiffarm.commands.index.units import shown
 from stiffarm.commands.post.step import PostRun
 from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import SERIES, title
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.pages.style import house_style, new_figure
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 
 SCHEMA = "stiffarm-post-run/1"
 UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."
@@ -46,6 +47,7 @@ def payload(run: PostRun) -> dict[str, Any]:
         "branches": sorted({program.names[b] for b in program.branch}),
         f"mean_{objective.column}": number(float(value.mean())) if run.flexible else None,
         f"worst_{objective.column}": number(float(_worst(run, value))) if run.flexible else None,
+        **_uncertain(run, objective.column, objective.factor),
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
         "reading_notes": [str(note) for note in program.motions.notes],
         "programs": {
@@ -61,6 +63,27 @@ def payload(run: PostRun) -> dict[str, Any]:
     if run.compensated is not None:
         out["compensation"] = _compensation(run.compensated)
     return out
+
+
+def _uncertain(run: PostRun, column: str, factor: float) -> dict[str, Any]:
+    """What the stiffness rests on, and 95 % intervals of its mean and worst value; nothing for a rigid arm."""
+    if run.stiffness is None or run.drawn is None:
+        return {}
+    worst = np.max if run.request.settings.objective.minimised else np.min
+    return {
+        "stiffness_uncertainty": arm_uncertainty.payload(run.stiffness),
+        f"mean_{column}_95": arm_uncertainty.interval(run.drawn.estimated(lambda v: v.mean(axis=-1)), factor),
+        f"worst_{column}_95": arm_uncertainty.interval(run.drawn.estimated(lambda v: worst(v, axis=-1)), factor),
+    }
+
+
+def uncertainty_words(run: PostRun) -> list[str]:
+    """What intervals rest on and what they do not hold."""
+    if run.stiffness is None or run.drawn is None:
+        return []
+    error = [] if run.compensated is None else arm_uncertainty.error_remarks(run.compensated.error)
+    what = f"the mean {run.request.settings.objective.quantity}"
+    return [arm_uncertainty.sentence(run.stiffness), *arm_uncertainty.share_remarks(run.drawn.matters, what), *error]
 
 
 def _worst(run: PostRun, value: Array) -> float:
@@ -103,8 +126,10 @@ def _key(run: PostRun) -> list[KeyFigure]:
     it = shown(run.request.settings.objective.quantity)
     course = run.posted.course
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
+    span = None if run.drawn is None else run.drawn.estimated(lambda v: v.mean(axis=-1))
+    between = "" if span is None else f" (95 %: {span.low * it.factor:.3g} to {span.high * it.factor:.3g})"
     stiffness = [
-        KeyFigure(f"{course.mean * it.factor:.4g}", f"mean {it.label}"),
+        KeyFigure(f"{course.mean * it.factor:.4g}", f"mean {it.label}{between}"),
         KeyFigure(f"{course.worst * it.factor:.4g}", f"{it.label}, worst point"),
     ]
     return [
@@ -150,6 +175,7 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
             f"least {singular_distance(robot, program.q).min():.2g}."
         ),
         pictures.add(figure, "joints", "Joint angles along the program; beyond the dotted lines are the limits."),
+        *(Text(words) for words in uncertainty_words(run)),
     ]
     if program.travel.shape[1]:
         blocks.append(pictures.add(_travel_figure(run, way), "axes", "Linear axes along the program."))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
 
 import fem
 from machining import GammaRange
 from machining.cell import middle_pose
+from machining.cutting import Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.programs.compensation import CAP, Compensated, compensate
-from machining.programs.convention import convention_for
-from machining.programs.formats import FORMATS, RoundTrip, round_trip, write_program
+from machining.programs.formats import FORMATS, round_trip, write_program
 from machining.programs.posting import Posted, PostSettings, post
+from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import WriteOptions
 from machining.programs.written import Written
 from machining.toolpaths import Motions
@@ -24,6 +27,8 @@ from stiffarm.session.task_setup import Cut, Setup
 Kind = Literal["cartesian", "joint"]
 # A controller cannot hold the path better than this, m and rad: a program that is farther off is refused.
 WRITTEN_TO = 1e-6
+# Moves, evenly along the program, that the interval of its stiffness is taken from.
+JUDGED = 400
 
 
 @dataclass(frozen=True)
@@ -36,12 +41,15 @@ class Target:
     @property
     def folder(self) -> str:
         """Where its files go."""
-        return self.name if FORMATS[self.name].neutral else f"{self.name}_{self.kind}"
+        return FORMATS[self.name].folder(self.kind)
 
 
 @dataclass(frozen=True, eq=False)
 class PostRequest:
-    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that."""
+    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that.
+
+    ``stiffness``: how uncertain the arm is, None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
+    """
 
     motions: Motions
     setup: Setup
@@ -51,11 +59,16 @@ class PostRequest:
     templates: Path | None = None
     cut: Cut | None = None
     cap: float = CAP
+    stiffness: StiffnessUncertainty | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class PostRun:
-    """What came of it; ``written`` and ``trips`` by target; ``flexible``: whether the model has any stiffness."""
+    """What came of it; ``written`` and ``trips`` by target; ``flexible``: whether the model has any stiffness.
+
+    ``stiffness``: how uncertain the arm is; ``drawn``: what the course was judged by at some of its moves (``judged``),
+    for arms drawn from that; both None where nothing gives way.
+    """
 
     request: PostRequest
     model: fem.ArmModel
@@ -64,6 +77,8 @@ class PostRun:
     written: dict[Target, Written] = field(default_factory=dict)
     trips: dict[Target, RoundTrip] = field(default_factory=dict)
     flexible: bool = True
+    stiffness: StiffnessUncertainty | None = None
+    drawn: Drawn | None = None
 
 
 def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
@@ -113,15 +128,18 @@ def run_post(
     externals = len(cell.linear_axes) + (cell.turntable is not None)
     for target in request.targets:
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
-        if not FORMATS[target.name].neutral:
-            convention_for(model.robot, externals, target.name, request.options.arm)
+        FORMATS[target.name].check(model.robot, externals, request.options)
     flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
     found = None
     if request.cut is not None:
-        found = compensate(model, posted, request.cut.force, tool=request.cut.tool, cap=request.cap)
+        found = compensate(
+            model, posted, request.cut.force, tool=request.cut.tool, stiffness=request.stiffness, cap=request.cap
+        )
     program = (posted if found is None else found.posted).program
-    run = PostRun(request, model, posted, found, flexible=flexible)
+    stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
+    drawn = None if stiffness is None else _drawn(model, posted, stiffness)
+    run = PostRun(request, model, posted, found, flexible=flexible, stiffness=stiffness, drawn=drawn)
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
         texts = _save(written, target, folder)
@@ -136,6 +154,17 @@ def run_post(
             )
         run.written[target], run.trips[target] = written, trip
     return run
+
+
+def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty) -> Drawn:
+    """The objective at moves spread evenly along the program, its worst one among them."""
+    task, kept, _ = posted.task()
+    objective, value = posted.settings.objective, posted.course.value[kept]
+    worst = int(np.argmin(objective.sign * value))
+    rows = np.union1d(np.linspace(0, len(kept) - 1, min(JUDGED, len(kept))).astype(np.int64), [worst])
+    force = objective.forces(len(kept))
+    there = replace(objective, force=None if force is None else force[rows])
+    return drawn_objective(model, task.at(rows), {"": posted.program.q[kept][rows]}, there, stiffness)[""]
 
 
 def _save(written: Written, target: Target, folder: OutputFolder) -> dict[str, str]:

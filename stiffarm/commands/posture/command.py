@@ -9,12 +9,14 @@ import numpy as np
 import typer
 
 from machining import INDICES, Drive, GammaRange, Objective
+from machining.cutting import stiffness_uncertainty
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.commands.posture.step import CHOSEN, Posed, PostureRequest, pose_along
+from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
@@ -153,6 +155,7 @@ def posture(
             seed,
             cut,
             tuple(effects_left_out(given)),
+            stiffness_uncertainty(given.model, given.description, given.own),
         )
         files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
         files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
@@ -201,7 +204,7 @@ def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[
 
 
 def _show(posed: Posed) -> None:
-    from stiffarm.commands.posture.report import gain_words, remarks
+    from stiffarm.commands.posture.report import gain_words, mean_interval, remarks
 
     _, words, factor = posture_payload.quantity(posed.request.objective)
     rows = []
@@ -211,14 +214,16 @@ def _show(posed: Posed) -> None:
             [
                 name,
                 f"{course.mean * factor:.4g}",
+                mean_interval(posed, name, factor),
                 f"{course.worst * factor:.4g}",
                 f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
                 "yes" if not moves.undrivable else f"no ({len(moves.undrivable)} jumps)",
-                "" if name == CHOSEN else gain_words(posed, course),
+                "" if name == CHOSEN else gain_words(posed, name),
             ]
         )
     title = f"{words} on {posed.request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm"
-    show_table(title, ["course", "mean", "worst", "gamma, deg", "drivable", "gain"], rows)
+    show_table(title, ["course", "mean", "95 %", "worst", "gamma, deg", "drivable", "gain"], rows)
+    say(sentence(posed.stiffness))
     for text in remarks(posed):
         say(f"note: {text}")
     if posed.milling is not None and posed.milling.comparison is not None:

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from machining import Course, Objective, limit_distance, singular_distance
-from machining.cutting import Estimated
 from robots.arrays import Array
 from stiffarm.commands.index.units import shown
 from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
-from stiffarm.session.payloads import number
+from stiffarm.pages.arm_uncertainty import estimated, interval
+from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
+from stiffarm.session.json_text import number
 from stiffarm.session.task_options import frame_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
@@ -27,7 +28,7 @@ def payload(posed: Posed) -> dict[str, Any]:
     """Everything that was found, keys with units."""
     request = posed.request
     key, _, factor = quantity(request.objective)
-    courses = {KEYS[CHOSEN]: posed.course} | {KEYS[name]: course for name, course in posed.others.items()}
+    courses = {KEYS[name]: (name, course) for name, course in ({CHOSEN: posed.course} | posed.others).items()}
     not_found = {KEYS[BEFORE]: posed.why_no_before, KEYS[FIXED]: posed.found.why_no_fixed}
     return {
         "robot": posed.model.robot.name,
@@ -45,7 +46,9 @@ def payload(posed: Posed) -> dict[str, Any]:
         "part_in_base": frame_words(request.task.T_base_part),
         "as_programmed_gamma_deg": number(float(np.degrees(request.before))),
         "all_solutions_found": posed.found.sure,
-        "courses": {name: _course(posed, course, key, factor) for name, course in courses.items()},
+        "stiffness_uncertainty": arm_uncertainty(posed.stiffness),
+        "courses": {name: _course(posed, *course, key, factor) for name, course in courses.items()},
+        "gain": {KEYS[name]: estimated(posed.gain(name), 1.0) for name in posed.others},
         "not_found": {name: why for name, why in not_found.items() if why is not None},
     } | ({} if posed.milling is None else {"surface_error": milling(posed.milling, request.seed)})
 
@@ -54,7 +57,7 @@ def milling(found: MillingErrors, seed: int) -> dict[str, Any]:
     """Predicted surface errors with 95 % intervals, um, and whether the change can be told."""
     out: dict[str, Any] = {
         KEYS[name]: {
-            f"{statistic}_um": _estimated(value)
+            f"{statistic}_um": estimated(value)
             for statistic, value in error.estimated(np.random.default_rng(seed)).items()
         }
         for name, error in found.errors.items()
@@ -62,27 +65,22 @@ def milling(found: MillingErrors, seed: int) -> dict[str, Any]:
     if found.comparison is not None:
         out["against"] = KEYS[found.against or BEFORE]
         out["change"] = {
-            name: {"verdict": c.verdict, "difference_um": _estimated(c.difference), "factor": _estimated(c.factor, 1.0)}
+            name: {"verdict": c.verdict, "difference_um": estimated(c.difference), "factor": estimated(c.factor, 1.0)}
             for name, c in found.comparison.changes.items()
         }
         out["rests_on"] = list(found.comparison.notes)
     return out
 
 
-def _estimated(value: Estimated, factor: float = 1e6) -> dict[str, float | None]:
-    return {
-        "value": number(value.value * factor),
-        "low95": number(value.low * factor),
-        "high95": number(value.high * factor),
-    }
-
-
-def _course(posed: Posed, course: Course, key: str, factor: float) -> dict[str, Any]:
+def _course(posed: Posed, name: str, course: Course, key: str, factor: float) -> dict[str, Any]:
     moves, robot = course.smoothness, posed.model.robot
+    mean, worst = posed.estimated(name)
     peak = np.degrees(moves.peak_speed)
     return {
         f"mean_{key}": number(course.mean * factor),
+        f"mean_{key}_95": interval(mean, factor),
         f"worst_{key}": number(course.worst * factor),
+        f"worst_{key}_95": interval(worst, factor),
         "gamma_deg": [number(float(v)) for v in np.degrees([course.gamma.min(), course.gamma.max()])],
         "branches": sorted({course.names[b] for b in course.branch}),
         "branch_changes": moves.branch_changes,

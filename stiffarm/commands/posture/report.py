@@ -6,13 +6,13 @@ import datetime as dt
 
 import numpy as np
 
-from machining import Course
 from stiffarm import __version__
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.commands.posture.figures.milling_error import milling_error_figure
 from stiffarm.commands.posture.payload import quantity
-from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, Posed, gain, map_of
+from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
+from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.session.outputs import OutputFolder
@@ -49,7 +49,7 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
     ]
     for name in (BEFORE, FIXED):
         if name in posed.others:
-            out.append(KeyFigure(gain_words(posed, posed.others[name]), f"mean against {name}"))
+            out.append(KeyFigure(gain_words(posed, name), f"mean against {name}"))
     if posed.milling is not None and posed.milling.comparison is not None:
         change = posed.milling.comparison.changes["rms"]
         label = f"RMS error under the cutting force, {posed.milling.against} and now"
@@ -57,12 +57,21 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
     return out
 
 
-def gain_words(posed: Posed, other: Course) -> str:
-    """By how much the recommended course is better in the mean."""
-    factor = gain(posed.request.objective, posed.course, other)
-    if not np.isfinite(factor) or factor >= 3.0:
-        return f"{factor:.3g} times better"
-    return f"{100.0 * (factor - 1.0):+.1f} %"
+def gain_words(posed: Posed, name: str) -> str:
+    """By how much the recommended course is better in the mean than another, with its 95 % interval."""
+    gain = posed.gain(name)
+    ends = (gain.value, gain.low, gain.high)
+    if not np.isfinite(gain.value) or gain.value >= 3.0:
+        said = [f"{factor:.3g}" for factor in ends]
+        return f"{said[0]} times better ({said[1]} to {said[2]})"
+    said = [f"{100.0 * (factor - 1.0):+.1f}" for factor in ends]
+    return f"{said[0]} % ({said[1]} to {said[2]})"
+
+
+def mean_interval(posed: Posed, name: str, factor: float) -> str:
+    """95 % interval of a course's mean."""
+    mean, _ = posed.estimated(name)
+    return f"{mean.low * factor:.3g} to {mean.high * factor:.3g}"
 
 
 def courses_section(posed: Posed) -> Section:
@@ -75,6 +84,7 @@ def courses_section(posed: Posed) -> Section:
             (
                 name,
                 f"{course.mean * factor:.4g}",
+                mean_interval(posed, name, factor),
                 f"{course.worst * factor:.4g}",
                 f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
                 str(moves.branch_changes),
@@ -85,6 +95,7 @@ def courses_section(posed: Posed) -> Section:
     columns = (
         "course",
         f"mean {words}",
+        "95 % of the mean",
         "worst point",
         "gamma, deg",
         "branch changes",
@@ -92,7 +103,10 @@ def courses_section(posed: Posed) -> Section:
         "drivable",
     )
     blocks: list[Text | Note | Table | Bullets] = [
-        Text(f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path."),
+        Text(
+            f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path. "
+            f"{sentence(posed.stiffness)}"
+        ),
         Table("Courses along the path", columns, tuple(rows), best=0),
         Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in (CHOSEN, *posed.others))),
     ]
@@ -133,6 +147,8 @@ def remarks(posed: Posed) -> list[str]:
                 f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
                 'given: for the error itself ask for --quantity "normal displacement".'
             )
+    out += share_remarks(posed.drawn[CHOSEN].matters, f"the mean {request.objective.quantity}")
+    out += [] if posed.milling is None else error_remarks(posed.milling.errors[CHOSEN])
     if moves.branch_changes:
         out.append(
             f"The course changes its branch {moves.branch_changes} times, through poses where two branches meet."

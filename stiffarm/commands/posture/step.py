@@ -17,7 +17,17 @@ from machining import (
     course_at,
     optimise_path,
 )
-from machining.cutting import Comparison, SurfaceError, compare, surface_error
+from machining.cutting import (
+    Comparison,
+    Drawn,
+    Estimated,
+    StiffnessUncertainty,
+    SurfaceError,
+    assumed_uncertainty,
+    compare,
+    drawn_objective,
+    surface_error,
+)
 from machining.posture.axes_map import AxesMap, axes_map
 from robots import InputError
 from robots.arrays import Array
@@ -33,7 +43,8 @@ class PostureRequest:
     """What is asked.
 
     ``before`` rad: gamma of the program as it stands, that the result is compared with; ``cut``: the cutting force,
-    None where no error is to be predicted; ``left_out``: effects of the model that the postures know nothing of.
+    None where no error is to be predicted; ``left_out``: effects of the model that the postures know nothing of;
+    ``stiffness``: how uncertain the arm is, None for :func:`machining.cutting.assumed_uncertainty`.
     """
 
     task: Task
@@ -44,6 +55,7 @@ class PostureRequest:
     seed: int = 0
     cut: Cut | None = None
     left_out: tuple[str, ...] = ()
+    stiffness: StiffnessUncertainty | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +72,7 @@ class Posed:
     """The result: the recommended course beside others.
 
     ``before``: the course at the gamma that the program has now, None where ``why_no_before`` says that there is none.
+    ``stiffness``: how uncertain the arm is; ``drawn``: the objective along each course, for arms drawn from that.
     """
 
     request: PostureRequest
@@ -67,6 +80,8 @@ class Posed:
     found: PathPosture
     before: Course | None
     why_no_before: str | None
+    stiffness: StiffnessUncertainty
+    drawn: dict[str, Drawn]
     milling: MillingErrors | None = None
 
     @property
@@ -84,6 +99,17 @@ class Posed:
         """The courses that the recommended one is compared with, by what they are called."""
         named = {BEFORE: self.before, FIXED: self.found.fixed, EACH: self.found.each_point}
         return {name: course for name, course in named.items() if course is not None}
+
+    def estimated(self, name: str) -> tuple[Estimated, Estimated]:
+        """Mean and worst value of the objective along a course, with 95 % intervals."""
+        worst = np.max if self.request.objective.minimised else np.min
+        drawn = self.drawn[name]
+        return drawn.estimated(_mean), drawn.estimated(lambda v: np.asarray(worst(v, axis=-1)))
+
+    def gain(self, name: str) -> Estimated:
+        """By what factor the recommended course's mean is better than another's, with its 95 % interval."""
+        chosen, other = self.drawn[CHOSEN], self.drawn[name]
+        return other.ratio(chosen, _mean) if self.request.objective.minimised else chosen.ratio(other, _mean)
 
 
 CHOSEN, BEFORE, FIXED, EACH = "recommended", "as programmed", "best fixed gamma", "each point by itself"
@@ -107,8 +133,16 @@ def pose_along(model: fem.ArmModel, request: PostureRequest, progress: Progress 
         before = course_at(model, request.task, request.before, request.objective, request.drive, generator=seeds[1])
     except InputError as error:
         why = str(error)
-    posed = Posed(request, model, found, before, why)
+    stiffness = request.stiffness or assumed_uncertainty(model)
+    posed = Posed(request, model, found, before, why, stiffness, {})
+    postures = {name: course.q for name, course in ({CHOSEN: posed.course} | posed.others).items()}
+    drawn = drawn_objective(model, request.task, postures, request.objective, stiffness, request.seed)
+    posed = replace(posed, drawn=drawn)
     return posed if request.cut is None else replace(posed, milling=_milling(posed, request.cut))
+
+
+def _mean(values: Array) -> Array:
+    return np.asarray(values.mean(axis=-1))
 
 
 def _milling(posed: Posed, cut: Cut) -> MillingErrors:
@@ -116,7 +150,10 @@ def _milling(posed: Posed, cut: Cut) -> MillingErrors:
     task, model = posed.request.task, posed.model
     against = next((name for name in (BEFORE, FIXED) if name in posed.others), None)
     courses = ({} if against is None else {against: posed.others[against]}) | {CHOSEN: posed.course}
-    errors = {name: surface_error(model, task, c.q, cut.force, tool=cut.tool) for name, c in courses.items()}
+    errors = {
+        name: surface_error(model, task, c.q, cut.force, stiffness=posed.stiffness, tool=cut.tool)
+        for name, c in courses.items()
+    }
     if against is None:
         return MillingErrors(errors, None, None)
     generator = np.random.default_rng(posed.request.seed)
@@ -132,9 +169,3 @@ def map_of(posed: Posed) -> AxesMap | None:
     return axes_map(
         posed.model, request.task, request.objective, request.drive, request.gammas.angles, generator=generator
     )
-
-
-def gain(objective: Objective, course: Course, other: Course) -> float:
-    """By what factor the recommended course's mean is better: 1.2 is a fifth stiffer, or so much less displaced."""
-    better, worse = (other.mean, course.mean) if objective.minimised else (course.mean, other.mean)
-    return better / worse if worse > 0.0 else float("inf")

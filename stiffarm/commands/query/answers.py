@@ -9,7 +9,7 @@ import numpy as np
 
 from fem.statics.small_displacements import FLAG
 from stiffarm.session.console import say, show_table
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
 

@@ -16,7 +16,7 @@ from stiffarm.commands.calibrate.prediction import prediction_error
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from stiffarm.session.reading_checks import read_held_out
 
 # Angles this far (deg) beyond a law's range are beyond it, less is rounding.

@@ -17,13 +17,16 @@ from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
+from stiffarm.commands.fit.payload import trained as trained_payload
 from stiffarm.commands.maps import sweep as maps
-from stiffarm.commands.run import held_out, link_models, link_payload
+from stiffarm.commands.run import held_out, link_models, payload
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
-from stiffarm.session import inputs, payloads, steps
+from stiffarm.commands.sensitivity import factorial
+from stiffarm.session import inputs, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.inputs import ModelInput
+from stiffarm.session.json_text import number
 from stiffarm.session.options import open_measured
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns, RigidJoints
@@ -216,19 +219,19 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
     content = {
         "robot": findings.given.robot.name,
         "links": findings.given.model.link_kind,
-        "rigid_joints": payloads.rigid(findings.rigid),
-        "sensitivity": {path: payloads.effects(e) for path, e in findings.effects.items()},
+        "rigid_joints": payload.rigid(findings.rigid),
+        "sensitivity": {path: factorial.payload(e) for path, e in findings.effects.items()},
         "variants": {v.name: calibration_payload.calibration(v) for v in findings.variants},
         "recommended": findings.best.name,
-        "link_models": link_payload.payload(findings.link_models),
-        "factorial": {name: payloads.factorial(runs) for name, runs in findings.factorial.items()},
-        "surrogates": {name: payloads.trained(t) for name, t in findings.trained.items()},
+        "link_models": payload.link_models(findings.link_models),
+        "factorial": {name: payload.factorial(runs) for name, runs in findings.factorial.items()},
+        "surrogates": {name: trained_payload(t) for name, t in findings.trained.items()},
         "measured_poses": [
             {
                 "pose": label,
-                "surrogate_N_per_mm": payloads.number(a),
-                "model_N_per_mm": payloads.number(b),
-                "relative_difference": payloads.number(a / b - 1.0),
+                "surrogate_N_per_mm": number(a),
+                "model_N_per_mm": number(b),
+                "relative_difference": number(a / b - 1.0),
             }
             for label, a, b in zip(labels, learned, exact, strict=True)
         ],

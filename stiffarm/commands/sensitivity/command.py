@@ -14,9 +14,10 @@ from doe.estimation.campaign import bundled_campaign, load_campaign
 from doe.estimation.study_plan import Comparison
 from robots import InputError
 from stiffarm.commands.plan.options import parse_parameters
+from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
 from stiffarm.commands.sensitivity.screening import Method, Study
-from stiffarm.session import inputs, payloads, steps, tables
+from stiffarm.session import inputs, steps
 from stiffarm.session.console import emit_json, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import (
@@ -193,7 +194,7 @@ def _factorial(
         "links": given.model.link_kind,
         "low_Nm_per_rad": levels[0],
         "high_Nm_per_rad": levels[1],
-        "effects": payloads.effects(effects),
+        "effects": factorial.payload(effects),
     }
     if folder is not None:
         from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
@@ -201,7 +202,7 @@ def _factorial(
 
         folder.write_json("sensitivity.json", result)
         save_png(sensitivity_figure({given.model.load_path: effects}), folder.path("sensitivity.png"))
-    return result, lambda: tables.sensitivity(effects, *levels, given.model.load_path)
+    return result, lambda: factorial.show(effects, *levels, given.model.load_path)
 
 
 def _screened(

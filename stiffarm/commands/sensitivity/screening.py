@@ -22,7 +22,7 @@ from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import names_joint_spring, spoken_unit
 from stiffarm.commands.plan.words import direction_words
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 Method = Literal["morris", "sobol", "derivative"]
 

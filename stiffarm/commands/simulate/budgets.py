@@ -13,7 +13,7 @@ from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
 

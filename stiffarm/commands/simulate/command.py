@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from meshes import RobotMasses, robot_masses
-from robots import bundled_names, load_description
-from robots.robot import robot_from
-from stiffarm.session import inputs, tables
-from stiffarm.session.console import emit_json, show_table, user_errors
+from stiffarm.session import inputs
+from stiffarm.session.console import emit_json, user_errors
 from stiffarm.session.options import (
     ConfirmUnits,
     DataArg,
@@ -26,62 +23,6 @@ from stiffarm.session.options import (
     open_table,
 )
 from stiffarm.session.own_effects import own_effects, own_files
-from stiffarm.session.payloads import number
-
-
-def robots(
-    name: Annotated[
-        str | None, typer.Argument(help="Show this robot in detail: a bundled name, a model TOML or a URDF.")
-    ] = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """List the bundled robots, or show one in detail.
-
-    Details are joint limits, stiffnesses and masses, with their sources.
-    """
-    with user_errors(debug):
-        if name is not None:
-            description = load_description(name)
-            masses = robot_masses(description, robot_from(description))
-            if as_json:
-                described = description.model_dump(mode="json", by_alias=True, exclude_none=True)
-                emit_json(described | {"masses": _masses(masses)})
-                return
-            tables.robot(description, masses)
-            return
-        found = [load_description(bundled) for bundled in bundled_names()]
-        if as_json:
-            emit_json(
-                {
-                    "robots": [
-                        {"name": d.name, "title": d.title, "joints": len(d.joint), "load_path": d.load_path}
-                        for d in found
-                    ]
-                }
-            )
-            return
-        show_table("Bundled robots", ["name", "title", "load path"], [[d.name, d.title, d.load_path] for d in found])
-
-
-def _masses(masses: RobotMasses) -> dict[str, Any]:
-    """Masses of the parts; null where nothing is declared."""
-    links = {
-        link.name: {
-            "casing_kg": number(link.casing.kg),
-            "declared_kg": link.declared_kg,
-            "rest_kg": None if link.rest_kg is None else number(link.rest_kg),
-        }
-        for link in masses.links
-    }
-    sums = {
-        "bar_kg": masses.bar_kg,
-        "crank_kg": None if masses.crank is None else masses.crank.kg,
-        "sum_kg": masses.sum_kg,
-        "robot_kg": masses.robot_kg,
-        "difference_kg": masses.difference_kg,
-    }
-    return {"links": links} | {name: None if kg is None else number(kg) for name, kg in sums.items()}
 
 
 def simulate(

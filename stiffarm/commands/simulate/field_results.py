@@ -18,8 +18,8 @@ from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, ren
 from stiffarm.commands.simulate.figures import energy_share_figure
 from stiffarm.pages.style import save_png
 from stiffarm.session.inputs import WRENCH_NAMES
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 
 
 def field_links(model: str, links: str | None) -> str:

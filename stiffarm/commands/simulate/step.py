@@ -19,8 +19,8 @@ from stiffarm.session import steps
 from stiffarm.session.console import say, show_table
 from stiffarm.session.effect_words import history_notes
 from stiffarm.session.inputs import WRENCH_NAMES, ModelInput
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from stiffarm.session.softness import flagged
 
 NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from machining.cell import read_cell
+from machining.cell import described_arm, read_cell
+from machining.programs.given import read_program
 from machining.verification import Demands, Verification, verify
 from robots import InputError, content_hash
 from robots.files.csv_text import columns_text, records_text
-from stiffarm.commands.verify.inputs import read_arm, read_program
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import offence_words, sentence, value_words
 from stiffarm.session.console import EXIT_OTHER, emit_json, progress, say, show_table, user_errors
@@ -88,7 +88,7 @@ def verify_command(
             singular_least=singular,
             jump=float(np.radians(jump)),
         )
-        description, arm = read_arm(model)
+        description, arm = described_arm(model)
         given = read_program(program, arm.robot, read_cell(cell))
         files: dict[str, Path | str] = {"model": content_hash(description), "program": program, "cell": cell}
         with folder_if(out, files) as folder:

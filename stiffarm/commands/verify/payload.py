@@ -9,7 +9,7 @@ import numpy as np
 
 from machining.verification import Offence, Verification
 from stiffarm.commands.verify.words import sentence, shown, verdict
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 
 # Offences in verification.json and on stdout; all of them are counted.
 LISTED = 200

@@ -10,6 +10,7 @@ import pytest
 from joint_twist_campaigns import EXACT, readings, truth, tx200
 from numpy.testing import assert_allclose
 
+from doe.certainty.propagation import parameter_uncertainty, propagate
 from doe.joint_twists import identify
 from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
 from doe.joint_twists.identify import Identified
@@ -27,6 +28,7 @@ from doe.joint_twists.synthetic import TWIST_RATIO_J2, Campaign
 from doe.joint_twists.workspace import stiffness_window
 from fem import ConstantSpring, build_model, compliance, directional_stiffness
 from robots import InputError, forward_kinematics, jacobian, load_description, save_description
+from robots.library.models import parse_description, to_toml
 
 NAMES = tx200().robot.joint_names
 
@@ -192,3 +194,42 @@ def test_what_is_not_identified_stays_as_it_was(tmp_path: Path) -> None:
     assert last.bearing is not None or getattr(last, "bearing_laws", None) is not None
     assert description.calibration is not None
     assert any("j5.ry, j6.rz" in note for note in description.calibration.notes)
+
+
+def test_the_model_file_s_covariance_is_that_of_the_identification(some: np.ndarray) -> None:
+    """Through names, file and propagation against the intervals that the identification gives of the flange itself."""
+    found = identify(tx200(), readings(truth(), Campaign(), 1), law="fourier-1")
+    description = with_six_springs(load_description("tx200"), tx200(), found)
+    u = parameter_uncertainty(parse_description(to_toml(description), "model.toml"))
+    assert u is not None
+    # Six joints, six directions, three coefficients of ln k each.
+    assert len(u.names) == 108
+    assert u.undetermined == ()
+    model = build_model(u.description, "rigid")
+    R = forward_kinematics(model.robot, some).R_flange
+    p = predict(tx200(), found, some)
+    quantile = next(iter(found.directions.values())).quantile
+    for axis in range(3):
+        # 1/(m - q s) - 1/(m + q s) over 2 q m is s/m, to the second order in s/m, which is below 1 %.
+        own = propagate(model, u, some, R[:, :, axis], np.zeros(3)).relative_sd
+        assert_allclose(own, (p.high - p.low)[:, axis] / (2.0 * quantile * p.value[:, axis]), rtol=2e-3)
+
+
+def test_directions_without_a_number_or_an_interval_are_left_open() -> None:
+    data = readings(truth(), Campaign(), 1)
+    found = identify(tx200(), data.select(data.joint != 1), law="table")
+    table = with_six_springs(load_description("tx200"), tx200(), found).calibration.uncertainty  # type: ignore[union-attr]
+    assert table is not None
+    assert {one.name for one in table.undetermined} == {
+        "j2.stiffness",
+        *(f"j2.{r}" for r in ("tx", "ty", "tz", "rx", "ry")),
+    }
+    # A table across the axis is held as its mean compliance: one number with the variance of that mean.
+    d = found.directions["j3", "rx"]
+    q = np.zeros((400, 6))
+    drawn = np.random.default_rng(0).multivariate_normal(d.law.spring.coefficients, d.law.covariance, 4000)  # type: ignore[union-attr]
+    q[: len(d.angle), 2] = d.angle
+    mean = np.exp(-drawn @ d.law.spring.basis(q[: len(d.angle)]).T).mean(axis=1)  # type: ignore[union-attr]
+    k = table.parameters.index("j3.rx")
+    # 4000 draws: 1.1 %, three times that, and the second order.
+    assert np.sqrt(table.covariance[k][k]) == pytest.approx(mean.std(), rel=0.05)

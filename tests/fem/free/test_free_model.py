@@ -11,7 +11,9 @@ import pytest
 from fem import ArmModel, build_model, deflection
 from fem.free.laws import FourierBasis, FreeLaw, TableBasis, law_parameters, polynomial_basis
 from fem.free.model import FreeModel, LoadedPoses
+from fem.free.named_numbers import named_numbers
 from fem.free.parameters import Parameter, parameter
+from fem.springs import LawSpring
 from robots import InputError, ModelDescription, forward_kinematics, load_description
 
 # Second-order differences with steps of 1e-4 of the value; the smallest columns lose digits to the largest.
@@ -42,6 +44,33 @@ def _differences(free: FreeModel, u: np.ndarray, k: int, h: float) -> np.ndarray
     up[k] += h
     down[k] -= h
     return (free.evaluate(up)[0] - free.evaluate(down)[0]) / (2.0 * h)
+
+
+def test_bearing_laws_are_free_by_name_and_change_the_model_they_stand_in(soft: ArmModel) -> None:
+    """Coefficients of a law across the axis: displacements of the arm built with them, derivatives of differences."""
+    basis = FourierBasis(1, 1)
+    law = LawSpring(basis, np.array([14.5, 0.2, -0.1]))
+    joints = tuple(replace(j, laws=((3, law), (0, law))) if j.name == "j2" else j for j in soft.joints)
+    arm = replace(soft, joints=joints)
+    named = named_numbers(arm, ("j2.rx.law[1]", "j2.tx.law[0]", "j3.stiffness"))
+    free = FreeModel(arm, named.parameters, _loaded(arm), named.laws)
+    np.testing.assert_array_equal(named.u[named.columns[:2]], [0.2, 14.5])
+    np.testing.assert_allclose(free.displacement(named.u), deflection(arm, *_parts(free.at)), rtol=1e-12)
+    u = named.u.copy()
+    u[named.columns[0]] += 0.3
+    moved = LawSpring(basis, np.array([14.5, 0.5, -0.1]))
+    other = replace(arm, joints=tuple(replace(j, laws=((3, moved), (0, law))) if j.name == "j2" else j for j in joints))
+    np.testing.assert_allclose(free.displacement(u), deflection(other, *_parts(free.at)), rtol=1e-9, atol=1e-15)
+    _, J = free.evaluate(u)
+    for k in range(len(u)):
+        expected = _differences(free, u, k, 1e-2 * abs(u[k]) if named.parameters[k].kind == "stiffness" else 1e-5)
+        assert np.abs(J[:, :, k] - expected).max() <= DIFFERENCES * np.abs(expected).max(), named.parameters[k].name
+    with pytest.raises(InputError, match="joints with a law: j2"):
+        named_numbers(arm, ("j3.rx.law[0]",))
+
+
+def _parts(at: LoadedPoses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return at.q, at.wrench, at.point
 
 
 def test_derivatives_are_those_of_the_displacement(soft: ArmModel) -> None:

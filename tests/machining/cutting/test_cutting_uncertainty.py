@@ -10,13 +10,6 @@ from cutting_cases import SOFT, STIFF, postures, wall_force, wall_task
 
 import fem
 import robots
-from doe.certainty.uncertainty import ParameterEstimate, certainty
-from doe.estimation.estimate import Estimate, estimate
-from doe.estimation.noise import Noise
-from doe.estimation.problem import Problem
-from doe.model_file.applied import apply_estimates
-from fem.free.model import FreeModel, LoadedPoses
-from fem.free.parameters import parameter
 from machining import translational
 from machining.cutting import (
     ConstantForce,
@@ -24,7 +17,6 @@ from machining.cutting import (
     SurfaceError,
     ToolBending,
     assumed_uncertainty,
-    calibrated_uncertainty,
     compare,
     surface_error,
 )
@@ -64,7 +56,7 @@ def test_shares_of_the_parts_add_up_to_the_compliance(kr60: fem.ArmModel) -> Non
     q = postures(kr60, task, SOFT)
     for model in (kr60, fem.build_model(robots.load_description("kr60-3"))):
         u = assumed_uncertainty(model)
-        D = u.influence(model, q, task.tip)
+        D = u.influence(model, q, task.tip).D
         np.testing.assert_allclose(D.sum(axis=1), translational(model, q, task.tip), rtol=1e-11, atol=1e-18)
         assert "15 % of each part, independent, assumed" in u.note
     assert set(u.names) > {"j1", "j6"}
@@ -74,7 +66,7 @@ def test_shares_of_the_parts_add_up_to_the_compliance(kr60: fem.ArmModel) -> Non
 def test_shares_of_a_parallelogram_too(poses) -> None:  # type: ignore[no-untyped-def]
     model = fem.build_model(robots.load_description("xr701"))
     q = poses(model.robot, 6, np.random.default_rng(1))
-    D = assumed_uncertainty(model).influence(model, q, np.array([0.1, 0.0, 0.3]))
+    D = assumed_uncertainty(model).influence(model, q, np.array([0.1, 0.0, 0.3])).D
     np.testing.assert_allclose(
         D.sum(axis=1), translational(model, q, np.array([0.1, 0.0, 0.3])), rtol=1e-10, atol=1e-18
     )
@@ -194,112 +186,6 @@ def test_the_tool_s_uncertainty_is_common(kr60: fem.ArmModel) -> None:
     form = e.form - a.form
     # It is the same in both postures, so nothing of it is left in the difference.
     np.testing.assert_allclose(covariance(e.uncertain, form, form), 0.0, atol=(1e-6 * expected) ** 2)
-
-
-def calibration(
-    model: fem.ArmModel, rng: np.random.Generator, names: tuple[str, ...], poses: int = 15, aside: float = 0.1
-) -> Estimate:
-    """Made-up readings with a noise of 20 um at random poses, ``aside`` m off the last axis, and what they give."""
-    low, high = model.robot.limits.T
-    q = np.repeat(rng.uniform(0.8 * low, 0.8 * high, (poses, 6)), 2, axis=0)
-    wrench = np.hstack([rng.uniform(-400.0, 400.0, (2 * poses, 3)), np.zeros((2 * poses, 3))])
-    at = LoadedPoses(q, wrench, np.tile([aside, 0.0, 0.1], (2 * poses, 1)))
-    free = FreeModel(model, tuple(parameter(model, n) for n in names), at)
-    row, component = np.repeat(np.arange(2 * poses), 3), np.tile(np.arange(3), 2 * poses)
-    value = free.evaluate(free.start)[0][row, component] + 2e-5 * rng.standard_normal(6 * poses)
-    labels, pose = tuple(f"P{k}" for k in range(poses)), row // 2
-    group = np.arange(6 * poses)
-    p = Problem(free, value, row, component, pose, labels, group, np.full(6 * poses, np.nan))
-    return estimate(p, (2e-5, 2e-5), fixed_noise=Noise((2e-5, 2e-5)), robust=False)
-
-
-SPRINGS = tuple(f"j{k}.stiffness" for k in range(1, 7))
-
-
-KNOWN = {"base.rx": 3e6, "base.ry": 2e6, "j3.rx": 2e6}
-
-
-def calibrated(model: fem.ArmModel, e: Estimate) -> fem.ArmModel:
-    return model.with_springs(dict(zip((f"j{k}" for k in range(1, 7)), 1.0 / e.u, strict=False)))
-
-
-def test_a_calibration_s_covariance_is_carried_to_the_error(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
-    found = calibration(kr60, rng, SPRINGS)
-    sure = certainty(found, profiles=False)
-    model, task = calibrated(kr60, found), wall_task(4)
-    u = calibrated_uncertainty(found, sure)
-    q = postures(model, task, SOFT)
-    e = surface_error(model, task, q, ConstantForce(F, relative_sd=0.0), stiffness=u)
-    np.testing.assert_allclose(e.normal, (translational(model, q, task.tip) @ F)[:, 1], rtol=1e-10)
-    # Models drawn from the calibration's own covariance; it had 84 spare readings, so Student's t is 1.5 % wider.
-    drawn = rng.multivariate_normal(found.u, sure.covariance, DRAWS)
-    alone = [
-        translational(kr60.with_springs({f"j{i}": 1.0 if i == k else np.inf for i in range(1, 7)}), q, task.tip)
-        for k in range(1, 7)
-    ]
-    errors = drawn @ np.stack([(C @ F)[:, 1] for C in alone])
-    np.testing.assert_allclose(e.sd, errors.std(axis=0), rtol=WITHIN + 0.02)
-    assert "calibration (6 numbers)" in u.note
-
-
-def test_a_calibration_knows_the_springs_jointly(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
-    """Two springs that the readings confuse: each poorly known, their effect at such poses well."""
-    found = calibration(kr60, rng, SPRINGS)
-    u = calibrated_uncertainty(found, certainty(found, profiles=False))
-    off = u.covariance - np.diag(np.diag(u.covariance))
-    assert np.abs(off).max() > 0.0
-    model, task = calibrated(kr60, found), wall_task(4)
-    q = postures(model, task, SOFT)
-    joint = surface_error(model, task, q, ConstantForce(F), stiffness=u)
-    apart = surface_error(
-        model, task, q, ConstantForce(F), stiffness=replace(u, covariance=np.diag(np.diag(u.covariance)))
-    )
-    assert not np.allclose(joint.sd_stiffness, apart.sd_stiffness, rtol=1e-3)
-
-
-def test_links_base_and_bearings_of_a_calibration(rng: np.random.Generator) -> None:
-    """The model written back into the description and built again is the one that the covariance is of."""
-    description = robots.load_description("kr60-3")
-    model = fem.build_model(description)
-    names = ("j2.stiffness", "j3.stiffness", f"{model.links[1].name}.modulus", "base.rx", "base.ry", "j3.rx")
-    start = apply_estimates(
-        description,
-        [ParameterEstimate(parameter(model, n), v, (v, v), 0.0, "determined", np.inf) for n, v in KNOWN.items()],
-    )
-    found = calibration(fem.build_model(start), rng, names)
-    sure = certainty(found, profiles=False)
-    used = fem.build_model(apply_estimates(start, sure.estimates))
-    u = calibrated_uncertainty(found, sure)
-    task = wall_task(3)
-    q = postures(used, task, SOFT)
-    e = surface_error(used, task, q, ConstantForce(F, relative_sd=0.0), stiffness=u)
-    # By hand: one number after the other a little off, models built anew.
-    slopes = []
-    for k, one in enumerate(sure.estimates):
-        step = 1e-3 * found.u[k]
-        moved = replace(one, value=one.parameter.outer(float(found.u[k] + step)))
-        there = fem.build_model(apply_estimates(start, [*sure.estimates[:k], moved, *sure.estimates[k + 1 :]]))
-        slopes.append(((translational(there, q, task.tip) - translational(used, q, task.tip)) @ F)[:, 1] / step)
-    J = np.stack(slopes, axis=1)
-    sd = np.sqrt(np.einsum("nj,jk,nk->n", J, u.covariance, J))
-    # Written with six digits or more, over a step of 1e-3.
-    np.testing.assert_allclose(e.sd, sd, rtol=1e-3)
-
-
-def test_a_calibration_of_another_model_is_refused(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
-    found = calibration(kr60, rng, SPRINGS)
-    u = calibrated_uncertainty(found, certainty(found, profiles=False))
-    task = wall_task(3)
-    with pytest.raises(InputError, match="another model"):
-        surface_error(kr60, task, postures(kr60, task, SOFT), ConstantForce(F), stiffness=u)
-
-
-def test_what_readings_do_not_determine_is_named(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
-    # A force on the last axis does not turn joint 6.
-    found = calibration(kr60, rng, SPRINGS, aside=0.0)
-    sure = certainty(found, profiles=False)
-    with pytest.raises(InputError, match=r"no standard deviation of j6\.stiffness"):
-        calibrated_uncertainty(found, sure)
 
 
 @pytest.mark.parametrize(

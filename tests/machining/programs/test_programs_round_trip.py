@@ -15,10 +15,11 @@ from hypothesis import strategies as st
 from program_cases import PLAIN, busy, cell_of, motions_of, program_of, rail, random_poses, spindle, turntable
 
 from machining.cell import Cell, LinearAxis, Tool, Turntable
-from machining.programs.formats import FORMATS, RoundTrip, read_moves, round_trip, write_program
+from machining.programs.formats import FORMATS, parse_options, round_trip, write_program
 from machining.programs.neutral_reading import moves_from_csv, program_from_json
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.write_options import WriteOptions, parse_options
+from machining.programs.round_trip import RoundTrip
+from machining.programs.write_options import WriteOptions
 from robots import InputError, load_robot
 
 BOTH = [(name, kind) for name, f in FORMATS.items() for kind in f.kinds]
@@ -166,7 +167,7 @@ def test_configurations_come_back() -> None:
     program = program_of()
     for name, wanted in (("krl", (2, 3)), ("rapid", (0, -2, -1, 0)), ("val3", ("lefty", "epositive", "wpositive"))):
         o = options(name)
-        found = read_moves(write_program(program, name, "cartesian", o).texts(), program, name, o)
+        found = FORMATS[name].read(write_program(program, name, "cartesian", o).texts(), program, o)
         assert len(found.configuration) == program.n
         assert len(found.configuration[0]) == len(wanted)
         assert [type(v) for v in found.configuration[0]] == [type(v) for v in wanted]
@@ -292,9 +293,9 @@ def test_missing_files_and_moves(name: str) -> None:
     texts = write_program(program, name, kind, o).texts()
     last = list(texts)[-1]
     with pytest.raises(InputError, match="sub-program"):
-        read_moves({k: v for k, v in texts.items() if k != last}, program, name, o)
+        FORMATS[name].read({k: v for k, v in texts.items() if k != last}, program, o)
     with pytest.raises(InputError, match="main file"):
-        read_moves({}, program, name, o)
+        FORMATS[name].read({}, program, o)
     short = {k: "" if k == last else v for k, v in texts.items()}
     with pytest.raises(InputError, match="2 moves"):
         round_trip(program, short, name, kind, o)

@@ -8,7 +8,7 @@ from matplotlib.text import Annotation
 
 from doe import Equations, SpringEstimate, fit_constant
 from stiffarm.commands.calibrate.figures.springs import springs_figure
-from stiffarm.session.payloads import estimate
+from stiffarm.commands.calibrate.payload import spring as estimate
 from stiffarm.session.spring_words import bound_of, mega, spring_text
 
 INF, NAN = float("inf"), float("nan")

@@ -169,10 +169,10 @@ def gap_figure(
         series = [("before", BEFORE), ("after", AFTER)]
         if all(np.isnan(pair[1]) for pair in rows.values()):
             series = series[:1]
-        for k, (name, colour) in enumerate(series):
+        for k, (when, colour) in enumerate(series):
             lengths = np.array([pair[k] for pair in rows.values()])
             at = y + (k - 0.5 * (len(series) - 1)) * 0.36
-            ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=name)
+            ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=when)
             for place, value in zip(at, lengths, strict=True):
                 note(ax, f"{value:.3f}", (value, place), (4, 0), ha="left")
         ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"{name}: {noise:.3f}")

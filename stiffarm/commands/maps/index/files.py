@@ -15,8 +15,8 @@ from robots.arrays import Array, Bools
 from robots.constants import M_TO_MM
 from robots.files.csv_text import columns_text
 from stiffarm.commands.index.units import Shown, shown
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.payloads import number
 from surrogate.maps.vtk_files import grid_cells, write_grid
 
 # Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.

@@ -17,6 +17,7 @@ from conftest import few_runs
 
 from fem import build_model
 from robots import InputError, load_description
+from stiffarm.commands.fit import payload
 from stiffarm.commands.fit.figures.bars import (
     JudgedBars,
     chance,
@@ -28,7 +29,6 @@ from stiffarm.commands.fit.figures.bars import (
 from stiffarm.commands.fit.report import write_report
 from stiffarm.commands.fit.sections import comparison_section
 from stiffarm.commands.fit.words import choice_words, doubts, relative
-from stiffarm.session import payloads
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Quantity, Trained, factored, query, save_surrogate, scope_of, task_of, train, training
 
@@ -64,7 +64,7 @@ def trained() -> Trained:
 
 
 def written(result: Trained, folder: Path, title: str = "Arm", **more: Any) -> str:
-    content = payloads.trained(result) | {"files": ["surrogate.json"]} | more
+    content = payload.trained(result) | {"files": ["surrogate.json"]} | more
     with OutputFolder(folder, ["stiffarm"], {}, 0) as out:
         for one in result.surrogates:
             save_surrogate(one, out.path(f"surrogate_{one.basis}.json"))
@@ -91,7 +91,7 @@ def text(page: str) -> str:
 
 
 def test_the_numbers_of_the_table_are_the_payloads(trained: Trained, page: str) -> None:
-    content = payloads.trained(trained)
+    content = payload.trained(trained)
     table = rows(page, "Relative errors of the compliance on runs kept out")
     assert [r[0] for r in table] == ["factored", "trigonometric", "polynomial"]
     for row, s in zip(table, content["surrogates"], strict=False):

@@ -12,10 +12,10 @@ import pytest
 from doe import bundled_data, bundled_scheme, read_measurements, select_loads
 from fem import build_model, compliance
 from robots import load_description
-from stiffarm.commands.run import link_models
+from stiffarm.commands.run import link_models, payload
 from stiffarm.commands.run.link_models import LinkModels, Pair, SpringPair
 from stiffarm.commands.run.link_words import sentences, signed
-from stiffarm.session import inputs, payloads
+from stiffarm.session import inputs
 
 GIVEN = inputs.read_model("xr701", "beam", None)
 DATA = read_measurements(bundled_data("xr701"), GIVEN.robot)
@@ -161,7 +161,7 @@ def test_the_sentences_of_beams_beside_rigid_links(both: LinkModels) -> None:
 
 
 def test_results_json_has_both_sides(both: LinkModels) -> None:
-    content = json.loads(json.dumps(payloads.link_models(both), allow_nan=False))
+    content = json.loads(json.dumps(payload.link_models(both), allow_nan=False))
     assert (content["own"], content["beside"]) == ("beam", "rigid")
     one = next(c for c in content["calibrations"] if c["calibration"] == BEST)
     assert one["beam"]["left_one_pose_out_rms_mm"] == pytest.approx(0.0742, abs=5e-5)  # half of the last digit

@@ -123,7 +123,7 @@ def test_what_was_not_looked_at_is_said(cli: Command, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"program": "program.src"}, "allowed: .json or .csv"),
+        ({"program": "program.src"}, "allowed: .csv or .json"),
         ({"--interpolation": "cubic"}, "joint, linear, mixed"),
         ({"--resolution": "0"}, "resolution"),
         ({"model": "xr701"}, "robot"),

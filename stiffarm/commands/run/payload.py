@@ -1,16 +1,30 @@
-"""Calibrations with two models of the links as JSON."""
+"""What the whole chain found, as JSON-ready dictionaries."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from stiffarm.commands.calibrate import payload as calibration_payload
+import numpy as np
+
+from stiffarm.commands.calibrate.payload import poses as pose_rows
 from stiffarm.commands.run.link_models import LinkModels, Pair
-from stiffarm.session.payloads import number
+from stiffarm.session.json_text import number
 from stiffarm.session.spring_words import at_widest_bound
+from stiffarm.session.steps import FactorialRuns, RigidJoints
 
 
-def payload(compared: LinkModels) -> dict[str, Any]:
+def rigid(result: RigidJoints) -> dict[str, Any]:
+    """The rigid-joint model against the readings."""
+    return {
+        "poses": list(result.pose),
+        "measured_mm": [number(v) for v in result.measured_mm],
+        "simulated_mm": [number(v) for v in result.simulated_mm],
+        "factor_measured_over_simulated": [number(v) for v in result.factor],
+        "median_factor": number(float(np.median(result.factor))),
+    }
+
+
+def link_models(compared: LinkModels) -> dict[str, Any]:
     """Every load path and scheme with the run's own links and with those beside them."""
     return {
         "own": compared.own.links,
@@ -34,7 +48,7 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
                 "rms_mm": number(one.rms_mm),
                 "left_one_pose_out_rms_mm": number(one.left_out_rms_mm),
                 "links_bar_and_crank_share": [number(float(v)) for v in side.share[one.name]],
-                "poses": calibration_payload.poses(one),
+                "poses": pose_rows(one),
             }
             for side, one in ((compared.own, pair.own), (compared.other, pair.other))
         },
@@ -57,3 +71,9 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
             for s in pair.springs
         ],
     }
+
+
+def factorial(runs: FactorialRuns) -> dict[str, Any]:
+    """The factorial runs as columns."""
+    columns = {name: [number(v) for v in runs.poses_deg[:, i]] for i, name in enumerate(runs.inputs)}
+    return columns | {"stiffness_N_per_mm": [number(v) for v in runs.stiffness_N_per_mm]}

@@ -1,0 +1,205 @@
+"""SINUMERIK 840D: joint programs, an axis word for each joint; and read back.
+
+Syntax after the SINUMERIK programming manuals (Fundamentals, Job planning): G1 with ``name=value`` of machine axes,
+TRAFOOF before, sub-programs called by name and ended by M17, G641 with ADIS for corners (deg: what ``blend_mm`` is at
+the arm's full reach), G9 for an exact stop. Feed is inverse time (G93, F in 1/min in every block: 60 / s of the move),
+or G94 with F in deg/min over all axes of FGROUP, where a mm of a linear axis counts as a deg (the control's reference
+radius of 180/pi mm). Axis names, signs and zeros are what the machine was set up with: check them on the machine.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from machining.cell.schema import Strict
+from machining.programs.commands import Commands
+from machining.programs.controller import Controller
+from machining.programs.job import Job, Kind, farthest
+from machining.programs.program import JointProgram
+from machining.programs.rendering import rendered
+from machining.programs.sandbox import Sandbox
+from machining.programs.words import part_names, plain
+from machining.programs.write_options import WriteOptions
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number
+from robots import InputError
+from robots.arrays import Bools
+
+AXIS = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
+# Address letters that are no axes.
+NOT_AXES = frozenset("DEFGHLMNPRST")
+
+_BLOCK = re.compile(r"\s*(?:N\d+\s+)?G0*([01])\s+(.*)$", re.IGNORECASE)
+_WORD = re.compile(r"([A-Z][A-Z0-9_]*)=(\S+)")
+_FEED = re.compile(r"(?<![A-Z0-9_])F=?(-?[0-9.]+)(?![\w=])")
+_CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*(?:;.*)?$")
+_LANGUAGE = Language(
+    ";",
+    re.compile(r"\b(?:G0*[0123]|CIP|CT|POS|POSA|POLY|BSPLINE)\b", re.IGNORECASE),
+    re.compile(r"^\s*(?:N\d+\s+)?(?:LOOP|FOR|WHILE|REPEAT|IF(?!.*\bGOTO))\b", re.IGNORECASE),
+    re.compile(r"^\s*(?:N\d+\s+)?(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF)\b", re.IGNORECASE),
+    re.compile(r"\bGOTO[BFCS]?\b", re.IGNORECASE),
+)
+
+
+class SinumerikOptions(Strict):
+    """``feed``: "inverse_time" (G93, 1/min) or "per_minute" (G94, deg/min over all axes, mm counted as deg)."""
+
+    axes: tuple[str, ...] = ("A1", "A2", "A3", "A4", "A5", "A6")
+    linear: tuple[str, ...] = ("X1", "X2", "X3")
+    table: str = "C1"
+    feed: Literal["inverse_time", "per_minute"] = "inverse_time"
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = (*self.axes, *self.linear, self.table)
+        for name in names:
+            if not AXIS.fullmatch(name) or name in NOT_AXES:
+                raise ValueError(f"axis name {name!r} must be capitals and digits, and no address such as F or G")
+        if len(set(names)) != len(names):
+            raise ValueError("axis names must differ")
+        return self
+
+
+def axis_names(options: SinumerikOptions, linear: int, table: bool) -> list[str]:
+    """Names of the joints, the linear axes, and the turntable. Raises InputError where names are missing."""
+    if linear > len(options.linear):
+        raise InputError("names of linear axes", value=len(options.linear), allowed=f"{linear}")
+    return [*options.axes, *options.linear[:linear], *([options.table] if table else [])]
+
+
+def _feeds(job: Job, part: slice, per_minute: bool) -> list[str]:
+    """F words of moves: 1/min, or deg/min over all axes; the first move has none."""
+    time = job.commands.duration[part]
+    rate = 60.0 / time
+    if per_minute:
+        # One move more in front, for the difference.
+        wide = slice(max(part.start - 1, 0), part.stop)
+        values = np.column_stack([job.angles(wide), job.externals(wide)])
+        rate = rate * np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)[-len(time) :]
+        # A block in which nothing moves still needs an F.
+        rate = np.where(rate > 0.0, rate, 1.0)
+    return ["" if not np.isfinite(v) else plain(v) for v in rate.tolist()]
+
+
+def _values(where: str, text: str, axes: Sequence[str]) -> list[float]:
+    words = dict(_WORD.findall(text.upper()))
+    missing = [name for name in axes if name not in words]
+    if missing:
+        raise InputError(where, value=f"no {', '.join(missing)}", allowed="a word for every axis in every block")
+    return [number(where, words[name]) for name in axes]
+
+
+def _time(where: str, text: str, inverse: bool, way: float) -> float:
+    feed = _FEED.search(text.upper())
+    if feed is None or number(where, feed[1]) <= 0.0:
+        raise InputError(where, value=text.strip()[:80], allowed="an F of more than 0 in every G1 block")
+    return 60.0 / number(where, feed[1]) if inverse else 60.0 * way / number(where, feed[1])
+
+
+class Sinumerik(Controller):
+    """SINUMERIK 840D."""
+
+    name, title = "sinumerik", "SINUMERIK 840D"
+    kinds = ("joint",)
+    table = ("sinumerik", SinumerikOptions)
+    words = frozenset(
+        [
+            "call",
+            "def",
+            "do",
+            "end",
+            "false",
+            "for",
+            "if",
+            "loop",
+            "proc",
+            "return",
+            "stop",
+            "sub",
+            "then",
+            "true",
+            "while",
+        ]
+    )
+
+    def files(self, job: Job, made: Sandbox) -> list[ProgramFile]:
+        """The main program and its sub-programs."""
+        o = job.options
+        own = o.own(SinumerikOptions)
+        cell, robot = job.program.cell, job.program.robot
+        if len(own.axes) != robot.dof:
+            raise InputError("[sinumerik] axes", value=len(own.axes), allowed=f"{robot.dof} names, one a joint")
+        axes = axis_names(own, len(cell.linear_axes), cell.turntable is not None)
+        per_minute = own.feed == "per_minute"
+        names = [name.upper() for name in part_names(job, o.name)]
+        # Of an axis that turns the farthest point by the zone.
+        blend = np.degrees(o.blend_mm * 1e-3 / farthest(job.program))
+        own_main = {
+            "parts": names,
+            "group": axes if per_minute else [],
+            "per_minute": per_minute,
+            "blend_deg": plain(blend),
+        }
+        shared = self.context(job) | {"names": axes}
+        decimals = (o.decimals.angle,) * robot.dof
+
+        moves = (
+            lambda piece: (job.angles(piece), decimals),
+            lambda piece: [(f,) for f in _feeds(job, piece, per_minute)],
+            lambda piece: [""] * (piece.stop - piece.start),
+        )
+        main = ProgramFile(f"{o.name.upper()}.MPF", lambda: rendered(made, "sinumerik/main.j2", shared | own_main))
+        return [main, *self.part_files(job, made, names, ".SPF", shared, moves)]
+
+    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
+        """See :class:`Controller`; durations come from G93, with G94 from the way of all axes, mm counted as deg."""
+        own, cell = options.own(SinumerikOptions), program.cell
+        axes = axis_names(own, len(cell.linear_axes), cell.turntable is not None)
+        name, text = main_file(files, ".MPF")
+        calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
+        out = Collector()
+        inverse, before = True, None
+        for source, body in [(name, text), *called(files, calls, ".SPF")]:
+            for line in _LANGUAGE.statements(source, body):
+                code, where = line.code, line.where
+                if "G93" in code.split() or "G94" in code.split():
+                    inverse = "G93" in code.split()
+                block = _BLOCK.match(code)
+                line.check_read("G0 and G1 at the start of a block", read=block is not None)
+                if block is not None:
+                    values = _values(where, block[2], axes)
+                    way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
+                    time = _time(where, block[2], inverse, way) if block[1] == "1" else np.nan
+                    dof = len(own.axes)
+                    out.add(where, "joint", values[:dof], values[dof:], joint=block[1] == "0", duration=time)
+                    before = values
+        return out.moves()
+
+    def joint_moves(self, wanted: Commands, kind: Kind) -> Bools:
+        """See :class:`Controller`: G0 where a rapid joint move is asked for, else G1."""
+        return wanted.joint
+
+    def pace(self, found: ReadMoves, wanted: Commands, options: WriteOptions) -> float:
+        """See :class:`Controller`: times, for speeds are of axes."""
+        self.check_said(np.where(found.joint, 0.0, found.duration))
+        timed = ~found.joint
+        off = np.abs(found.duration[timed] / wanted.duration[timed] - 1.0)
+        if options.own(SinumerikOptions).feed == "per_minute":
+            # A block in which no axis moves has no time of its own.
+            off = off[found.duration[timed] > 0.0]
+        return float(off.max(initial=0.0))
+
+    def notes(self, job: Job) -> list[str]:
+        """See :class:`Controller`."""
+        return [
+            *super().notes(job),
+            "names, signs and zeros of the axes are as the machine was set up: check them there",
+        ]
+
+
+FORMAT = Sinumerik()

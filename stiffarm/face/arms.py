@@ -1,0 +1,173 @@
+"""Robot arms: loaded by name or from a file, described, drawn, saved, loaded with forces."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import fem.arm
+from robots import InputError, bundled_names, save_description
+from stiffarm.face.calls import called
+from stiffarm.session import inputs
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DOWN = (0.0, 0.0, -1.0)
+
+
+class Arm(fem.arm.Arm):
+    """A robot arm: its file's content, kinematics, mechanics and effects in one object.
+
+    Made by :func:`stiffarm.load`, or found as ``arm`` of a calibration or a diagnosis.
+    """
+
+    @property
+    def name(self) -> str:
+        """The robot's name."""
+        return self.robot.name
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the joint coordinates, with their unit."""
+        return self.robot.coordinates
+
+    def __repr__(self) -> str:
+        m = self.model
+        rigid = len(self.joints_without_springs)
+        springs = f"{len(m.joints) - rigid} of {len(m.joints)} joints with a spring"
+        return f"Arm {self.name}: {m.link_kind} links, {m.load_path} load path, {springs}"
+
+    def describe(self) -> pd.DataFrame:
+        """One row a joint: its range in degrees, and its stiffness about the axis at mid-range in N m/rad.
+
+        A joint without a spring has the stiffness inf: it is rigid in this model.
+        """
+        import pandas as pd
+
+        here = self.robot.limits.mean(axis=1)[None]
+        compliance = [float(joint.axial.compliance(here)[0]) for joint in self.model.joints]
+        low, high = np.degrees(self.robot.limits).T
+        return pd.DataFrame(
+            {
+                "joint": self.robot.joint_names,
+                "coordinate": self.coordinates,
+                "from_deg": low,
+                "to_deg": high,
+                "stiffness_Nm_per_rad": [1.0 / c if c else np.inf for c in compliance],
+            }
+        )
+
+    def save(self, file: str | Path) -> Path:
+        """Write the arm as a model TOML, with where each value came from; returns the path."""
+        path = Path(file)
+        if path.suffix.lower() != ".toml":
+            raise InputError("model file", value=str(path), allowed="a name ending in .toml", remedy="add .toml")
+        save_description(self.description, path)
+        return path
+
+    def plot(self, file: str | Path | None = None, *, q_deg: Mapping[str, float] | None = None,
+             direction: Sequence[float] = DOWN) -> Picture:  # fmt: skip
+        """Draw the arm in a pose with the load's direction as an arrow; ``file``: a PNG to write.
+
+        ``q_deg``: joint coordinates in degrees by name; one that is not named is 0, where the arm can take that.
+        """
+        from stiffarm.pages.pose_pictures import pose_pictures
+
+        q = self.pose(q_deg)
+        along = np.array(direction, dtype=float)[None] / np.linalg.norm(direction)
+        (text,) = pose_pictures(self.description, self.robot, q[None], along)
+        return Picture(base64.b64decode(text)).kept(file)
+
+    def pose(self, q_deg: Mapping[str, float] | None) -> Any:
+        """Joint coordinates (dof,) in rad of a pose given in degrees by name.
+
+        Raises
+        ------
+        InputError
+            A name that this robot does not have, an angle that is no finite number, or a pose it cannot take.
+        """
+        if q_deg is None:
+            from stiffarm.commands.plan.options import resting_pose
+
+            return resting_pose(self.robot, {})
+        for name, value in q_deg.items():
+            if name not in self.coordinates:
+                allowed = ", ".join(self.coordinates)
+                raise InputError("q_deg: name", value=name, allowed=allowed, remedy="use these names")
+            if not np.isfinite(value):
+                raise InputError(f"q_deg: {name}", value=value, allowed="a finite number of degrees")
+        q = np.radians([q_deg.get(name, 0.0) for name in self.coordinates])
+        if wrong := self.robot.violations(q):
+            raise InputError(
+                f"q_deg: {self.name} cannot take this pose: {'; '.join(wrong)}",
+                remedy="keep the ranges named (a coordinate that is not named stands at 0)",
+            )
+        return q
+
+
+class Picture:
+    """A picture: shows itself in a notebook; ``save`` writes it."""
+
+    def __init__(self, png: bytes) -> None:
+        self.png = png
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def __repr__(self) -> str:
+        return f"Picture ({len(self.png) // 1024} kB; save(file) writes it)"
+
+    def save(self, file: str | Path) -> Path:
+        """Write the picture as PNG; returns the path."""
+        from robots.files.written import write_whole
+
+        path = Path(file)
+        if path.suffix.lower() != ".png":
+            raise InputError("picture file", value=str(path), allowed="a name ending in .png", remedy="add .png")
+        write_whole(path, self.png)
+        return path
+
+    def kept(self, file: str | Path | None) -> Picture:
+        """The picture itself, written to ``file`` where one is given."""
+        if file is not None:
+            self.save(file)
+        return self
+
+
+def load(model: str | Path, *, links: str | None = None, load_path: str | None = None) -> Arm:
+    """A robot arm by bundled name, from a model TOML or from a URDF.
+
+    Parameters
+    ----------
+    model : a bundled name (:func:`stiffarm.robots_bundled`) or a path
+    links : "beam", "shell" or "rigid"; default: as the model was calibrated, else beam
+    load_path : "parallelogram" or "serial"; default: the model's
+
+    Raises
+    ------
+    InputError
+        No such model, a file that does not fit the schema, or an arm too soft for linear statics.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> sa.load("xr701").name
+    'xr701'
+    """
+    with called():
+        return as_face(inputs.read_model(str(model), links, load_path))
+
+
+def robots_bundled() -> tuple[str, ...]:
+    """Names of the bundled robots."""
+    return bundled_names()
+
+
+def as_face(arm: fem.arm.Arm) -> Arm:
+    """The arm as users hold it."""
+    return Arm(arm.description, arm.robot, arm.model, arm.effects, arm.own)

@@ -1,0 +1,170 @@
+"""Calibration: parameters of an arm from readings, with their intervals, and the calibrated arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from doe.certainty.uncertainty import ParameterEstimate
+from robots import InputError
+from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.calls import called
+from stiffarm.face.readings import Readings
+from stiffarm.face.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from stiffarm.commands.calibrate.step import Calibrated
+
+
+@dataclass(frozen=True)
+class Identified:
+    """A parameter with what the readings say about it.
+
+    ``value`` in ``unit``, None where it is not identified or stands at a bound; ``interval95``: its 95 % interval in
+    the same unit, inf where the readings do not exclude a rigid part, NaN where nothing can be said; ``status``:
+    "determined", "one-sided", "at bound" or "not identified".
+    """
+
+    name: str
+    value: float | None
+    unit: str
+    interval95: tuple[float, float]
+    status: str
+
+
+@dataclass(frozen=True, repr=False)
+class Calibration(Shown):
+    """A finished calibration. ``calibration["j2.stiffness"]`` is one of its parameters.
+
+    ``arm``: the calibrated arm; ``rms_mm``: what it leaves of the readings; ``left_out_rms_mm``: the error at poses
+    predicted by a calibration that has not seen them; ``holdout_rms_mm``: at readings kept out, None without any;
+    ``free``, ``at_bound``, ``identified``: how many parameters were free, stand at a bound, are identified;
+    ``remarks``: what the reader must know. ``found`` has everything else.
+    """
+
+    arm: Arm
+    parameters: tuple[Identified, ...]
+    rms_mm: float
+    left_out_rms_mm: float
+    holdout_rms_mm: float | None
+    remarks: tuple[str, ...]
+    found: Calibrated
+
+    @property
+    def free(self) -> int:
+        """How many parameters were free."""
+        return len(self.parameters)
+
+    @property
+    def at_bound(self) -> int:
+        """How many parameters stand at an end of their range."""
+        return sum(p.status == "at bound" for p in self.parameters)
+
+    @property
+    def identified(self) -> int:
+        """How many parameters the readings determine, at least from one side."""
+        return sum(p.status in ("determined", "one-sided") for p in self.parameters)
+
+    def __getitem__(self, name: str) -> Identified:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise InputError("parameter", value=name, allowed=", ".join(p.name for p in self.parameters))
+
+    def title(self) -> str:
+        """Robot, errors, and how many parameters were free, at a bound and identified."""
+        return (
+            f"Calibration of {self.arm.name}: RMS {self.rms_mm:.4f} mm, poses left out {self.left_out_rms_mm:.4f} mm; "
+            f"{self.free} parameters free, {self.at_bound} at a bound, {self.identified} identified"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a parameter: name, value, unit, ends of the 95 % interval, status."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "parameter": [p.name for p in self.parameters],
+                "value": [float("nan") if p.value is None else p.value for p in self.parameters],
+                "unit": [p.unit for p in self.parameters],
+                "low95": [p.interval95[0] for p in self.parameters],
+                "high95": [p.interval95[1] for p in self.parameters],
+                "status": [p.status for p in self.parameters],
+            }
+        )
+
+    def plot(self, file: str | Path | None = None) -> Picture:
+        """Draw the intervals of the parameters; ``file``: a PNG to write."""
+        from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
+        from stiffarm.face.pictures import picture_of
+
+        return picture_of(intervals_figure(self.found.stages[-1].result.certainty.estimates)).kept(file)
+
+
+def calibrate(
+    arm: Arm,
+    readings: Readings,
+    *,
+    free: Sequence[str] | None = None,
+    campaign: str | Path | None = None,
+    loads_N: Sequence[float] = (),
+    holdout: Readings | None = None,
+    robust: bool = True,
+    bootstrap: int = 0,
+    seed: int = 0,
+) -> Calibration:
+    """Find parameters of an arm from measured deflections.
+
+    Parameters
+    ----------
+    arm : the arm before; it is not changed
+    readings : measured deflections (:func:`stiffarm.read_readings`)
+    free : names of the free parameters, as "j2.stiffness" or "base.ry"; default: the springs that the readings see
+    campaign : a calibration TOML instead of ``free``
+    loads_N : load magnitudes to use, N; default: all
+    holdout : readings that the calibration does not see, to judge it by
+    robust : outliers lose weight
+    bootstrap : how often to draw poses with replacement
+    seed : of the random numbers
+
+    Raises
+    ------
+    InputError
+        Readings that tell nothing or are too few, or a parameter that the arm does not have.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> arm = sa.load("xr701")
+    >>> data = sa.read_readings(sa.bundled("xr701"), arm)
+    >>> cal = sa.calibrate(arm, data, free=["j2.stiffness", "j3.stiffness"])
+    >>> cal["j2.stiffness"].status
+    'determined'
+    """
+    from stiffarm.commands.calibrate import general, step
+
+    if campaign is not None and free is not None:
+        raise InputError("free and campaign: one of them at a time", remedy="leave one of them out")
+    names = None if free is None else tuple(free)
+    options = general.Options(
+        free=names, campaign=None if campaign is None else Path(campaign), loads=tuple(map(float, loads_N)),
+        robust=robust, bootstrap=bootstrap, seed=seed,
+    )  # fmt: skip
+    with called():
+        request = general.request_of(arm, readings.table, None, options)
+        found = step.calibrate(arm, readings.table, request, holdout=None if holdout is None else holdout.table)
+        made = arm.of(found.description, arm.model.link_kind, arm.model.load_path, arm.own)
+    estimates = [e for s in found.found.stages for e in s.certainty.estimates]
+    return Calibration(
+        as_face(made), tuple(map(_identified, estimates)), found.found.rms_mm, found.left_out_rms_mm,
+        None if found.holdout is None else found.holdout.rms_mm, found.remarks, found,
+    )  # fmt: skip
+
+
+def _identified(e: ParameterEstimate) -> Identified:
+    value = e.value if e.status in ("determined", "one-sided") else None
+    return Identified(e.parameter.name, value, e.parameter.unit, e.interval, e.status)

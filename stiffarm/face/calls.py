@@ -1,0 +1,40 @@
+"""How the face calls a step: nothing is printed, remarks are kept, and errors speak of arguments, not of options."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from robots import InputError, InputErrors
+from robots.files.reading import recording
+from stiffarm.session.console import kept_messages
+
+_OPTION = re.compile(r"--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)")
+
+
+@contextmanager
+def called() -> Iterator[list[str]]:
+    """Run a step: its messages become the list that is handed out.
+
+    Raises
+    ------
+    InputError
+        As the step raises it, with the names of options as those of arguments: ``--load-path`` is ``load_path``.
+    """
+    with kept_messages() as messages, recording():
+        try:
+            yield messages
+        except InputErrors as error:
+            raise InputErrors(_words(error.what), [_of_arguments(e) for e in error.errors], error.count) from error
+        except InputError as error:
+            raise _of_arguments(error) from error
+
+
+def _of_arguments(error: InputError) -> InputError:
+    allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
+    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy)
+
+
+def _words(text: str) -> str:
+    return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)

@@ -1,0 +1,189 @@
+"""Surrogates: the stiffness of an arm learned over its joint angles, asked for poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from robots import InputError
+from stiffarm.face.arms import DOWN, Arm
+from stiffarm.face.calls import called
+from stiffarm.face.shown import Shown
+from surrogate.model import Surrogate as Learned
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from robots.arrays import Array
+
+
+@dataclass(frozen=True, repr=False)
+class Answers(Shown):
+    """What a surrogate answered: ``frame`` has one row a pose, with its 95 % interval and flags in words."""
+
+    frame: pd.DataFrame
+    quantity: str
+
+    def title(self) -> str:
+        """What was asked of how many poses."""
+        return f"{self.quantity} at {len(self.frame)} pose{'' if len(self.frame) == 1 else 's'}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a pose: its angles, the value, the ends of its 95 % interval, flags."""
+        return self.frame
+
+    @property
+    def values(self) -> Array:
+        """The values (n,), in the unit that their column's name says; NaN where not answered."""
+        return np.asarray(self.frame[self.quantity], dtype=np.float64)
+
+
+@dataclass(frozen=True, repr=False)
+class Surrogate(Shown):
+    """A surrogate of an arm. Made by :func:`stiffarm.fit` or :func:`stiffarm.load_surrogate`."""
+
+    learned: Learned
+
+    def title(self) -> str:
+        """Robot, basis, and errors on runs it has not seen."""
+        e = self.learned.errors
+        return (
+            f"Surrogate of {self.learned.robot}: {self.learned.basis}, error on unseen runs {e.rms_relative:.1e} RMS, "
+            f"{e.max_relative:.1e} at worst"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row an input: its name and the range that it was learned over, in degrees."""
+        import pandas as pd
+
+        low, high = np.degrees(self.learned.lower), np.degrees(self.learned.upper)
+        return pd.DataFrame({"input": self.learned.inputs, "from_deg": low, "to_deg": high})
+
+    def query(
+        self,
+        q_deg: Mapping[str, float] | Sequence[Mapping[str, float]] | pd.DataFrame,
+        *,
+        extrapolate: bool = False,
+        direction: Sequence[float] | None = None,
+    ) -> Answers:
+        """Value at poses with its 95 % interval and flags; outside of what was learned there is no value.
+
+        Parameters
+        ----------
+        q_deg : joint coordinates in degrees by name, for one pose, several, or a data frame with one row a pose;
+            an input that is not named is 0
+        extrapolate : answer outside of the domain too, flagged
+        direction : another load direction, base axes; needs the factored basis
+
+        Raises
+        ------
+        InputError
+            A coordinate that the surrogate does not have, or an angle that is no finite number.
+        """
+        import pandas as pd
+
+        from stiffarm.commands.query.answers import query_rows, value_name
+        from surrogate import query
+
+        poses = _poses(q_deg)
+        degrees = np.array([self._degrees(pose) for pose in poses]).reshape(len(poses), len(self.learned.inputs))
+        along = None if direction is None else np.array(direction, dtype=np.float64)
+        with called():
+            result = query(self.learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
+            found = query_rows(self.learned, degrees, [str(k) for k in range(1, len(poses) + 1)], result)
+        name = value_name(self.learned)[0]
+        return Answers(pd.DataFrame(found)[[*self.learned.inputs, name, "low95", "high95", "flags"]], name)
+
+    def _degrees(self, pose: Mapping[str, float]) -> list[float]:
+        for name, value in pose.items():
+            if name not in self.learned.inputs:
+                raise InputError("q_deg: name", value=name, allowed=", ".join(self.learned.inputs))
+            if not np.isfinite(value):
+                raise InputError(f"q_deg: {name}", value=value, allowed="a finite number of degrees")
+        return [float(pose.get(name, 0.0)) for name in self.learned.inputs]
+
+    def save(self, file: str | Path) -> Path:
+        """Write the surrogate as JSON; returns the path."""
+        from surrogate import save_surrogate
+
+        path = Path(file)
+        save_surrogate(self.learned, path)
+        return path
+
+
+def _poses(q_deg: Mapping[str, float] | Sequence[Mapping[str, float]] | pd.DataFrame) -> list[Mapping[str, float]]:
+    if isinstance(q_deg, Mapping):
+        return [q_deg]
+    if isinstance(q_deg, Sequence):
+        return list(q_deg)
+    return [{str(name): float(value) for name, value in row.items()} for row in q_deg.to_dict("records")]
+
+
+def fit(
+    arm: Arm,
+    *,
+    inputs: Sequence[str] | None = None,
+    basis: Literal["best", "polynomial", "trigonometric", "factored", "adaptive"] = "best",
+    degree: int = 6,
+    runs: int | None = None,
+    accuracy: float | None = None,
+    direction: Sequence[float] = DOWN,
+    seed: int = 0,
+) -> Surrogate:
+    """Learn the stiffness of an arm over its joint angles, with error bars, judged on runs it has not seen.
+
+    Parameters
+    ----------
+    arm : the arm; where it was calibrated, the calibration's uncertainty joins the error bars
+    inputs : joint coordinates to learn over; default: all that move the stiffness
+    basis : "best" tries several and takes the best on unseen runs
+    degree : total degree of the polynomial
+    runs : model runs to fit on; default: 4096, or three for each term
+    accuracy : relative RMS error to refine to
+    direction : of the load, base axes
+    seed : of the random numbers
+
+    Raises
+    ------
+    InputError
+        A coordinate that the arm does not have, a rigid arm, or a basis that cannot be fitted.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> s = sa.fit(sa.load("xr701"), runs=500, basis="polynomial", degree=3)
+    >>> len(s.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values)
+    1
+    """
+    from stiffarm.commands.fit.learning import learning_task
+    from stiffarm.session.steps import default_inputs
+    from surrogate import train
+
+    names = default_inputs(arm.model) if inputs is None else tuple(inputs)
+    for name in names:
+        if name not in arm.coordinates:
+            raise InputError("inputs", value=name, allowed=", ".join(arm.coordinates))
+    along = tuple(float(v) for v in np.array(direction, dtype=np.float64) / np.linalg.norm(direction))
+    rng = np.random.default_rng(seed)
+    with called():
+        task = learning_task(arm.description, arm.model, names, rng, direction=(along[0], along[1], along[2]))
+        trained = train(task, rng, basis=basis, degree=degree, runs=runs, accuracy=accuracy)
+    return Surrogate(trained.best)
+
+
+def load_surrogate(file: str | Path) -> Surrogate:
+    """Read a surrogate's JSON file, as ``stiffarm fit`` and :meth:`Surrogate.save` write it.
+
+    Raises
+    ------
+    InputError
+        No such file, a file that is damaged, or one that is no surrogate.
+    """
+    from surrogate import load_surrogate as read
+
+    with called():
+        return Surrogate(read(Path(file)))

@@ -1,0 +1,142 @@
+"""The Python face: names, short tables, data frames, errors that speak of arguments, and strangers' folders."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import stiffarm as sa
+from stiffarm.face.shown import ROWS_SHOWN, Shown
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="module")
+def arm() -> sa.Arm:
+    return sa.load("xr701")
+
+
+@pytest.fixture(scope="module")
+def readings(arm: sa.Arm) -> sa.Readings:
+    return sa.read_readings(sa.bundled("xr701"), arm)
+
+
+@pytest.fixture(scope="module")
+def calibration(arm: sa.Arm, readings: sa.Readings) -> sa.Calibration:
+    return sa.calibrate(arm, readings, free=["j2.stiffness", "j3.stiffness"])
+
+
+@pytest.mark.parametrize("name", sa.__all__)
+def test_every_public_name_is_there_and_documented(name: str) -> None:
+    value = getattr(sa, name)
+    assert inspect.getdoc(value)
+    assert name in dir(sa)
+    if inspect.isfunction(value):
+        assert all(p.annotation is not inspect.Parameter.empty for p in inspect.signature(value).parameters.values())
+
+
+def test_no_public_function_is_hidden_by_a_folder() -> None:
+    beside = {path.stem for path in (ROOT / "stiffarm").iterdir()}
+    assert beside & set(sa.__all__) == set()
+
+
+def test_results_are_short_tables(readings: sa.Readings, calibration: sa.Calibration) -> None:
+    for result in (readings, calibration):
+        assert isinstance(result, Shown)
+        assert len(repr(result).splitlines()) <= ROWS_SHOWN + 3
+        assert "<table" in result._repr_html_()
+
+
+def test_nothing_is_printed(arm: sa.Arm, capfd: pytest.CaptureFixture[str]) -> None:
+    sa.read_readings(sa.bundled("xr701"), arm)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_frame_gives_the_readings_of_the_file(arm: sa.Arm, readings: sa.Readings) -> None:
+    again = sa.read_readings(readings.to_frame(), arm)
+    # The frame is in degrees and millimetres: there and back costs a rounding.
+    np.testing.assert_allclose(again.table.q, readings.table.q, rtol=1e-15, atol=1e-15)
+    np.testing.assert_allclose(again.table.displacement, readings.table.displacement, rtol=1e-15)
+
+
+def test_a_fault_of_a_frame_has_its_row_and_column(arm: sa.Arm, readings: sa.Readings) -> None:
+    frame = readings.to_frame().astype({"dz_mm": object})
+    frame.loc[3, "dz_mm"] = "0,4"
+    with pytest.raises(sa.InputError, match=r"data frame 1.*row 5.*dz_mm"):
+        sa.read_readings(frame, arm)
+
+
+def test_parameters_are_found_by_name(calibration: sa.Calibration) -> None:
+    k2 = calibration["j2.stiffness"]
+    assert k2.value is not None
+    assert k2.interval95[0] < k2.value < k2.interval95[1]
+    assert (calibration.free, calibration.at_bound, calibration.identified) == (2, 0, 2)
+    assert list(calibration.to_frame()["parameter"]) == ["j2.stiffness", "j3.stiffness"]
+    with pytest.raises(sa.InputError, match=r"j2\.stiffness"):
+        calibration["j9.stiffness"]
+
+
+def test_the_calibrated_arm_can_be_saved_and_loaded(calibration: sa.Calibration, tmp_path: Path) -> None:
+    file = calibration.arm.save(tmp_path / "calibrated.toml")
+    k = sa.load(file).describe().set_index("joint")["stiffness_Nm_per_rad"]
+    value = calibration["j2.stiffness"].value
+    assert value is not None
+    # The file keeps every digit.
+    assert k["j2"] == pytest.approx(value, rel=1e-12)
+    assert np.isinf(k["j4"])
+
+
+def test_errors_speak_of_arguments(arm: sa.Arm, readings: sa.Readings) -> None:
+    with pytest.raises(sa.InputError, match="load_path") as raised:
+        sa.load("xr701", load_path="sideways")
+    assert "--" not in str(raised.value)
+    with pytest.raises(sa.InputError) as raised:
+        sa.calibrate(arm, readings, free=["j2.stiffnes"])
+    assert "--" not in str(raised.value)
+    with pytest.raises(sa.InputError, match="q_deg: name: got 'q2_dg'"):
+        arm.pose({"q2_dg": 3.0})
+
+
+def test_pictures_are_png(arm: sa.Arm, calibration: sa.Calibration, tmp_path: Path) -> None:
+    for picture in (arm.plot(tmp_path / "arm.png"), calibration.plot()):
+        assert picture.png.startswith(b"\x89PNG")
+    assert (tmp_path / "arm.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(sa.InputError, match="ending in"):
+        arm.plot(tmp_path / "arm.jpg")
+
+
+def test_a_surrogate_answers_frames_and_refuses_other_names(calibration: sa.Calibration, tmp_path: Path) -> None:
+    s = sa.fit(calibration.arm, runs=400, basis="polynomial", degree=3)
+    one = s.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5})
+    several = s.query(q_deg=pd.DataFrame({"q2_deg": [5.0, 6.0], "q3real_deg": [77.5, 77.5]}))
+    assert one.values[0] == several.values[0]
+    with pytest.raises(sa.InputError, match="q_deg: name"):
+        s.query(q_deg={"q9_deg": 5})
+    again = sa.load_surrogate(s.save(tmp_path / "surrogate.json"))
+    assert again.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values[0] == one.values[0]
+
+
+@pytest.mark.parametrize("name", ["meshes", "robots"])
+@pytest.mark.parametrize("kind", ["a package", "a plain folder first on the path"])
+def test_a_folder_of_our_name_gives_one_clear_message(tmp_path: Path, name: str, kind: str) -> None:
+    (tmp_path / name).mkdir()
+    if kind == "a package":
+        (tmp_path / name / "__init__.py").touch()
+    code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}]; sys.path.append({str(ROOT)!r}); import stiffarm as sa\n"
+    done = subprocess.run(  # noqa: S603 - our own interpreter with our own text
+        [sys.executable, "-c", code + "print(sa.load('xr701'))"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if kind == "a package":
+        assert f"ImportError: stiffarm's own package '{name}' is hidden by {tmp_path}" in done.stderr
+    else:  # a package further down goes before a plain folder
+        assert done.returncode == 0, done.stderr
