@@ -1,6 +1,6 @@
 """A calibration as a file: which parameters are free, in which ranges, with which priors, in which stages.
 
-docs/calibration_files.md describes the format, which is one for all: parameters at once, stages of least squares, level
+docs/reference/calibration_files.md describes the format, which is one for all: parameters at once, stages of least squares, level
 studies, and the published scheme of level studies pose by pose with a regression of each spring over its angle.
 """
 
@@ -183,7 +183,7 @@ class Campaign(Strict):
             raise InputError(
                 f"{self.title!r} has no [compare] tables",
                 allowed="[compare.sensitivity], [compare.global] and [compare.factorial]",
-                remedy="add them (docs/calibration_files.md), or calibrate only: `stiffarm calibrate --campaign`",
+                remedy="add them (docs/reference/calibration_files.md), or calibrate only: `stiffarm calibrate --campaign`",
             )
         return self.compare
 
@@ -266,7 +266,7 @@ def parse_campaign(text: str, where: str) -> Campaign:
             allowed=SCHEMA,
             remedy="write it as a calibration file: each [[law]] with kind = 'regression', stages with parameters = "
             "['j2.law'] for joints = ['j2'], bounds under [springs], gauge_mm under [noise], the rest under [compare]; "
-            "docs/calibration_files.md shows one",
+            "docs/reference/calibration_files.md shows one",
         )
     try:
         return Campaign.model_validate(data)
