@@ -1,7 +1,7 @@
 """A calibration as a file: which parameters are free, in which ranges, with which priors, in which stages.
 
-docs/reference/calibration_files.md describes the format, which is one for all: parameters at once, stages of least squares, level
-studies, and the published scheme of level studies pose by pose with a regression of each spring over its angle.
+docs/reference/calibration_files.md describes the format, which is one for all: parameters at once, stages of least
+squares, level studies, and the published scheme of level studies pose by pose with a regression over the angle.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class Campaign(Strict):
             raise InputError(
                 f"{self.title!r} has no [compare] tables",
                 allowed="[compare.sensitivity], [compare.global] and [compare.factorial]",
-                remedy="add them (docs/reference/calibration_files.md), or calibrate only: `stiffarm calibrate --campaign`",
+                remedy="add them (docs/reference/calibration_files.md), or only calibrate (--campaign)",
             )
         return self.compare
 

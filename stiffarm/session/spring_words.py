@@ -35,8 +35,7 @@ def bound_of(spring: SpringEstimate) -> Literal["rigid", "soft"] | None:
     """Which end of the widest range the fit stands at, or None if at neither."""
     if spring.status != "at bound":
         return None
-    # No interval of a spring at the soft end is open upward, and none at the rigid end is closed.
-    return "rigid" if math.isinf(spring.interval[1]) else "soft"
+    return "rigid" if spring.stiffness**2 > TURN[0] * TURN[1] else "soft"
 
 
 def spring_text(spring: SpringEstimate) -> str:

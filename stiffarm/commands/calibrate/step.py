@@ -21,25 +21,22 @@ from doe.estimation.calibration import (
 )
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
-from doe.model_file.uncertainty_table import NO_COVARIANCE, NO_SPARE, calibration_table
+from doe.model_file.origin import with_origin
 from doe.published.readings import points_of, rms_mm
 from doe.tables.checks import refuse_seen
 from doe.tables.joined import files_of
 from doe.tables.load_history import history_of_part
 from fem import ArmModel
-from fem.effects import LOAD_PATH, build_plain
+from fem.effects import build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Integers
-from robots.schema.description import Calibration as Origin
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.spring_words import SpringEstimate
 from stiffarm.session.useless_readings import refuse_useless
-
-SOURCE_KEY = "calibrated"
 
 
 @dataclass(frozen=True)
@@ -218,7 +215,7 @@ def calibrate(
         *words.points_remark(shifts, points_of(used)),
     )
     return Calibrated(
-        request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,
+        request, used, found, with_origin(found, used, request.loads, remarks), stages, error, skipped,
         None if holdout is None else held_out(found, holdout), remarks,
     )  # fmt: skip
 
@@ -266,34 +263,3 @@ def _independent(stage: StageResult, noise: NoiseChoice) -> Certainty:
     p = stage.estimate.problem
     apart = replace(p, pose=np.arange(len(p)), poses=tuple(map(str, range(len(p)))))
     return certainty(estimate(apart, (noise.gauge_mm * 1e-3, noise.gauge_mrad * 1e-3), robust=noise.robust))
-
-
-def _described(
-    given: ModelInput, found: Calibration, used: Measurements, request: Request, remarks: tuple[str, ...]
-) -> ModelDescription:
-    """The calibrated description with where it came from."""
-    has_path = any(table.code == LOAD_PATH for table in found.description.effect)
-    scheme = "staged" if found.studies else "global"
-    source = f"{scheme} calibration on {used.source}, SHA-256 {used.sha256}"
-    sure = calibration_table(found)
-    why = () if sure is not None else (NO_COVARIANCE if found.studies else NO_SPARE,)
-    changed = found.description.model_copy(
-        update={
-            # With an effect load-path the file keeps the path that it departs from.
-            "load_path": found.description.load_path if has_path else given.model.load_path,
-            "sources": {**found.description.sources, SOURCE_KEY: source},
-            "calibration": Origin(
-                scheme=scheme,
-                load_path=given.model.load_path,
-                links=given.model.link_kind,
-                data=used.source,
-                data_sha256=used.sha256,
-                rms_mm=found.rms_mm,
-                loads_N=request.loads,
-                notes=(*remarks, *why),
-                uncertainty=sure,
-            ),
-        }
-    )
-    # Through the validator once more: a written file must be one that can be read.
-    return ModelDescription.model_validate(changed.model_dump(by_alias=True))

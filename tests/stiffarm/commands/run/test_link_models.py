@@ -34,7 +34,7 @@ def both() -> LinkModels:
 def shifted(both: LinkModels, left_out_mm: float) -> LinkModels:
     """The own links beside themselves, but with another left-out error of the recommended calibration."""
     variants = tuple(
-        replace(v, left_out=replace(v.left_out, rms_mm=v.left_out.rms_mm + left_out_mm)) if v.name == BEST else v
+        replace(v, left_out=v.left_out * (1.0 + left_out_mm / v.left_out_rms_mm)) if v.name == BEST else v
         for v in both.own.variants
     )
     return LinkModels(replace(both.own, variants=variants), both.own)
@@ -52,7 +52,7 @@ def test_both_kinds_reach_their_errors(both: LinkModels) -> None:
         ("rigid", "constant, serial"): (0.0964, 0.1325),
     }
     found = {
-        (side.links, v.name): (v.rms_mm, v.left_out.rms_mm) for side in (both.own, both.other) for v in side.variants
+        (side.links, v.name): (v.rms_mm, v.left_out_rms_mm) for side in (both.own, both.other) for v in side.variants
     }
     assert len(found) == 8
     for key, errors in wanted.items():
