@@ -5,21 +5,14 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from fem.compiled.compliance import fast_compliance, fast_deflection, fast_directional_stiffness, why_not_fast
+    from fem.compiled.compliance import compliance, deflection, directional_stiffness
     from fem.model import FLANGES, LINK_KINDS, ArmModel, LinkKind, build_model
-    from fem.reference.direct import compliance_direct, deflection_direct
     from fem.reference.shell_arm import ShellArmSolution, solve_shell_arm
     from fem.springs import ConstantSpring, LawSpring, SpringLaw
     from fem.statics.budget import Budget, PartKind, compliance_budget
     from fem.statics.factor import ComplianceFactor, compliance_factor
     from fem.statics.fields import ArmFields, arm_fields, link_shapes
-    from fem.statics.flexibility import (
-        compliance,
-        deflection,
-        deflection_by_part,
-        directional_stiffness,
-        spring_influence,
-    )
+    from fem.statics.flexibility import deflection_by_part, spring_influence
 else:
     __getattr__ = lazily(__name__)
 
@@ -40,17 +33,11 @@ __all__ = [
     "build_model",
     "compliance",
     "compliance_budget",
-    "compliance_direct",
     "compliance_factor",
     "deflection",
     "deflection_by_part",
-    "deflection_direct",
     "directional_stiffness",
-    "fast_compliance",
-    "fast_deflection",
-    "fast_directional_stiffness",
     "link_shapes",
     "solve_shell_arm",
     "spring_influence",
-    "why_not_fast",
 ]

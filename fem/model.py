@@ -164,28 +164,6 @@ class ArmModel:
         }
         return replace(self, joints=tuple(replace(j, axial=laws[j.name]) if j.name in laws else j for j in self.joints))
 
-    def without_housings(self, what: str) -> None:
-        """Refuse what knows of no compliance fixed in the body before a joint.
-
-        Raises
-        ------
-        InputError
-            A joint's housing gives way.
-        """
-        for joint in self.joints:
-            if joint.housing.any():
-                raise InputError(
-                    f"{what}: tilt of joint {joint.name} in its housing",
-                    allowed="a tilt that turns with the joint (turning = 1)",
-                    remedy="remove that effect from the model file",
-                )
-            if joint.laws:
-                raise InputError(
-                    f"{what}: bearing_laws of joint {joint.name}",
-                    allowed="a bearing that does not vary with the joint's angle",
-                    remedy="give constants in [joint.bearing] instead",
-                )
-
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
         none = np.zeros((6, 6))

@@ -20,7 +20,7 @@ def lazily(package: str) -> Callable[[str], Any]:
     def get(name: str) -> Any:
         module = sys.modules[package]
         if not homes:
-            homes.update(_homes(str(module.__file__)))
+            homes.update(_homes(package))
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         value = getattr(importlib.import_module(homes[name]), name)
@@ -30,10 +30,10 @@ def lazily(package: str) -> Callable[[str], Any]:
     return get
 
 
-def _homes(file: str) -> dict[str, str]:
+def _homes(package: str) -> dict[str, str]:
     """Name -> module of the imports that only type checkers run."""
-    with open(file, encoding="utf-8") as source:
-        tree = ast.parse(source.read())
+    loader = getattr(sys.modules[package].__spec__, "loader", None)
+    tree = ast.parse("" if loader is None else loader.get_source(package))
     guarded = [node.body for node in tree.body if isinstance(node, ast.If)]
     imports = [node for body in guarded for node in body if isinstance(node, ast.ImportFrom)]
     return {alias.name: str(node.module) for node in imports for alias in node.names}

@@ -15,24 +15,6 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# Public name -> the module that it is in.
-_WHERE = {
-    "Arm": "stiffarm.face.arms",
-    "Calibration": "stiffarm.face.calibrations",
-    "Diagnosis": "stiffarm.face.diagnoses",
-    "InputError": "robots",
-    "InputErrors": "robots",
-    "Readings": "stiffarm.face.readings",
-    "Surrogate": "stiffarm.face.surrogates",
-    "bundled": "stiffarm.face.readings",
-    "calibrate": "stiffarm.face.calibrations",
-    "diagnose": "stiffarm.face.diagnoses",
-    "fit": "stiffarm.face.surrogates",
-    "load": "stiffarm.face.arms",
-    "load_surrogate": "stiffarm.face.surrogates",
-    "read_readings": "stiffarm.face.readings",
-    "robots_bundled": "stiffarm.face.arms",
-}
 # What stiffarm is made of; a folder of one of these names beside a script would be taken in its place.
 _PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining")
 
@@ -57,18 +39,16 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """A public name, or the version, looked up when it is asked for."""
-    from importlib import import_module
-
     if name == "__version__":
         from importlib.metadata import version
 
         return version("stiffarm")
-    if name not in _WHERE:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     refuse_strangers()
-    value = getattr(import_module(_WHERE[name]), name)
-    globals()[name] = value
-    return value
+    from robots.lazily import lazily
+
+    return lazily(__name__)(name)
 
 
 def __dir__() -> list[str]:

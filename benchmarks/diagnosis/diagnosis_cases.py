@@ -18,7 +18,8 @@ from doe.diagnosis.outset import setting_of
 from doe.diagnosis.setting import Setting
 from doe.published.readings import loaded_points
 from doe.tables.load_history import history_of
-from doe.tables.measurements import Measurements, read_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import read_measurements
 from fem import ArmModel, build_model
 from fem.effects.observed import observed
 from fem.statics.loads import as_loaded

@@ -32,7 +32,8 @@ from doe.diagnosis.outset import setting_of
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import Zone, pose_design
 from doe.tables.joined import join
-from doe.tables.measurements import Measurements, read_measurements, write_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import read_measurements, write_measurements
 from fem import ArmModel, build_model
 from robots import ModelDescription, load_description
 from tests.blind.sets import make, more

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import fem.reference.direct
-from fem import ArmModel, build_model, compliance, compliance_direct, deflection, deflection_direct
+from fem import ArmModel, build_model
+from fem.reference import direct
+from fem.statics import flexibility
 from robots import Robot, load_description
 from robots.arrays import Array
 
@@ -62,17 +63,17 @@ def best_batch(work: Callable[[], object]) -> int:
     """Batch size at which the direct solve is fastest here, and set it."""
     times = {}
     for size in BATCHES:
-        fem.reference.direct.CHUNK = size
+        direct.CHUNK = size
         times[size] = min(seconds(work) for _ in range(3))
-    fem.reference.direct.CHUNK = min(times, key=lambda size: times[size])
-    return fem.reference.direct.CHUNK
+    direct.CHUNK = min(times, key=lambda size: times[size])
+    return direct.CHUNK
 
 
-def race(name: str, fast: Callable[[Array], Array], direct: Callable[[Array], Array], q: Array) -> Race:
+def race(name: str, fast: Callable[[Array], Array], slow: Callable[[Array], Array], q: Array) -> Race:
     some = q[:SUBSET]
-    batch = best_batch(lambda: direct(some[:2048]))
-    a, b = fast(some), direct(some)
-    pairs = [(seconds(lambda: fast(q)), seconds(lambda: direct(some))) for _ in range(REPEATS)]
+    batch = best_batch(lambda: slow(some[:2048]))
+    a, b = fast(some), slow(some)
+    pairs = [(seconds(lambda: fast(q)), seconds(lambda: slow(some))) for _ in range(REPEATS)]
     fast_us = 1e6 * statistics.median(t for t, _ in pairs) / len(q)
     direct_us = 1e6 * statistics.median(t for _, t in pairs) / len(some)
     difference = float(np.abs(a - b).max() / np.abs(b).max())
@@ -84,11 +85,11 @@ def run(model: ArmModel) -> list[Race]:
     return [
         race(
             "deflection",
-            lambda q: deflection(model, q, WRENCH),
-            lambda q: deflection_direct(model, q, WRENCH),
+            lambda q: flexibility.deflection(model, q, WRENCH),
+            lambda q: direct.deflection(model, q, WRENCH),
             q,
         ),
-        race("compliance", lambda q: compliance(model, q), lambda q: compliance_direct(model, q), q),
+        race("compliance", lambda q: flexibility.compliance(model, q), lambda q: direct.compliance(model, q), q),
     ]
 
 

@@ -24,8 +24,10 @@ from index_speed import rounds_of
 from index_speed_cases import Pinocchio
 
 import fem
-from fem.compiled.compliance import FEWEST, processors
+from fem.compiled.compliance import FEWEST, processors, why_not_compiled
 from fem.model import LinkKind
+from fem.reference import direct
+from fem.statics import flexibility
 from robots import LoadPath, load_description
 from robots.arrays import Array
 
@@ -50,7 +52,7 @@ MAP_BLOCK = 3_200
 SPRINGS = (2e-7, 4e-7, 5e-7, 2e-6, 2e-6, 4e-6)
 
 ONE, TWO, BLOCKS = "compiled, 1 thread", "compiled, 2 threads", "compiled, 1 thread, in blocks"
-NUMPY, STIFFNESS = "`fem.compliance` (numpy)", "`fem.compliance_direct` (batched direct stiffness)"
+NUMPY, STIFFNESS = "numpy", "batched direct stiffness"
 BY_POSE, LOOP, STORED = (
     "pinocchio: Jacobian and numpy, pose by pose",
     "pinocchio: Jacobians in a loop, then numpy for all",
@@ -108,7 +110,7 @@ def in_blocks(model: fem.ArmModel, q: Array) -> Array:
     last = out
     for start in range(0, len(q), MAP_BLOCK):
         some = q[start : start + MAP_BLOCK]
-        last = fem.fast_compliance(model, some, threads=1, out=out[: len(some)], fewest=0)
+        last = fem.compliance(model, some, threads=1, out=out[: len(some)])
     return last
 
 
@@ -156,14 +158,14 @@ def difference(a: Array, b: Array) -> float:
 
 def measure(robot: str, path: LoadPath, links: LinkKind, n: int, rounds: int) -> Case:
     model = arm(robot, path, links)
-    assert fem.why_not_fast(model) is None
+    assert why_not_compiled(model) is None
     q = poses(model, n)
     jobs: dict[str, tuple[Work, int]] = {
-        ONE: (partial(fem.fast_compliance, model, q, threads=1), n),
-        TWO: (partial(fem.fast_compliance, model, q, threads=2), n),
+        ONE: (partial(fem.compliance, model, q, threads=1), n),
+        TWO: (partial(fem.compliance, model, q, threads=2), n),
         BLOCKS: (partial(in_blocks, model, q), n),
-        NUMPY: (partial(fem.compliance, model, q[:BATCHED]), min(n, BATCHED)),
-        STIFFNESS: (partial(fem.compliance_direct, model, q[:DIRECT]), min(n, DIRECT)),
+        NUMPY: (partial(flexibility.compliance, model, q[:BATCHED]), min(n, BATCHED)),
+        STIFFNESS: (partial(direct.compliance, model, q[:DIRECT]), min(n, DIRECT)),
     }
     if links == "rigid" and path == "serial":
         peer = Peer(importlib.import_module("pinocchio"), model.robot, model.robot.T_flange_tool[:3, 3])
@@ -177,7 +179,7 @@ def measure(robot: str, path: LoadPath, links: LinkKind, n: int, rounds: int) ->
     differ = {}
     for name, (work, count) in jobs.items():
         C = work()[-BATCHED:]  # the first run also loads and compiles what it needs
-        differ[name] = difference(C, fem.compliance(model, q[count - len(C) : count]))
+        differ[name] = difference(C, flexibility.compliance(model, q[count - len(C) : count]))
         assert differ[name] < 1e-6
     least = rounds_of({name: work for name, (work, _) in jobs.items()}, rounds, frozenset({TWO}))
     return Case(robot, path, links, [Way(k, least[k], count, differ[k]) for k, (_, count) in jobs.items()])

@@ -22,8 +22,6 @@ VAGUE = 30.0
 SEEN = 2.0
 # Laws with more shapes than this keep only the best few of them at each of a few noises.
 MANY, KEPT = 40, 8
-# Laws of one joint's torque: a second one on the same joint only corrects the first.
-TORQUE_LAWS = ("hardening", "softening", "backlash")
 
 
 def candidates_of(s: Setting, *, priors: bool = True) -> dict[str, list[Signature]]:
@@ -64,19 +62,17 @@ def pruned(
 
 
 def _same_law(effect: Effect, accepted: Sequence[PlacedEffect]) -> bool:
-    kind, _, joint = effect.code.partition(":")
-    others = [e.effect.code.partition(":") for e in accepted]
-    return kind in TORQUE_LAWS and any(k in TORQUE_LAWS and j == joint for k, _, j in others)
+    taken = {(e.effect.slot, e.effect.place) for e in accepted if e.effect.slot}
+    return (effect.slot, effect.place) in taken
 
 
 def impossible(s: Setting, effect: Effect) -> str | None:
     """Why these readings can say nothing about an effect, whatever its size; None if they might."""
-    kind, _, joint = effect.code.partition(":")
     if effect.needs_history and not s.history.is_known:
         return "the readings do not tell loading from unloading: give them a phase or a step"
-    if kind == "drift" and not np.isfinite(s.history.clock).all():
+    if effect.needs_clock and not np.isfinite(s.history.clock).all():
         return "the readings do not say in which order they were taken: number them in the column step"
-    if kind == "joint-compliance" and joint in s.free:
+    if effect.spring in s.free:
         return "the joint's spring is fitted already"
     return None
 

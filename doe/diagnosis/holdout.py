@@ -66,6 +66,6 @@ def _remarks(s: Setting) -> list[str]:
         code = placed.effect.code
         if placed.effect.needs_history and not s.history.is_known:
             out.append(f"{code}: these readings do not tell loading from unloading; all are taken as loading from zero")
-        if code == "drift":
-            out.append("drift: another campaign has a clock of its own; nothing of the drift need repeat there")
+        if placed.effect.needs_clock:
+            out.append(f"{code}: another campaign has a clock of its own; nothing of the {code} need repeat there")
     return out

@@ -17,8 +17,6 @@ NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing and of something that the catalogue does not know; the rest is shared by
 # the families of effects that the readings can see, and within a family by its members.
 PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1
-# A ripple fits any scatter between poses, if its number of teeth is free: it is believed less easily.
-LESS = {"gear-ripple": 0.1}
 
 
 @dataclass(frozen=True)
@@ -91,5 +89,5 @@ def log_priors(s: Setting, codes: Sequence[str], options: Options) -> dict[str, 
     out = {NONE: math.log(options.prior_none), UNKNOWN: math.log(PRIOR_UNKNOWN)}
     for members in families.values():
         for code in members:
-            out[code] = math.log(LESS.get(s.known[code].family, 1.0) * rest / len(families) / len(members))
+            out[code] = math.log(s.known[code].chance * rest / len(families) / len(members))
     return out

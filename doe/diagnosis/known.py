@@ -12,8 +12,6 @@ from robots.arrays import Array
 
 # Standard deviation of a spring's compliance beforehand, in shares of its typical value.
 SPRING = 1.5
-# Errors of a model that is right: what a described link's compliance and a joint's zero are off by (1 sd).
-LINK, ZERO = 0.07, float(np.radians(0.04))
 
 
 def base_of(s: Setting) -> Base:
@@ -109,9 +107,7 @@ def errors_of(s: Setting) -> Array:
     """Change of the readings (m, e) by one standard deviation of each error that every model has."""
     columns = []
     for effect in s.known.values():
-        scale = {"link-flexibility": LINK, "joint-zero-offset": ZERO}.get(effect.family)
-        if scale is None or (effect.family == "link-flexibility" and s.model.link_kind == "rigid"):
-            continue
-        ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (scale, -scale)]
-        columns.append(0.5 * (ends[0] - ends[1]))
+        if effect.usual > 0.0:
+            ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
+            columns.append(0.5 * (ends[0] - ends[1]))
     return np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))

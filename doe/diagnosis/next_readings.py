@@ -272,7 +272,7 @@ def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, af
 def as_measurements(n: NextReadings) -> Measurements:
     """The readings to take, in their order, nothing read yet; steps go on after those of the first table.
 
-    Write it with :func:`doe.tables.measurements.write_measurements` and ``to_fill=columns_to_fill(n)``.
+    Write it with :func:`doe.tables.reading.write_measurements` and ``to_fill=columns_to_fill(n)``.
     """
     rising = n.forces.tolist()
     up = [(f, "loading") for f in rising]

@@ -21,12 +21,6 @@ from fem.model import ArmModel
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Bools
 
-# What the law of an accepted effect may be off by, as a share of the effect (one standard deviation each way): laws of
-# torque, angle and clock are assumed, a structure's compliance is nearly straight, and geometry is exact.
-DOUBT_LAW, DOUBT_STRUCTURE = 0.1, 0.04
-# Effects whose law hangs on the joint's angle, not on the torque.
-VARYING = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
-
 
 @dataclass(frozen=True)
 class Setting:
@@ -78,11 +72,12 @@ class Setting:
         """Change of the readings (m, d) by one standard deviation of what accepted effects' laws are off by.
 
         No law is exact: each accepted effect's part of the readings may be off by a share of itself
-        (:func:`doubt_of`), in a way that is smooth in the torque (or load) it acts on, and another on the way down.
+        (:attr:`fem.effects.Effect.law_doubt`), in a way that is smooth in the torque (or load) it acts on, and another
+        on the way down.
         """
         columns = [np.zeros((len(self.data), 0))]
         for number, placed in enumerate(self.accepted):
-            doubt = doubt_of(placed.effect)
+            doubt = placed.effect.law_doubt
             if doubt == 0.0:
                 continue
             rest = [e for k, e in enumerate(self.accepted) if k != number]
@@ -91,13 +86,13 @@ class Setting:
         return np.hstack(columns)
 
     def _bends(self, placed: PlacedEffect) -> Array:
-        """Smooth functions (m, d) of what an effect's law hangs on: torque and phase, the joint's angle, the clock."""
-        p, code = self.data, placed.effect.code
-        joint = code.partition(":")[2]
-        if code.startswith(VARYING):
+        """Smooth functions (m, d) of what an effect's law depends on: torque and phase, joint's angle, clock."""
+        p, effect = self.data, placed.effect
+        joint = effect.place
+        if effect.depends_on == "angle":
             q = p.free.at.q[p.row, self.model.robot.joint_names.index(joint)]
             return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.cos, np.sin)], axis=1)
-        if code.partition(":")[0] == "drift":
+        if effect.depends_on == "clock":
             t = np.nan_to_num(self.history.clock)[p.row]
             return np.stack([np.cos(np.pi * k * t) for k in range(1, 5)], axis=1)
         if joint in self.model.robot.joint_names:
@@ -106,7 +101,7 @@ class Setting:
             x = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
         u = 2.0 * x / max(float(x.max(initial=0.0)), 1e-12) - 1.0
         powers = np.stack([u**k for k in range(4)], axis=1)
-        if not (self.history.is_known and placed.effect.needs_history):
+        if not (self.history.is_known and effect.needs_history):
             return powers[:, 1:]
         way = np.where(self.unloading[p.row], 1.0, -1.0)
         return np.hstack([powers[:, 1:], way[:, None] * powers[:, :3]])
@@ -136,15 +131,6 @@ class Setting:
     def moved(self, springs: Array, accepted: Sequence[PlacedEffect]) -> Setting:
         """Copy with other numbers."""
         return replace(self, springs=springs, accepted=tuple(accepted))
-
-
-def doubt_of(effect: Effect) -> float:
-    """What an effect's law may be off by, as a share of the effect."""
-    if not effect.amplitudes:
-        return 0.0
-    if effect.stage == "arm" or effect.code.startswith((*VARYING, "drift")):
-        return DOUBT_LAW
-    return DOUBT_STRUCTURE if effect.stage == "model" or effect.code == "payload" else 0.0
 
 
 def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) -> ArmModel:

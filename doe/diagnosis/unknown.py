@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from doe.diagnosis.setting import Setting
-from fem.statics.flexibility import deflection
+from fem.compiled.compliance import deflection
 from robots.arrays import Array, Bools
 
 # Lengths over which it varies, in half ranges of the joints as read; sizes as shares of the deflection.

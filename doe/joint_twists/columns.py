@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 
 from doe.tables import columns as mc
+from doe.tables.checks import joint_keys
 from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, Faults, RawTable
-from robots import Robot
+from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, Indices
 
 # Per row, of translations and of rotations.
@@ -144,3 +145,24 @@ def _joints(table: RawTable, texts: Sequence[str], robot: Robot, faults: Faults)
                        allowed=f"{', '.join(robot.joint_names)}, or 1 to {robot.dof}",
                        remedy=f"name the joint of {robot.name} between the two arms watched")  # fmt: skip
     return out
+
+
+def in_flange_axes(robot: Robot, cells: Cells) -> Array:
+    """Loads (n, 6) in flange axes."""
+    out = cells.wrench.copy()
+    rows = np.flatnonzero(cells.in_base & np.isfinite(cells.q).all(axis=1))
+    if rows.size:
+        R = forward_kinematics(robot, cells.q[rows]).R_flange
+        out[rows] = np.einsum("nji,nkj->nki", R, out[rows].reshape(-1, 2, 3)).reshape(-1, 6)
+    return out
+
+
+def setup_labels(cells: Cells) -> tuple[str, ...]:
+    """One label for each set-up: joint watched, pose and repeat."""
+    keys = joint_keys(np.nan_to_num(cells.q))
+    number: dict[object, int] = {}
+    out = []
+    for key, pose, joint, repeat in zip(keys, cells.pose, cells.joint.tolist(), cells.repeat, strict=True):
+        place = number.setdefault((key, pose, joint, repeat), len(number) + 1)
+        out.append(f"{pose or f'set-up {place}'}/{joint + 1}" + (f"/{repeat}" if repeat else ""))
+    return tuple(out)

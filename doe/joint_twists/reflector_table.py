@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
+from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells, in_flange_axes, setup_labels
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflectors import Motion, motion, relative
 from doe.tables import columns as mc
@@ -40,8 +40,6 @@ def assemble_reflectors(
     table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults
 ) -> TwistReadings:  # fmt: skip
     """Readings from a table of reflectors; what is wrong with it goes to ``faults``."""
-    from doe.joint_twists.table import in_flange_axes, setup_labels
-
     both = (table, columns)
     unloaded = mc.numbers(*both, UNLOADED, faults)
     loaded = mc.numbers(*both, LOADED, faults)

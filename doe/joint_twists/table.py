@@ -8,14 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.joint_twists.columns import SIGMAS, Cells, find_columns, is_reflector_table, read_cells
+from doe.joint_twists.columns import (
+    SIGMAS,
+    Cells,
+    find_columns,
+    in_flange_axes,
+    is_reflector_table,
+    read_cells,
+    setup_labels,
+)
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflector_table import assemble_reflectors
 from doe.tables import columns as mc
-from doe.tables.checks import joint_keys
 from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
-from robots import Robot, forward_kinematics
-from robots.arrays import Array
+from robots import Robot
 from robots.errors import listed
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
@@ -74,27 +80,6 @@ def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, fau
         cells.point[good], twist[good], sigma[good], tuple(compress(cells.phase, good)),
         tuple(compress(setup_labels(cells), good)), tuple(compress(table.lines, good)), cells.synthetic, (),
     )  # fmt: skip
-
-
-def in_flange_axes(robot: Robot, cells: Cells) -> Array:
-    """Loads (n, 6) in flange axes."""
-    out = cells.wrench.copy()
-    rows = np.flatnonzero(cells.in_base & np.isfinite(cells.q).all(axis=1))
-    if rows.size:
-        R = forward_kinematics(robot, cells.q[rows]).R_flange
-        out[rows] = np.einsum("nji,nkj->nki", R, out[rows].reshape(-1, 2, 3)).reshape(-1, 6)
-    return out
-
-
-def setup_labels(cells: Cells) -> tuple[str, ...]:
-    """One label for each set-up: joint watched, pose and repeat."""
-    keys = joint_keys(np.nan_to_num(cells.q))
-    number: dict[object, int] = {}
-    out = []
-    for key, pose, joint, repeat in zip(keys, cells.pose, cells.joint.tolist(), cells.repeat, strict=True):
-        place = number.setdefault((key, pose, joint, repeat), len(number) + 1)
-        out.append(f"{pose or f'set-up {place}'}/{joint + 1}" + (f"/{repeat}" if repeat else ""))
-    return tuple(out)
 
 
 def _check_loads(t: TwistReadings, faults: Faults) -> None:

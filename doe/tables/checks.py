@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from doe.tables.columns import DISPLACEMENTS, POINT, Faults
+from doe.tables.measurements import Measurements
 from robots import InputError, Robot
 from robots.arrays import Array
-
-if TYPE_CHECKING:
-    from doe.tables.measurements import Measurements
 
 
 def joint_keys(q: Array) -> list[tuple[float, ...]]:

@@ -1,7 +1,9 @@
-"""Compliance of many poses by compiled loops; needs numba, else it goes the way of :mod:`fem.statics.flexibility`.
+"""Compliance, deflection and directional stiffness: what callers of the mechanics ask for.
 
-The same results as :func:`fem.statics.flexibility.compliance`, to rounding. Shares of the poses go to threads; their
-number changes no digit. Laws of springs that vary with the pose are evaluated by numpy, all poses of a share at once.
+Large batches of poses go by compiled loops where there are some (numba is installed, and the arm has nothing that they
+do not know), all else by numpy (:mod:`fem.statics.flexibility`); the results are the same to rounding. Shares of the
+poses go to threads; their number changes no digit. Laws of springs that vary with the pose are evaluated by numpy, all
+poses of a share at once. Small displacements; the unloaded arm is the reference, and its own gravity is in it.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ import numpy as np
 from fem.compiled import kernel_arrays
 from fem.compiled.flat_arm import FlatArm, flat_arm, why_not_flat
 from fem.model import ArmModel
-from fem.statics.flexibility import compliance, deflection, stiffness_along, unit_force
+from fem.statics import flexibility
 from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
 from robots import InputError
@@ -29,16 +31,17 @@ from robots.kinematics import as_poses
 if TYPE_CHECKING:
     from fem.compiled.kernel_arrays import Figures, Work
 
-# Fewer poses than this numpy has done in some 10 ms; loading numba takes 0.3 s, once.
-FEWEST = 2_000
+# Fewer poses than this numpy has done in some 10 ms; loading numba takes 0.3 s, once. Where thousands of calls follow
+# one another, loading counts for nothing.
+FEWEST, FEWEST_OFTEN = 2_000, 64
 # Angles (rad) whose sines the compiled code knows to the last digit; theirs may be larger by an offset or two.
 LARGEST = 1e5
 # Blocks of poses for which a thread takes sines, cosines and laws at once.
 SHARE = 16
 
 
-def why_not_fast(model: ArmModel) -> str | None:
-    """Why :func:`fast_compliance` goes the way of :func:`fem.compliance`, whatever the number of poses; else None."""
+def why_not_compiled(model: ArmModel) -> str | None:
+    """Why no batch of this arm's poses goes by compiled loops, however large; None if large ones do."""
     reason = why_not_flat(model)
     if reason is None and kernels() is None:
         reason = "numba is not installed, or cannot start; pip install 'stiffarm[fast]'"
@@ -60,34 +63,37 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def fast_compliance(
+def compliance(
     model: ArmModel,
     q: Array,
     point: Array | None = None,
+    *,
     threads: int | None = None,
     out: Array | None = None,
-    fewest: int = FEWEST,
+    often: bool = False,
 ) -> Array:
-    """Cartesian compliance (n, 6, 6) at the tool point, as :func:`fem.compliance`, for large batches.
+    """Cartesian compliance (n, 6, 6) at the tool point, base axes: m/N, rad/N, m/(N m), rad/(N m).
+
+    Column j is the deflection under the j-th unit wrench.
 
     Parameters
     ----------
+    q : (n, dof) rad; limits are not checked here
     point : (3,) or (n, 3) m in the flange frame instead of the model's tool point
-    threads : None for as many as there are processors
+    threads : of compiled loops; None for as many as there are processors
     out : contiguous float (n, 6, 6), to be filled instead of a new array: of 288 bytes a pose the writing takes as
         long as the computing, unless they stay in the cache
-    fewest : fewer poses than this go the way of :func:`fem.compliance`, and so do all where :func:`why_not_fast`
-        has a reason and those with an angle above 1e5 rad; give 0 where all blocks of one result must be rounded alike
+    often : whether many more such calls follow, so that small batches too are worth compiled loops
 
     Raises
     ------
     InputError
-        As :func:`fem.compliance`; ``out`` of another shape or type, ``threads`` below 1.
+        Shapes, values that are not finite, a flat parallelogram; ``out`` of another shape or type, ``threads`` below 1.
     """
     q = as_poses(model.robot, q)
     _check_out(out, len(q))
-    if not _goes_fast(model, q, threads, fewest):
-        plain = compliance(model, q, point)
+    if not _is_compiled(model, q, threads, often=often):
+        plain = flexibility.compliance(model, q, point)
         if out is None:
             return plain
         out[:] = plain
@@ -98,47 +104,65 @@ def fast_compliance(
     return out
 
 
-def fast_deflection(
+def deflection(
     model: ArmModel,
     q: Array,
     wrench: Array,
     point: Array | None = None,
+    *,
     threads: int | None = None,
-    fewest: int = FEWEST,
+    often: bool = False,
 ) -> Array:
-    """Displacement (n, 6) of the tool point under a wrench, as :func:`fem.deflection`, for large batches.
+    """Displacement (n, 6) of the tool point under a wrench, from the unloaded arm: m and rad, base axes.
 
-    ``wrench`` (6,) or (n, 6); the rest and errors as :func:`fast_compliance`.
+    Parameters
+    ----------
+    wrench : (6,) or (n, 6), force N and moment N m in base axes at the tool point
+
+    The rest and errors as of :func:`compliance`.
     """
     q = as_poses(model.robot, q)
-    if not _goes_fast(model, q, threads, fewest):
-        return deflection(model, q, wrench, point)
+    if not _is_compiled(model, q, threads, often=often):
+        return flexibility.deflection(model, q, wrench, point)
     loads = as_wrenches(wrench, len(q))
     out = np.empty((len(q), 6))
     _solve(model, q, loads[:1] if np.ndim(wrench) == 1 else loads, point, threads, out)
     return out
 
 
-def fast_directional_stiffness(
-    model: ArmModel,
-    q: Array,
-    direction: Array | None = None,
-    point: Array | None = None,
-    threads: int | None = None,
-    fewest: int = FEWEST,
+def directional_stiffness(
+    model: ArmModel, q: Array, direction: Array | None = None, point: Array | None = None
 ) -> Array:
-    """Stiffness (n,) in N/m for a force along ``direction``, as :func:`fem.directional_stiffness`, for large batches.
+    """Stiffness |F| / |d . F/|F|| (n,) in N/m for a force along ``direction`` (base axes, default -Z).
 
-    Arguments and errors as there and in :func:`fast_compliance`.
+    Raises
+    ------
+    InputError
+        As of :func:`compliance`; a direction of length zero, or a model with nothing that gives way along it.
     """
     unit = unit_force(direction)
-    return stiffness_along(fast_deflection(model, q, unit, point, threads, fewest) @ unit)
+    displacement = deflection(model, q, unit, point) @ unit
+    if not (displacement > 0.0).all():
+        raise InputError(
+            f"pose {int(np.argmin(displacement > 0.0))}: the model is rigid in this direction",
+            remedy="give it flexible links or joint springs",
+        )
+    return np.asarray(1.0 / displacement)
 
 
-def _goes_fast(model: ArmModel, q: Array, threads: int | None, fewest: int) -> bool:
+def unit_force(direction: Array | None) -> Array:
+    """Wrench (6,) of 1 N along a direction (3,), default -Z; InputError for one that is none."""
+    axis = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
+    norm = np.linalg.norm(axis)
+    if axis.shape != (3,) or not 0.0 < norm < np.inf:
+        raise InputError("load direction", value=axis.tolist(), allowed="three finite numbers, not all zero")
+    return np.concatenate([axis / norm, np.zeros(3)])
+
+
+def _is_compiled(model: ArmModel, q: Array, threads: int | None, *, often: bool) -> bool:
     if threads is not None and threads < 1:
         raise InputError("threads", value=threads, allowed="1 or more, None for as many as there are processors")
-    if len(q) < max(fewest, 1) or why_not_flat(model) is not None or kernels() is None:
+    if len(q) < max(FEWEST_OFTEN if often else FEWEST, 1) or why_not_flat(model) is not None or kernels() is None:
         return False
     return bool(max(q.max(), -q.min()) <= LARGEST)
 

@@ -28,6 +28,12 @@ from robots.schema.units import UNITS, factor
 Stage = Literal["model", "load", "arm", "gauge"]
 Role = Literal["amplitude", "shape"]
 Scale = Literal["linear", "compliance"]
+DependsOn = Literal["torque", "angle", "clock"]
+
+# What a law may be off by, as a share of the effect (one standard deviation each way): laws of torque, angle and clock
+# are assumed, a structure's compliance is nearly straight, and geometry is exact.
+ASSUMED_LAW, NEARLY_STRAIGHT, EXACT = 0.1, 0.04, 0.0
+DOUBTS: dict[Stage, float] = {"model": NEARLY_STRAIGHT, "load": EXACT, "arm": ASSUMED_LAW, "gauge": EXACT}
 
 STAGES: tuple[Stage, ...] = ("model", "load", "arm", "gauge")
 SI_UNITS = {dimension: next(unit for unit, f in units.items() if f == 1.0) for dimension, units in UNITS.items()}
@@ -40,7 +46,7 @@ class EffectParameter:
     ``dimension``: of :data:`robots.schema.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of
     it. ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
     have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value
-    where none is given. ``unit``: in which files and screens show it.
+    where none is given. ``unit``: in which files and screens show it. ``meaning``: for the shop floor, may be empty.
     """
 
     name: str
@@ -54,6 +60,7 @@ class EffectParameter:
     signed: bool = False
     grid: tuple[float, ...] = ()
     default: float | None = None
+    meaning: str = ""
 
     def __post_init__(self) -> None:
         if self.dimension not in UNITS:
@@ -110,7 +117,16 @@ class Effect:
     displacements (n, 6) ("gauge"). v (k,): amplitudes and shapes in the order of ``parameters``; a stiffness comes as
     a compliance. ``needs_history``: readings must say in which order loads were put on. ``family``: effects that act
     alike and are cured alike. ``own``: a user's (:mod:`fem.effects.own`): what its law gives is checked, and nothing
-    is taken for granted of how it hangs on the springs.
+    is taken for granted of how it depends on the springs.
+
+    What a diagnosis asks of it:
+
+    ``depends_on``: what its law varies with: the torque at its place if that is a joint (else the load's size), its
+    joint's angle, or the time in the campaign. ``doubt``: what its law may be off by as a share of itself, one
+    standard deviation; None: as usual at its stage (``DOUBTS``). ``chance``: beforehand, over that of others of its
+    family. ``slot``: of effects with the same slot at one place only one is weighed, a second one would correct the
+    first; empty: none. ``spring``: the joint whose axial spring it is in series with: where that is fitted, nothing is
+    left to tell. ``usual``: standard deviation of its only amplitude in every arm, missing or not, SI; 0: none.
     """
 
     code: str
@@ -121,6 +137,12 @@ class Effect:
     family: str
     needs_history: bool = False
     own: bool = False
+    depends_on: DependsOn = "torque"
+    doubt: float | None = None
+    chance: float = 1.0
+    slot: str = ""
+    spring: str = ""
+    usual: float = 0.0
 
     def __post_init__(self) -> None:
         if self.stage not in STAGES:
@@ -128,6 +150,32 @@ class Effect:
         names = [p.name for p in self.parameters]
         if len(set(names)) < len(names):
             raise InputError(f"effect {self.code}: parameters", value=", ".join(names), allowed="each name once")
+
+    @property
+    def place(self) -> str:
+        """Where it acts: what the code says behind the colon, empty where it is not one of several."""
+        return self.code.partition(":")[2]
+
+    @property
+    def needs_clock(self) -> bool:
+        """Whether readings must say when, in the whole campaign, they were taken."""
+        return self.depends_on == "clock"
+
+    @property
+    def law_doubt(self) -> float:
+        """What its law may be off by as a share of the effect, one standard deviation; none where nothing is free."""
+        if not self.amplitudes:
+            return 0.0
+        return DOUBTS[self.stage] if self.doubt is None else self.doubt
+
+    @property
+    def drawn_over(self) -> Literal["torque", "angle"] | None:
+        """What a picture of its law has on the axis; None where it is no law of one place."""
+        if self.own or not self.place:
+            return None
+        if self.depends_on == "torque":
+            return "torque" if self.stage == "arm" else None
+        return "angle" if self.depends_on == "angle" else None
 
     @property
     def amplitudes(self) -> list[int]:

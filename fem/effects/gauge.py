@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fem.effects.base import Effect, EffectParameter
+from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED
 from robots.arrays import Array
@@ -16,13 +16,25 @@ AXES = ("x", "y", "z")
 
 def gauge_effects() -> Iterator[Effect]:
     """Effects of this kind."""
-    zeros = tuple(EffectParameter(a, "length", "um", 5e-6, 60e-6, ASSUMED, signed=True) for a in AXES)
+    zeros = tuple(
+        EffectParameter(a, "length", "um", 5e-6, 60e-6, ASSUMED, signed=True, meaning=f"reading along {a} without load")
+        for a in AXES
+    )
     yield Effect("gauge-zero", "the gauge does not read zero without load", "gauge", zeros, _zero, "gauge-zero")
-    scale = EffectParameter("share", "ratio", "%", 0.005, 0.1, ASSUMED, signed=True)
+    scale = EffectParameter(
+        "share", "ratio", "%", 0.005, 0.1, ASSUMED, signed=True, meaning="share by which it reads too much"
+    )
     yield Effect("gauge-scale", "the gauge's scale is off", "gauge", (scale,), _scale, "gauge-scale")
-    drifts = tuple(EffectParameter(a, "length", "um", 10e-6, 120e-6, ASSUMED, signed=True) for a in AXES)
-    settling = EffectParameter("settling", "ratio", "1", 0.05, 10.0, ASSUMED, role="shape", grid=(0.1, 0.3, 10.0))
-    yield Effect("drift", "readings drift with time", "gauge", (*drifts, settling), _drift, "drift")
+    drifts = tuple(
+        EffectParameter(
+            a, "length", "um", 10e-6, 120e-6, ASSUMED, signed=True, meaning=f"drift along {a} over the whole campaign"
+        )
+        for a in AXES
+    )
+    settling = EffectParameter("settling", "ratio", "1", 0.05, 10.0, ASSUMED, role="shape", grid=(0.1, 0.3, 10.0),
+                               meaning="time to settle over the campaign's; large: nearly straight")  # fmt: skip
+    yield Effect("drift", "readings drift with time", "gauge", (*drifts, settling), _drift, "drift",
+                 depends_on="clock", doubt=ASSUMED_LAW)  # fmt: skip
 
 
 def _zero(d: Array, s: Situation, v: Array) -> Array:

@@ -7,28 +7,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.effects.base import Effect, EffectParameter
+from fem.effects.base import NEARLY_STRAIGHT, Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses, placed
 from robots.arrays import Array
 
+# What every joint's zero is off by, rad, one standard deviation.
+ZERO_OFF_BY = float(np.radians(0.04))
+
 
 def load_effects(model: ArmModel) -> Iterator[Effect]:
     """Effects of this kind that the model can have."""
-    force = EffectParameter("force", "force", "N", 10.0, 80.0, ASSUMED)
+    force = EffectParameter("force", "force", "N", 10.0, 80.0, ASSUMED, meaning="force that acts with every load")
     yield Effect("payload", "a load that the sheet does not count acts with every load", "load", (force,), _payload,
-                 "payload")  # fmt: skip
-    offset = [EffectParameter(a, "length", "mm", 0.005, 0.05, ASSUMED, signed=True) for a in ("x", "y", "z")]
+                 "payload", doubt=NEARLY_STRAIGHT)  # fmt: skip
+    offset = [
+        EffectParameter(a, "length", "mm", 0.005, 0.05, ASSUMED, signed=True, meaning=f"along the flange's {a}")
+        for a in "xyz"
+    ]
     yield Effect(
         "load-point-offset", "the load acts beside the point that the sheet names", "load", tuple(offset), _offset,
         "load-point-offset",
     )  # fmt: skip
     tilt = [
-        EffectParameter(a, "angle", "deg", np.radians(0.5), np.radians(5.0), ASSUMED, signed=True)
-        for a in ("tilt_x", "tilt_y")
-    ]
+        EffectParameter(f"tilt_{a}", "angle", "deg", np.radians(0.5), np.radians(5.0), ASSUMED, signed=True,
+                        meaning=f"turned about the base's {a}")
+        for a in "xy"
+    ]  # fmt: skip
     yield Effect("load-misalignment", "the load's direction is off", "load", tuple(tilt), _tilt, "load-misalignment")
     for index, name in enumerate(model.robot.joint_names):
         yield _zero(index, name)
@@ -56,8 +63,9 @@ def _zero(index: int, name: str) -> Effect:
         q[:, index] += v[0]
         return replace(at, q=q)
 
-    angle = EffectParameter("angle", "angle", "deg", np.radians(0.1), np.radians(3.0), ASSUMED, signed=True)
+    angle = EffectParameter("angle", "angle", "deg", np.radians(0.1), np.radians(3.0), ASSUMED, signed=True,
+                            meaning="real angle less the one that the controller says")  # fmt: skip
     return Effect(
         f"joint-zero-offset:{name}", f"joint {name} stands at another angle than the controller says", "load", (angle,),
-        law, "joint-zero-offset",
+        law, "joint-zero-offset", usual=ZERO_OFF_BY,
     )  # fmt: skip

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.history import plain_history
 from fem.effects.situation import Situation
 from fem.model import ArmModel
-from fem.statics.flexibility import deflection
 from fem.statics.loads import LoadedPoses
 from robots import InputError
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.effects.base import Effect, EffectParameter
+from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED, CLASS, with_joint
 from fem.model import ArmModel, JointPart
@@ -15,13 +15,17 @@ from fem.springs import VaryingSpring
 from robots.arrays import Array
 from robots.kinematics import forward_kinematics
 
+# A ripple fits any scatter between poses, if its number of teeth is free: it is believed less easily.
+RARE = 0.1
 # Pins of the gear, or turns of its input, over a turn of the joint.
 TEETH = tuple(float(n) for n in range(6, 241))
 
 
-def share(name: str, lower: float, upper: float, source: str = ASSUMED, *, signed: bool = True) -> EffectParameter:
+def share(
+    name: str, lower: float, upper: float, meaning: str, source: str = ASSUMED, *, signed: bool = True
+) -> EffectParameter:
     """A share of a joint's own compliance or stiffness."""
-    return EffectParameter(name, "ratio", "1", lower, upper, source, signed=signed)
+    return EffectParameter(name, "ratio", "1", lower, upper, source, signed=signed, meaning=meaning)
 
 
 def stiffness_laws(model: ArmModel) -> Iterator[Effect]:
@@ -44,11 +48,15 @@ def _angle_dependent(joint: JointPart) -> Effect:
         old = model.joints[joint.joint]
         return with_joint(model, replace(old, axial=VaryingSpring(old.axial, varied)))
 
-    first = [share(name, 0.05, 0.45, CLASS) for name in ("cos1", "sin1")]
-    second = [share(name, 0.02, 0.15) for name in ("cos2", "sin2")]
+    shares = (
+        share("cos1", 0.05, 0.45, "share of the compliance that goes with the cosine of the angle", CLASS),
+        share("sin1", 0.05, 0.45, "share that goes with its sine", CLASS),
+        share("cos2", 0.02, 0.15, "share that goes with the cosine of twice the angle"),
+        share("sin2", 0.02, 0.15, "share that goes with the sine of twice the angle"),
+    )
     return Effect(
         f"angle-dependent-stiffness:{joint.name}", f"joint {joint.name}'s stiffness varies with its angle", "model",
-        (*first, *second), law, "angle-dependent-stiffness",
+        shares, law, "angle-dependent-stiffness", depends_on="angle", doubt=ASSUMED_LAW,
     )  # fmt: skip
 
 
@@ -73,11 +81,13 @@ def _gravity_compensator(model: ArmModel) -> Effect:
         return with_joint(changed, replace(old, axial=VaryingSpring(old.axial, varied)))
 
     phase = EffectParameter(
-        "phase", "angle", "deg", -np.pi, np.pi, ASSUMED, role="shape", grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi)
-    )
+        "phase", "angle", "deg", -np.pi, np.pi, ASSUMED, role="shape", grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi),
+        meaning="lean where it does",
+    )  # fmt: skip
+    stiffer = share("share", 0.1, 0.4, "share by which it stiffens the joint at most", signed=False)
     return Effect(
         f"gravity-compensator:{second.name}", f"a gravity compensator stiffens joint {second.name}", "model",
-        (share("share", 0.1, 0.4, signed=False), phase), law, "angle-dependent-stiffness",
+        (stiffer, phase), law, "angle-dependent-stiffness", depends_on="angle", doubt=ASSUMED_LAW,
     )  # fmt: skip
 
 
@@ -95,8 +105,12 @@ def _gear_ripple(joint: JointPart) -> Effect:
         ripple = v[0] * np.cos(x) + v[1] * np.sin(x)
         return s.turned(joint.name, s.compliance(joint.name) * s.torque(joint.name) * ripple)
 
-    teeth = EffectParameter("teeth", "ratio", "1", TEETH[0], TEETH[-1], ASSUMED, role="shape", grid=TEETH)
+    teeth = EffectParameter(
+        "teeth", "ratio", "1", TEETH[0], TEETH[-1], ASSUMED, role="shape", grid=TEETH, meaning="ripples in a full turn"
+    )
+    in_phase = share("cos", 0.03, 0.3, "share of the ripple in phase")
+    across = share("sin", 0.03, 0.3, "share of the ripple across it")
     return Effect(
         f"gear-ripple:{joint.name}", f"the mesh of joint {joint.name}'s gear makes its stiffness ripple", "arm",
-        (share("cos", 0.03, 0.3), share("sin", 0.03, 0.3), teeth), law, "gear-ripple",
+        (in_phase, across, teeth), law, "gear-ripple", depends_on="angle", chance=RARE,
     )  # fmt: skip

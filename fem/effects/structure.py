@@ -16,16 +16,22 @@ from robots.arrays import Array
 # Sources of plausible ranges: joint stiffness and tilt of RV gearboxes of 100-270 kg robots, floors and rails, tools.
 CLASS = "same-class robots and RV gearboxes"
 ASSUMED = "assumed"
+# What every link's compliance is off by, as a share of it, one standard deviation.
+OFF_BY = 0.07
 
 
-def rotational(name: str, lower: float, upper: float, source: str) -> EffectParameter:
+def rotational(name: str, lower: float, upper: float, source: str, meaning: str) -> EffectParameter:
     """A rotational stiffness that acts as a compliance."""
-    return EffectParameter(name, "rotational stiffness", "N m/rad", lower, upper, source, scale="compliance")
+    return EffectParameter(
+        name, "rotational stiffness", "N m/rad", lower, upper, source, scale="compliance", meaning=meaning
+    )
 
 
-def translational(name: str, lower: float, upper: float, source: str) -> EffectParameter:
+def translational(name: str, lower: float, upper: float, source: str, meaning: str) -> EffectParameter:
     """A translational stiffness that acts as a compliance."""
-    return EffectParameter(name, "translational stiffness", "N/m", lower, upper, source, scale="compliance")
+    return EffectParameter(
+        name, "translational stiffness", "N/m", lower, upper, source, scale="compliance", meaning=meaning
+    )
 
 
 def structure(model: ArmModel) -> Iterator[Effect]:
@@ -35,15 +41,21 @@ def structure(model: ArmModel) -> Iterator[Effect]:
         yield _joint_tilt(joint)
     yield Effect(
         "base-tilt", "the base or floor tilts", "model",
-        (rotational("stiffness_x", 2e6, 1e8, ASSUMED), rotational("stiffness_y", 2e6, 1e8, ASSUMED)),
+        tuple(rotational(f"stiffness_{a}", 2e6, 1e8, ASSUMED, f"stiffness about the base's {a}") for a in "xy"),
         _at_place("base", (3, 4)), "base-tilt",
     )  # fmt: skip
     yield Effect(
         "base-vertical", "the base or rail gives way vertically", "model",
-        (translational("stiffness", 5e6, 5e8, ASSUMED),), _at_place("base", (2,)), "base-vertical",
+        (translational("stiffness", 5e6, 5e8, ASSUMED, "vertical stiffness"),),
+        _at_place("base", (2,)), "base-vertical",
     )  # fmt: skip
-    across = [translational(f"stiffness_{axis}", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS) for axis in "xy"]
-    along = translational("stiffness_z", 1.0 / 1.5e-7, 1.0 / 2e-8, ASSUMED)
+    across = [
+        translational(
+            f"stiffness_{axis}", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS, f"stiffness across the tool, along its {axis}"
+        )
+        for axis in "xy"
+    ]
+    along = translational("stiffness_z", 1.0 / 1.5e-7, 1.0 / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
         "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, along),
         _at_place("tool", (0, 1, 2)), "tool-compliance",
@@ -51,7 +63,7 @@ def structure(model: ArmModel) -> Iterator[Effect]:
     if model.bar is not None:
         yield Effect(
             "parallelogram-bar", "the parallelogram's bar gives way along its length", "model",
-            (translational("stiffness", 2e7, 1e9, ASSUMED),), _bar, "parallelogram-bar",
+            (translational("stiffness", 2e7, 1e9, ASSUMED, "stiffness along the bar"),), _bar, "parallelogram-bar",
         )  # fmt: skip
 
 
@@ -73,7 +85,8 @@ def _joint_compliance(joint: JointPart) -> Effect:
     lower, upper = (1e5, 4e6) if joint.joint < 3 else (2e4, 3e6)
     return Effect(
         f"joint-compliance:{joint.name}", f"joint {joint.name} gives way about its axis", "model",
-        (rotational("stiffness", lower, upper, CLASS),), law, "joint-compliance",
+        (rotational("stiffness", lower, upper, CLASS, "stiffness about the axis that comes on top of the spring"),),
+        law, "joint-compliance", spring=joint.name,
     )  # fmt: skip
 
 
@@ -93,11 +106,16 @@ def _joint_tilt(joint: JointPart) -> Effect:
     # Behind a vertical first axis the base's tilt and the joint's are one.
     family = "base-tilt" if joint.joint == 0 else "joint-tilt"
     behind = EffectParameter(
-        "turning", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=1.0
+        "turning", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=1.0,
+        meaning="1: the part behind the joint tilts, 0: the housing before it",
+    )  # fmt: skip
+    across = (
+        rotational(f"stiffness_{axis}", 5e5, 5e6, CLASS, f"stiffness against tilting about the joint's {axis} axis")
+        for axis in "xy"
     )
     return Effect(
         f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
-        (rotational("stiffness_x", 5e5, 5e6, CLASS), rotational("stiffness_y", 5e5, 5e6, CLASS), behind), law, family,
+        (*across, behind), law, family,
     )  # fmt: skip
 
 
@@ -121,11 +139,9 @@ def link_flexibility(link: LinkPart, is_there: bool) -> Effect:
 
     The number is the share of the described link's compliance that comes on top.
     """
-    share = (
-        EffectParameter("share", "ratio", "1", 0.15, 1.5, ASSUMED, signed=True)
-        if is_there
-        else EffectParameter("share", "ratio", "1", 0.3, 2.0, ASSUMED)
-    )
+    lower, upper = (0.15, 1.5) if is_there else (0.3, 2.0)
+    meaning = "share of the described compliance that comes on top"
+    share = EffectParameter("share", "ratio", "1", lower, upper, ASSUMED, signed=is_there, meaning=meaning)
 
     def law(model: ArmModel, _: object, v: Array) -> ArmModel:
         own = next((part for part in model.links if part.name == link.name), None)
@@ -137,7 +153,8 @@ def link_flexibility(link: LinkPart, is_there: bool) -> Effect:
         return replace(model, links=(*others, softer(link if own is None else own, factor)))
 
     words = f"link {link.name} is softer or stiffer than described" if is_there else f"link {link.name} is flexible"
-    return Effect(f"link-flexibility:{link.name}", words, "model", (share,), law, "link-flexibility")
+    usual = OFF_BY if is_there else 0.0
+    return Effect(f"link-flexibility:{link.name}", words, "model", (share,), law, "link-flexibility", usual=usual)
 
 
 def softer(part: LinkPart, factor: float) -> LinkPart:
@@ -177,6 +194,7 @@ def wrist_coupling(model: ArmModel) -> Iterator[Effect]:
         return np.asarray(s.turned(second, v[0] * s.torque(first)) + s.turned(first, v[0] * s.torque(second)))
 
     # Of the order of the wrist joints' own compliances (2e4 to 3e6 N m/rad), below their geometric mean.
-    entry = EffectParameter("coupling", "compliance", "rad/(N m)", 1e-7, 3e-6, CLASS, signed=True)
+    entry = EffectParameter("coupling", "compliance", "rad/(N m)", 1e-7, 3e-6, CLASS, signed=True,
+                            meaning="turn of one wrist axis for a torque about the other")  # fmt: skip
     words = f"torque about {first} turns {second}, and back"
     yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling")

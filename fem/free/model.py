@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fem.compiled.compliance import deflection
 from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
 from fem.effects.observed import observed
@@ -23,7 +24,6 @@ from fem.free.laws import FreeLaw, law_compliance
 from fem.free.parameters import GEOMETRIC, Kind, Parameter, own_compliance
 from fem.model import ArmModel
 from fem.springs import ConstantSpring, SpringLaw, SumSpring
-from fem.statics.flexibility import deflection
 from fem.statics.loads import LoadedPoses, as_read, placed
 from fem.statics.ports import Port, port_of, ports
 from robots import InputError

@@ -1,1 +1,1 @@
-"""Independent solutions that the production path is held against."""
+"""Slower ways to the same results, to check the statics by; none of them knows of unit loads."""

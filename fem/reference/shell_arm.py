@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike
 from fem.elements.condensation import solve_positive_definite
 from fem.elements.couplings import Coupling, rigid_motion
 from fem.elements.shell import CoupledShell, couple
-from fem.model import ArmModel, LinkPart, independent_springs
+from fem.model import ArmModel, LinkPart
+from fem.reference.chain import Springs, build_chain
 from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers
 from meshes import ShellMesh
 from robots import InputError
 from robots.arrays import Array, Integers
-from robots.kinematics import BodyFrames, as_poses, forward_kinematics, tool_position
+from robots.kinematics import as_poses, forward_kinematics, tool_position
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,6 @@ class _Node:
     freedoms: Integers
     G: Array
 
-    def carried(self, r: Array) -> _Node:
-        """Displacement of a point rigidly connected, r (3,) m away."""
-        return _Node(self.freedoms, rigid_motion(r[None])[0] @ self.G)
-
     def over(self, size: int) -> Array:
         """G over all unknowns (6, size)."""
         G = np.zeros((6, size))
@@ -65,8 +62,9 @@ class _Node:
 
 @dataclass
 class _System:
-    """What the parts add: unknowns, links' reduced freedoms (r, columns so far) from them, springs."""
+    """What the parts add: unknowns, links' reduced freedoms (r, columns so far) from them, springs. One pose."""
 
+    shells: Mapping[str, CoupledShell]
     size: int = 0
     links: dict[str, tuple[CoupledShell, Array, sp.csc_array]] = field(default_factory=dict)
     springs: list[tuple[int, float]] = field(default_factory=list)
@@ -75,26 +73,31 @@ class _System:
         self.size += count
         return np.arange(self.size - count, self.size)
 
-    def relative(self, node: _Node, directions: Array, stiffness: Array) -> _Node:
-        """Add freedoms along ``directions`` (6, k) with spring constants (k,)."""
-        new = self.new(len(stiffness))
-        self.springs += zip(new.tolist(), stiffness.tolist(), strict=True)
-        return _Node(np.concatenate([node.freedoms, new]), np.hstack([node.G, directions]))
+    def ground(self) -> _Node:
+        return _Node(np.zeros(0, dtype=np.int64), np.zeros((6, 0)))
 
-    def link(self, link: LinkPart, shell: CoupledShell, root: _Node, R: Array) -> dict[str, _Node]:
-        """Fasten a link to its root; returns the nodes of its other interfaces."""
+    def carried(self, node: _Node, r: Array) -> _Node:
+        return _Node(node.freedoms, rigid_motion(r)[0] @ node.G)
+
+    def sprung(self, node: _Node, springs: Springs) -> _Node:
+        new = self.new(springs.stiffness.shape[1])
+        self.springs += zip(new.tolist(), springs.stiffness[0].tolist(), strict=True)
+        return _Node(np.concatenate([node.freedoms, new]), np.hstack([node.G, springs.turned[0]]))
+
+    def linked(self, link: LinkPart, root: _Node, R: Array, origin: Array) -> dict[str, _Node]:
+        shell = self.shells[link.name]
         names = link.element.interfaces
         count = shell.stiffness.shape[0]
         first = count - 6 * len(names)  # the interface points come last, in the interfaces' order
         own = np.setdiff1d(np.arange(count), first + np.arange(6))
         new = self.new(own.size)
-        turn = both(R)
+        turn = both(R[0])
         at_root = turn.T @ root.G
         rows = np.concatenate([own, np.repeat(first + np.arange(6), root.freedoms.size)])
         columns = np.concatenate([new, np.tile(root.freedoms, 6)])
         values = np.concatenate([np.ones(own.size), at_root.ravel()])
         led = sp.coo_array((values, (rows, columns)), shape=(count, self.size)).tocsc()
-        self.links[link.name] = (shell, R, sp.csc_array(shell.led_by_points() @ led))
+        self.links[link.name] = (shell, R[0], sp.csc_array(shell.led_by_points() @ led))
         return {name: _Node(new[first + 6 * j : first + 6 * j + 6], turn) for j, name in enumerate(names[1:])}
 
     def reduced(self, name: str) -> sp.csc_array:
@@ -173,18 +176,22 @@ def solve_shell_arm(
 
     Notes
     -----
-    Equals :func:`fem.statics.flexibility.deflection` to round-off, which walls far stiffer than the springs enlarge to
-    some 1e-9 (tests/fem/reference/test_shell_arm.py).
+    Equals :func:`fem.deflection` to round-off, which walls far stiffer than the springs enlarge to some
+    1e-9 (tests/fem/reference/test_shell_arm.py).
     """
-    model.without_housings("solution of the whole shell arm")
     pose, loads, at = one_pose(model, q, wrench, point)
     shells = couple_links(model) if shells is None else shells
     frames = forward_kinematics(model.robot, pose)
     tool = tool_position(model.robot, frames, at)
     list(axial_transfers(model, frames, tool))  # raises InputError if the parallelogram is flat
-    system = _System()
-    end, bar = _assemble(system, model, shells, frames, pose, tool[0])
-    K, to_tool = system.matrix(), end.over(system.size)
+    system = _System(shells)
+    chain = build_chain(model, frames, pose, tool, system)
+    bar = None
+    if chain.pins is not None:
+        crank, pin = chain.pins
+        u = chain.span[0] / np.linalg.norm(chain.span[0])
+        bar = np.asarray(u @ (pin.over(system.size) - crank.over(system.size))[:3])
+    K, to_tool = system.matrix(), chain.tool.over(system.size)
     force = np.asarray(to_tool.T @ loads.T)
     try:
         x = _solve(K, force, bar, 0.0 if model.bar is None else model.bar.compliance)
@@ -216,82 +223,6 @@ def one_pose(
     loads = np.asarray(wrench, dtype=np.float64)
     loads = as_wrenches(loads, len(loads) if loads.ndim == 2 else 1)
     return pose, loads, as_points(point, 1)
-
-
-def _assemble(
-    system: _System, model: ArmModel, shells: Mapping[str, CoupledShell], frames: BodyFrames, q: Array, tool: Array
-) -> tuple[_Node, Array | None]:
-    """Walk down the chain; returns the tool's node and the bar's elongation as a row (n,) of the unknowns."""
-    robot = model.robot
-    links = {link.body: link for link in model.links}
-    p = robot.parallelogram if model.bar is not None else None
-    R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
-    node, at = _Node(np.zeros(0, dtype=np.int64), np.zeros((6, 0))), np.zeros(3)
-    node = _in_axes(system, R[0], node, *independent_springs(model.base))
-    crank = pin = None
-    for body in range(robot.dof + 1):
-        tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
-        if body > 0:
-            joint = body - 1
-            node = node.carried(origin[body] - at)
-            if p is not None and joint == p.crank_about:
-                turned = _turn(system, model, axis[p.driven], node, p.driven, q)
-                crank = _crank(system, model, shells, turned, R[p.driven + 1])
-            free = p is not None and joint == p.driven
-            R_joint = R[body] @ robot.R_post[joint].T
-            if model.joints[joint].is_coupled:
-                node = _coupled(system, model, R_joint, node, joint, q)
-            else:
-                node = _turn(system, model, axis[joint], node, joint, q, free=free)
-                node = _other_directions(system, model, R_joint, node, joint)
-        link = links.get(body)
-        ends = {} if link is None else system.link(link, shells[link.name], node, R[body])
-        if p is not None and body == p.driven + 1:
-            pin = ends.get("pin", node.carried(R[body] @ p.pin))
-        node, at = ends.get("tip", node.carried(tip - origin[body])), tip
-    own = tool_position(robot, frames)[0]
-    node = node.carried(own - at)
-    node = _in_axes(system, frames.R_flange[0], node, *independent_springs(model.tool)).carried(tool - own)
-    if p is None or crank is None or pin is None:
-        return node, None
-    u = origin[p.driven + 1] - origin[p.crank_about + 1]
-    return node, u @ (pin.over(system.size) - crank.over(system.size))[:3] / np.linalg.norm(u)
-
-
-def _turn(
-    system: _System, model: ArmModel, axis: Array, node: _Node, joint: int, q: Array, *, free: bool = False
-) -> _Node:
-    """Turn about the joint's axis against its spring (or freely, as a parallelogram's elbow does)."""
-    compliance = model.joints[joint].axial.compliance(q)[:1]
-    if not free and not compliance.any():
-        return node
-    direction = np.concatenate([np.zeros(3), axis])[:, None]
-    return system.relative(node, direction, np.zeros(1) if free else 1.0 / compliance)
-
-
-def _other_directions(system: _System, model: ArmModel, R: Array, node: _Node, joint: int) -> _Node:
-    return _in_axes(system, R, node, *model.joints[joint].springs())
-
-
-def _in_axes(system: _System, R: Array, node: _Node, directions: Array, stiffness: Array) -> _Node:
-    """Springs along constant ``directions`` (6, k) in axes R (3, 3)."""
-    return system.relative(node, both(R) @ directions, stiffness)
-
-
-def _coupled(system: _System, model: ArmModel, R: Array, node: _Node, joint: int, q: Array) -> _Node:
-    """A joint whose axis and bearing are coupled."""
-    part = model.joints[joint]
-    C = part.bearing.copy()
-    C[5, 5] = part.axial.compliance(q)[0]
-    return _in_axes(system, R, node, *independent_springs(C))
-
-
-def _crank(system: _System, model: ArmModel, shells: Mapping[str, CoupledShell], node: _Node, R: Array) -> _Node:
-    assert model.bar is not None and model.robot.parallelogram is not None  # noqa: S101, PT018 - the caller knows
-    crank = model.bar.crank
-    if crank is None:
-        return node.carried(R @ model.robot.parallelogram.pin)
-    return system.link(crank, shells[crank.name], node, R)["tip"]
 
 
 def _solve(K: sp.csc_array, force: Array, bar: Array | None, compliance: float) -> Array:

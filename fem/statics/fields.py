@@ -175,6 +175,9 @@ def _roots(
             if p is not None and joint == p.crank_about:
                 turn = _turn(axis[p.driven], deformed.get(model.joints[p.driven].name))
                 crank_pin = _crank_pin(model, R[p.driven + 1], motion + turn, deformed, roots)
+            tilt = deformed.get(f"{name} housing")
+            if tilt is not None:
+                motion = motion + both(R[joint] @ robot.T_pre[joint][:3, :3]) @ tilt
             if p is None or joint != p.driven:
                 motion = motion + _turn(axis[joint], deformed.get(name))
             shift = deformed.get(f"{name} other directions")

@@ -1,8 +1,7 @@
-"""The fast path: unit-load flexibility, batched over poses.
+"""Unit-load flexibility by numpy, batched over poses: the statics of any arm, and its parts one by one.
 
-Statics gives the wrench each part carries, ``s_p = T_p(q) w`` (:mod:`fem.statics.transfers`); with part
-compliance ``C_p`` the tool point moves by ``d = sum_p T_p^T C_p T_p w`` (principle of virtual forces).
-Small displacements; the unloaded arm is the reference; gravity of the arm itself is in that reference.
+Statics gives the wrench each part carries, ``s_p = T_p(q) w`` (:mod:`fem.statics.transfers`); with part compliance
+``C_p`` the tool point moves by ``d = sum_p T_p^T C_p T_p w`` (principle of virtual forces).
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from fem.model import ArmModel
 from fem.statics.inputs import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers, transfers
 from fem.statics.vectors import poses_last
-from robots import InputError
 from robots.arrays import Array
 from robots.kinematics import BodyFrames, as_poses, forward_kinematics, tool_position
 
@@ -25,23 +23,7 @@ CHUNK = 2000
 
 
 def deflection(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> Array:
-    """Displacement of the tool point under a wrench, relative to the unloaded arm.
-
-    Parameters
-    ----------
-    q : (n, dof) rad; limits are not checked here
-    wrench : (6,) or (n, 6), force N and moment N m in base axes at the tool point
-    point : (3,) or (n, 3) m in the flange frame instead of the model's tool point
-
-    Returns
-    -------
-    (n, 6): translation m, rotation rad, base axes
-
-    Raises
-    ------
-    InputError
-        Shapes, values that are not finite, or a flat parallelogram.
-    """
+    """Displacement (n, 6) of the tool point; arguments and errors as of :func:`fem.deflection`."""
     q = as_poses(model.robot, q)
     loads = as_wrenches(wrench, len(q))
     out = np.empty((len(q), 6))
@@ -67,10 +49,7 @@ def deflection_by_part(model: ArmModel, q: Array, wrench: Array, point: Array | 
 
 
 def compliance(model: ArmModel, q: Array, point: Array | None = None) -> Array:
-    """Cartesian compliance (n, 6, 6) at the tool point, base axes: m/N, rad/N, m/(N m), rad/(N m).
-
-    Arguments and errors as in :func:`deflection`: column j is the deflection under the j-th unit wrench.
-    """
+    """Cartesian compliance (n, 6, 6) at the tool point; arguments and errors as of :func:`fem.compliance`."""
     q = as_poses(model.robot, q)
     out = np.zeros((len(q), 6, 6))
     for rows, frames, tool in batches(model, q, point, CHUNK // 4):
@@ -84,39 +63,6 @@ def compliance(model: ArmModel, q: Array, point: Array | None = None) -> Array:
 
 def _poses_first(blocks: list[Array]) -> Array:
     return np.ascontiguousarray(np.moveaxis(np.concatenate(blocks), -1, 0))
-
-
-def directional_stiffness(
-    model: ArmModel, q: Array, direction: Array | None = None, point: Array | None = None
-) -> Array:
-    """Stiffness |F| / |d . F/|F|| (n,) in N/m for a force along ``direction`` (base axes, default -Z).
-
-    Raises
-    ------
-    InputError
-        Direction of length zero, or a model with nothing that gives way.
-    """
-    unit = unit_force(direction)
-    return stiffness_along(deflection(model, q, unit, point) @ unit)
-
-
-def unit_force(direction: Array | None) -> Array:
-    """Wrench (6,) of 1 N along a direction (3,), default -Z; InputError for one that is none."""
-    axis = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
-    norm = np.linalg.norm(axis)
-    if axis.shape != (3,) or not 0.0 < norm < np.inf:
-        raise InputError("load direction", value=axis.tolist(), allowed="three finite numbers, not all zero")
-    return np.concatenate([axis / norm, np.zeros(3)])
-
-
-def stiffness_along(displacement: Array) -> Array:
-    """Stiffness (n,) N/m from displacements (n,) along a unit force, m; InputError where there is none."""
-    if not (displacement > 0.0).all():
-        raise InputError(
-            f"pose {int(np.argmin(displacement > 0.0))}: the model is rigid in this direction",
-            remedy="give it flexible links or joint springs",
-        )
-    return np.asarray(1.0 / displacement)
 
 
 def spring_influence(model: ArmModel, q: Array, wrench: Array, point: Array | None = None) -> tuple[Array, Array]:

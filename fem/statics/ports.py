@@ -73,7 +73,7 @@ def ports(
 ) -> dict[str, Port]:
     """Every port of an arm at the loaded poses, by name: base, joints, links, bar and crank, tool.
 
-    Arguments as in :func:`fem.statics.flexibility.deflection`; ``only``: names of the ports that are wanted, None for
+    Arguments as in :func:`fem.deflection`; ``only``: names of the ports that are wanted, None for
     all. 300 bytes a port and pose: batch beyond some 1e5 poses.
 
     Raises

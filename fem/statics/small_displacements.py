@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem.compiled.compliance import fast_compliance
+from fem.compiled.compliance import compliance
 from fem.model import ArmModel
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
@@ -60,7 +60,7 @@ def worst_turns(model: ArmModel) -> Array:
     q = _poses(model.robot)
     if not len(q):
         return np.zeros(0)
-    C = fast_compliance(model, q)
+    C = compliance(model, q)
     direction = np.linalg.svd(C[:, :3, :3])[2][:, 0]
     return turn(model.robot, np.einsum("nij,nj->ni", C[:, :, :3], direction))
 

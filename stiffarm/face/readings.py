@@ -12,7 +12,7 @@ import numpy as np
 from doe import Measurements, bundled_data
 from doe.tables.columns import DISPLACEMENTS, LOADS, read_table, table_of_frame
 from doe.tables.joined import join
-from doe.tables.measurements import measurements_of
+from doe.tables.reading import measurements_of
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.face.arms import Arm

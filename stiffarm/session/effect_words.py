@@ -18,6 +18,9 @@ def history_notes(effects: Sequence[PlacedEffect], history: History) -> list[str
             f"{', '.join(memory)}: the table does not say of every reading whether it was loading or unloading "
             "(columns phase or step): those are taken as loadings from zero"
         )
-    if np.isnan(history.clock).any() and any(e.effect.code == "drift" for e in effects):
-        notes.append("drift: the table has no step that counts through the whole campaign: nothing drifts")
+    timed = [e.effect.code for e in effects if e.effect.needs_clock]
+    if timed and np.isnan(history.clock).any():
+        notes.append(
+            f"{', '.join(timed)}: the table has no step that counts through the whole campaign: nothing drifts"
+        )
     return notes

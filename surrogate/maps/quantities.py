@@ -18,8 +18,6 @@ from surrogate.maps.orientation import unit_vector
 
 # Share of a pose's whole compliance below which that along the load is rounding.
 RIGID = 1e-14
-# Poses from which on compiled loops are worth their call: a search asks for some at a time, thousands of times.
-FEWEST = 64
 
 
 @dataclass(frozen=True)
@@ -163,12 +161,12 @@ class Quantities:
 
     def compliance(self, q: Array) -> Array:
         """Compliance (n, 6, 6) at the tool point; by compiled loops where there are any."""
-        return fem.fast_compliance(self.model, q, self.point, threads=1, fewest=FEWEST)
+        return fem.compliance(self.model, q, self.point, threads=1, often=True)
 
     def _stiffness(self, q: Array) -> Array:
         """Stiffness (n,) N/mm along the load without forming the whole compliance; infinite where rigid."""
         load = np.concatenate([self.direction, np.zeros(3)])
-        moved = fem.fast_deflection(self.model, q, load, self.point, threads=1, fewest=FEWEST)[:, :3]
+        moved = fem.deflection(self.model, q, load, self.point, threads=1, often=True)[:, :3]
         return _endless(_inverse(moved @ self.direction, RIGID * np.linalg.norm(moved, axis=1)))
 
     def _of_compliance(self, C: Array, only: str | None = None) -> dict[str, Array]:

@@ -9,7 +9,9 @@ import numpy as np
 from fem import ArmModel, build_model
 from fem.elements.couplings import Coupling
 from fem.elements.shell import shell_superelement
+from fem.free.law_bases import FourierBasis
 from fem.model import LinkPart
+from fem.springs import LawSpring
 from meshes import casing_mesh
 from robots import load_description
 from robots.arrays import Array
@@ -49,7 +51,7 @@ def coarse(name: str, flanges: Coupling = "rigid", size: float = COARSE_M, *, tr
 
 
 def compliant(model: ArmModel, rng: Random) -> ArmModel:
-    """Springs about the axes and full compliances of bearings, base and tool."""
+    """Springs about the axes, full compliances of housings, bearings, base and tool, and laws across the axes."""
     model = model.with_springs(SPRINGS)
     size = np.sqrt([1e-9] * 3 + [1e-7] * 3)  # m/N and rad/(N m)
 
@@ -66,7 +68,8 @@ def compliant(model: ArmModel, rng: Random) -> ArmModel:
         C[:, 5] = C[5]
         if joint.joint == 3:
             C = np.diag([1e-9, 2e-9, 3e-9, 1e-7, 2e-7, 0.0])
-        joints.append(replace(joint, bearing=C))
+        law = LawSpring(FourierBasis(1, 1), np.array([17.0, 0.2, -0.1]))
+        joints.append(replace(joint, bearing=C, housing=some(), laws=((joint.joint % 3, law),)))
     return replace(model, joints=tuple(joints), base=some(), tool=some())
 
 

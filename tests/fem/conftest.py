@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from fem import ArmModel
+from fem.free.law_bases import FourierBasis
 from fem.model import JointPart
+from fem.springs import LawSpring
 from robots import ModelDescription, Robot
 from robots.arrays import Array
 from robots.library.models import parse_description
@@ -103,5 +105,29 @@ def soften() -> Callable[..., ArmModel]:
             return model
         joints = tuple(replace(j, bearing=_bearing(model, j, rng)) for j in model.joints)
         return replace(model, joints=joints, base=_compliance(rng, 1e-7), tool=_compliance(rng, 1e-6))
+
+    return apply
+
+
+@pytest.fixture(scope="session")
+def furnish() -> Callable[..., ArmModel]:
+    """Give every joint a housing, a law about its axis and two across it; for a model that has bearings already."""
+
+    def apply(model: ArmModel, rng: np.random.Generator) -> ArmModel:
+        def law(level: float) -> LawSpring:
+            basis = FourierBasis(int(rng.integers(model.robot.dof)), 1)
+            return LawSpring(basis, np.array([level, *rng.uniform(-0.4, 0.4, 2)]))
+
+        def laws() -> tuple[tuple[int, LawSpring], ...]:
+            return tuple((row, law(18.0 if row < 3 else 14.0)) for row in rng.permutation(5)[:2].tolist())
+
+        def joint(old: JointPart) -> JointPart:
+            # What couples the bearing with the axis is scaled to the stiffest that the law gets, ln k = 14.4 at most.
+            bearing, axial = old.bearing.copy(), old.axial.compliance(np.zeros((1, model.robot.dof)))[0]
+            less = min(np.sqrt(np.exp(-14.4) / axial), 1.0)
+            bearing[5], bearing[:, 5] = less * bearing[5], less * bearing[:, 5]
+            return replace(old, axial=law(13.5), bearing=bearing, housing=_compliance(rng, 1e-6), laws=laws())
+
+        return replace(model, joints=tuple(joint(j) for j in model.joints))
 
     return apply

@@ -7,7 +7,6 @@ import pytest
 
 import fem
 from fem.free.parameters import parameter
-from fem.reference.direct import deflection_direct
 from robots import InputError, load_description
 from robots.schema.description import ModelDescription
 
@@ -53,11 +52,6 @@ def test_at_each_angle_it_is_the_constant_of_that_angle(model: fem.ArmModel, rng
 
 def test_rigid_joints_have_no_laws(model: fem.ArmModel) -> None:
     assert not fem.compliance(model.with_rigid_joints(), np.zeros((1, 6))).any()
-
-
-def test_codes_with_one_matrix_a_joint_refuse_it(model: fem.ArmModel) -> None:
-    with pytest.raises(InputError, match="bearing_laws of joint j2"):
-        deflection_direct(model, np.zeros((1, 6)), np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]))
 
 
 def test_a_direction_with_a_law_is_no_free_constant(model: fem.ArmModel) -> None:

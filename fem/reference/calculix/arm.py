@@ -28,18 +28,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fem.model import ArmModel, LinkPart, independent_springs
+from fem.compiled.compliance import deflection
+from fem.model import ArmModel, LinkPart
 from fem.reference.calculix.deck import Deck, Freedom, ascii_text, number, safe_name
 from fem.reference.calculix.links import Motion, add_link, follow
-from fem.reference.shell_arm import all_links, both, one_pose, shell_of
-from fem.statics.flexibility import deflection
+from fem.reference.chain import Springs, build_chain
+from fem.reference.shell_arm import all_links, one_pose, shell_of
 from robots import InputError
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from robots.kinematics import BodyFrames, forward_kinematics, tool_position
+from robots.kinematics import forward_kinematics, tool_position
 
 # Names of the six directions of a joint, the base or the tool.
 DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
+# What the names of sets begin with; axes and bearings with J.
+KINDS = {"elbow": "ELBOW", "housing": "H", "law": "LAW"}
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,7 @@ class ArmDeck:
     """A CalculiX input and what it should give.
 
     ``sets``: meaning of each set by name. ``tool``: numbers of the tool point's node and rotation node.
-    ``displacement`` (6,): what :func:`fem.statics.flexibility.deflection` gives for the tool point, m and rad, base
-    axes.
+    ``displacement`` (6,): what :func:`fem.deflection` gives for the tool point, m and rad, base axes.
     """
 
     text: str
@@ -69,9 +71,15 @@ class _Arm:
     links: int = 0
     scalars: list[int] = field(default_factory=list)
 
-    def link(self, link: LinkPart, root: Motion, R: Array, origin: Array) -> dict[str, Motion]:
+    def ground(self) -> Motion:
+        return Motion((), np.zeros((6, 0)))
+
+    def carried(self, motion: Motion, r: Array) -> Motion:
+        return motion.carried(r[0])
+
+    def linked(self, link: LinkPart, root: Motion, R: Array, origin: Array) -> dict[str, Motion]:
         self.links += 1
-        return add_link(self.deck, link, self.links, root, R, origin)
+        return add_link(self.deck, link, self.links, root, R[0], origin[0])
 
     def scalar(self, name: str, what: str, at: Array, stiffness: float | None) -> Freedom:
         """A node at ``at`` (3,) m whose direction 1 is a relative motion, with its spring (N/mm, N mm/rad)."""
@@ -79,44 +87,35 @@ class _Arm:
         self.scalars.append(freedom[0])
         return freedom
 
-    def springs(self, motion: Motion, name: str, R: Array, at: Array, springs: tuple[Array, Array]) -> Motion:
-        """Add springs: directions (6, k) in axes R (3, 3), SI, and their stiffnesses (k,) N/m or N m/rad."""
-        for k, (direction, stiffness) in enumerate(zip(springs[0].T, springs[1].tolist(), strict=True)):
+    def sprung(self, motion: Motion, springs: Springs) -> Motion:
+        """A scalar freedom for each direction, whose spring is in SI; none where the direction is free."""
+        name, at = self._name(springs), springs.at[0]
+        if springs.where in ("axis", "elbow"):
+            return self._turned(motion, springs, name, at)
+        given = np.broadcast_to(springs.directions, (1, *springs.directions.shape[-2:]))[0]
+        columns = zip(given.T, springs.turned[0].T, springs.stiffness[0].tolist(), strict=True)
+        for k, (direction, column, stiffness) in enumerate(columns):
             shift = not direction[3:].any()
             label = DIRECTIONS[int(np.argmax(direction))] if np.sum(direction != 0.0) == 1 else f"S{k + 1}"
-            unit = "mm" if shift else "rad"
-            column = both(R) @ direction
-            if shift:
-                stiffness /= M_TO_MM
-            else:
-                column[:3] *= M_TO_MM
-                stiffness *= M_TO_MM
+            unit, scale = ("mm", 1.0 / M_TO_MM) if shift else ("rad", M_TO_MM)
+            way = column if shift else column * ([M_TO_MM] * 3 + [1.0] * 3)
             what = f"relative motion {label.lower()} ({unit}) of {name.lower()}, its own axes"
-            motion = motion.plus(self.scalar(f"{name}_{label}", what, at, stiffness), column)
+            motion = motion.plus(self.scalar(f"{name}_{label}", what, at, scale * stiffness), way)
         return motion
 
-    def turn(self, motion: Motion, joint: int, axis: Array, at: Array, q: Array, *, free: bool = False) -> Motion:
-        """Turn about a joint's axis against its spring, or freely as a parallelogram's elbow does."""
-        part = self.model.joints[joint]
-        compliance = float(part.axial.compliance(q)[0])
-        if not free and compliance == 0.0:
-            return motion
-        what = f"the turn (rad) about the axis of joint {ascii_text(part.name)}"
+    def _turned(self, motion: Motion, springs: Springs, name: str, at: Array) -> Motion:
+        """A turn about a joint's axis."""
+        assert springs.joint is not None  # noqa: S101 - axes belong to joints
+        free = springs.where == "elbow"
+        what = f"the turn (rad) about the axis of joint {ascii_text(self.model.joints[springs.joint].name)}"
         what += "; it is free, for the actuator sits at the crank" if free else ""
-        name = _name("ELBOW" if free else "J", joint + 1, part.name)
-        freedom = self.scalar(name, what, at, None if free else M_TO_MM / compliance)
-        return motion.plus(freedom, np.concatenate([np.zeros(3), axis]))
+        freedom = self.scalar(name, what, at, None if free else M_TO_MM * float(springs.stiffness[0, 0]))
+        return motion.plus(freedom, springs.turned[0, :, 0])
 
-    def joint(self, motion: Motion, joint: int, R: Array, at: Array, q: Array, *, free: bool) -> Motion:
-        """A joint and its bearing, axes R (3, 3) with z along the joint's."""
-        part = self.model.joints[joint]
-        name = _name("J", joint + 1, part.name)
-        if part.is_coupled:
-            C = part.bearing.copy()
-            C[5, 5] = part.axial.compliance(q)[0]
-            return self.springs(motion, name, R, at, independent_springs(C))
-        motion = self.turn(motion, joint, R[:, 2], at, q, free=free)
-        return self.springs(motion, name, R, at, part.springs())
+    def _name(self, springs: Springs) -> str:
+        if springs.joint is None:
+            return springs.where.upper()
+        return _name(KINDS.get(springs.where, "J"), springs.joint + 1, self.model.joints[springs.joint].name)
 
 
 def arm_deck(
@@ -138,7 +137,6 @@ def arm_deck(
         Links that are not shells, more than one pose or load, values that are not finite, a flat parallelogram, or
         an interface whose ring has no edges.
     """
-    model.without_housings("CalculiX input")
     pose, loads, at = one_pose(model, q, wrench, point)
     if len(loads) != 1:
         raise InputError("loads of a CalculiX input", value=len(loads), allowed="one")
@@ -148,10 +146,13 @@ def arm_deck(
         shell_of(link)
     expected = deflection(model, pose, loads, at)[0]
     frames = forward_kinematics(model.robot, pose)
-    position = tool_position(model.robot, frames, at)[0]
+    position = tool_position(model.robot, frames, at)
     arm = _Arm(model)
-    motion = _chain(arm, frames, pose, position)
-    tool = _tool(arm.deck, motion, position)
+    chain = build_chain(model, frames, pose, position, arm)
+    p = model.robot.parallelogram
+    if chain.pins is not None and p is not None:
+        _bar(arm, *chain.pins, chain.span[0], frames.p[0, p.crank_about + 1])
+    tool = _tool(arm.deck, chain.tool, position[0])
     if arm.scalars:
         arm.deck.node_set(arm.scalars, "SCALARS", "the scalar freedoms of joints and bar")
     header = [*title, *_header(arm.deck, loads[0], expected)]
@@ -163,43 +164,6 @@ def arm_deck(
 def _name(kind: str, number: int, name: str) -> str:
     """Name of a set: the number keeps apart what looks alike once it is spelt in ASCII."""
     return f"{kind}{number}_{safe_name(name)}".rstrip("_")
-
-
-def _chain(arm: _Arm, frames: BodyFrames, q: Array, tool: Array) -> Motion:
-    """Walk down the chain, then tie the bar; returns the tool's motion."""
-    model, robot = arm.model, arm.model.robot
-    links = {link.body: link for link in model.links}
-    p = robot.parallelogram if model.bar is not None else None
-    R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
-    motion, at = Motion((), np.zeros((6, 0))), np.zeros(3)
-    motion = arm.springs(motion, "BASE", R[0], at, independent_springs(model.base))
-    crank = pin = None
-    for body in range(robot.dof + 1):
-        tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
-        if body > 0:
-            joint = body - 1
-            motion = motion.carried(origin[body] - at)
-            if p is not None and joint == p.crank_about:
-                turned = arm.turn(motion, p.driven, axis[p.driven], origin[body], q)
-                crank = _crank(arm, turned, R[p.driven + 1], origin[body])
-            free = p is not None and joint == p.driven
-            motion = arm.joint(motion, joint, R[body] @ robot.R_post[joint].T, origin[body], q, free=free)
-        link = links.get(body)
-        ends = {} if link is None else arm.link(link, motion, R[body], origin[body])
-        if p is not None and body == p.driven + 1:
-            pin = ends.get("pin", motion.carried(R[body] @ p.pin))
-        motion, at = ends.get("tip", motion.carried(tip - origin[body])), tip
-    if p is not None and crank is not None and pin is not None:
-        _bar(arm, crank, pin, origin[p.driven + 1] - origin[p.crank_about + 1], frames.p[0, p.crank_about + 1])
-    return arm.springs(motion.carried(tool - at), "TOOL", frames.R_flange[0], tool, independent_springs(model.tool))
-
-
-def _crank(arm: _Arm, motion: Motion, R: Array, origin: Array) -> Motion:
-    assert arm.model.bar is not None and arm.model.robot.parallelogram is not None  # noqa: S101, PT018
-    crank = arm.model.bar.crank
-    if crank is None:
-        return motion.carried(R @ arm.model.robot.parallelogram.pin)
-    return arm.link(crank, motion, R, origin)["tip"]
 
 
 def _bar(arm: _Arm, crank: Motion, pin: Motion, span: Array, at: Array) -> None:

@@ -17,7 +17,7 @@ class Number:
 
     ``value``: inf where nothing of a stiffness acts; ``sd``: None where the number was chosen from a grid; ``low``,
     ``high``: 95 % interval, of which an end is infinite where the readings set none. All in ``unit``.
-    ``plausible``: range expected beforehand, of the size where the number is ``signed``.
+    ``plausible``: range expected beforehand, of the size where the number is ``signed``; ``meaning``: in words.
     """
 
     code: str
@@ -30,6 +30,7 @@ class Number:
     plausible: tuple[float, float]
     signed: bool
     role: str
+    meaning: str
 
     @property
     def code_and_name(self) -> str:
@@ -63,4 +64,4 @@ def _number(placed: PlacedEffect, index: int, p: EffectParameter, sd: float | No
         else:
             ends, shown = (low / scale, high / scale), sd / scale
     plausible = (p.lower / scale, p.upper / scale)
-    return Number(placed.effect.code, p.name, value, shown, *ends, p.unit, plausible, p.signed, p.role)
+    return Number(placed.effect.code, p.name, value, shown, *ends, p.unit, plausible, p.signed, p.role, p.meaning)

@@ -19,8 +19,6 @@ from robots.constants import NORMAL_95
 
 Axis = Literal["torque", "angle"]
 
-TORQUE_LAWS = ("hardening", "softening", "backlash", "friction")
-ANGLE_LAWS = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
 POINTS = 181
 # Readings that a law moves by less than this share of the most tell too little about it to be drawn.
 LEVER = 0.25
@@ -51,12 +49,10 @@ class LawCurve:
 def curve_of(state: State, number: int) -> LawCurve | None:
     """The curve of an accepted effect (its place among them); None if it is no law of one joint."""
     placed = state.setting.accepted[number]
-    family, _, joint = placed.effect.code.partition(":")
-    if placed.effect.own or joint not in state.setting.model.robot.joint_names:
+    joint, axis = placed.effect.place, placed.effect.drawn_over
+    if axis is None or joint not in state.setting.model.robot.joint_names:
         return None
-    if family in TORQUE_LAWS:
-        return _over_torque(state, number, placed, joint)
-    return _over_angle(state, number, placed, joint) if family in ANGLE_LAWS else None
+    return (_over_torque if axis == "torque" else _over_angle)(state, number, placed, joint)
 
 
 @dataclass(frozen=True)

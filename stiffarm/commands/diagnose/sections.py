@@ -10,7 +10,6 @@ from doe.diagnosis.diagnose import State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.where import labels_of, least_rms_mm, noise_floor_mm
 from stiffarm.commands.diagnose import words
-from stiffarm.commands.diagnose.effect_meanings import meaning_of
 from stiffarm.commands.diagnose.effect_numbers import numbers_of
 from stiffarm.commands.diagnose.figures.laws import law_figure, numbers_figure
 from stiffarm.commands.diagnose.figures.match import Fit, gap_figure, match_figure, residuals_figure
@@ -115,14 +114,14 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
         head = " (provisional)" if f.code in provisional else ""
         blocks.append(Text(f"{f.placed.effect.words[0].upper()}{f.placed.effect.words[1:]} ({f.code}){head}."))
         rows = tuple(
-            (n.name, words.value_text(n), words.interval_text(n), words.plausible_text(n), meaning_of(f.code, n.name))
+            (n.name, words.value_text(n), words.interval_text(n), words.plausible_text(n), n.meaning)
             for n in numbers if n.code == f.code
         )  # fmt: skip
         if rows:
             heads = ("number", "value", "95 % interval", "thought plausible", "what it is")
             blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4)))
         if curve is not None:
-            friction = f.code.startswith("friction")
+            friction = f.placed.effect.needs_history
             loop = "The way up differs from the way down by what friction holds back. " if friction else ""
             blocks.append(
                 pictures.add(

@@ -16,7 +16,8 @@ from doe.diagnosis.where import spread
 from doe.estimation.estimate import Estimate, estimate
 from doe.estimation.noise import MOST_SHARE, Noise, origin, within_readings
 from doe.estimation.problem import Problem, problem
-from doe.tables.measurements import Measurements, bundled_data, read_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import bundled_data, read_measurements
 from fem import ArmModel
 from fem.free.parameters import parameter
 from robots import load_description

@@ -11,7 +11,8 @@ from table_cases import THREE_WAYS, Arm, campaign, plain_arm, table, with_spring
 from doe.published.readings import select_loads
 from doe.tables.frozen import refuse_frozen
 from doe.tables.joined import join
-from doe.tables.measurements import Measurements, bundled_data, read_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import bundled_data, read_measurements
 from fem import deflection
 from robots import InputError, InputErrors
 

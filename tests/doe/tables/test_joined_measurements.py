@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from doe.tables.joined import files_of, join
-from doe.tables.measurements import Measurements, read_measurements, write_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import read_measurements, write_measurements
 from robots import InputError, InputErrors, Robot, load_robot
 
 HEAD = "pose,q2_deg,q3real_deg,fz_N,dz_mm,repeat"

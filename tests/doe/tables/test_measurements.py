@@ -13,7 +13,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from doe.tables.measurements import Measurements, bundled_data, read_measurements, write_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import bundled_data, read_measurements, write_measurements
 from robots import InputError, InputErrors, Robot, load_robot
 from robots.arrays import Array
 

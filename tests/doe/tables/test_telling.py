@@ -11,7 +11,8 @@ from table_cases import DOWN, THREE_WAYS, Arm, campaign, plain_arm, spoilt, tabl
 
 from doe.estimation.problem import problem
 from doe.published.readings import select_loads
-from doe.tables.measurements import Measurements, bundled_data, read_measurements
+from doe.tables.measurements import Measurements
+from doe.tables.reading import bundled_data, read_measurements
 from doe.tables.telling import LEVEL, Told, refuse_telling_nothing, told_by
 from robots import InputError
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fem
+from fem.reference import direct
 from robots import InputError, load_description
 
 
@@ -17,7 +18,7 @@ def test_fast_path_equals_direct_stiffness_with_shell_links(name: str, path: str
     q = rng.uniform(limits[:, 0], limits[:, 1], (400, 6))
     q = q[model.robot.reachable(q)][:100]
     assert len(q) == 100
-    C, D = fem.compliance(model, q), fem.compliance_direct(model, q)
+    C, D = fem.compliance(model, q), direct.compliance(model, q)
     scale = np.sqrt(np.einsum("nii->ni", C))
     # eps times the condition of the direct system, as for beams (tests/fem/reference/test_fast_against_direct.py).
     assert (np.abs(C - D) / (scale[:, :, None] * scale[:, None])).max() < 2e-9
@@ -35,4 +36,4 @@ def test_shell_and_beam_links_of_the_xr701_agree_within_ten_percent() -> None:
 def test_full_assembly_of_shell_links_is_refused_by_the_dense_reference() -> None:
     model = fem.build_model(load_description("kr60-3"), "shell")
     with pytest.raises(InputError, match="shell"):
-        fem.compliance_direct(model, np.zeros((1, 6)), condensed=False)
+        direct.compliance(model, np.zeros((1, 6)), condensed=False)

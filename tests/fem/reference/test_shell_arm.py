@@ -50,11 +50,12 @@ def _difference(a: Array, b: Array) -> float:
 
 
 def test_condensed_path_equals_the_full_solve(
-    arm: tuple[ArmModel, Shells], reachable: Draw, soften: Soften, rng: Random
+    arm: tuple[ArmModel, Shells], reachable: Draw, soften: Soften, furnish: Soften, rng: Random
 ) -> None:
     bare, shells = arm
-    variants = [bare, bare.with_rigid_joints(), soften(bare, rng, other=True)]
-    for model, q in zip(variants, reachable(bare.robot, 3, rng), strict=True):
+    soft = soften(bare, rng, other=True)
+    variants = [bare, bare.with_rigid_joints(), soft, furnish(soft, rng)]
+    for model, q in zip(variants, reachable(bare.robot, 4, rng), strict=True):
         point, w = 0.3 * rng.normal(size=3), rng.normal(size=6) * [500, 500, 500, 100, 100, 100]
         full = solve_shell_arm(model, q, np.vstack([np.eye(6), w]), point, shells=shells)
         C = compliance(model, q[None], point)[0]

@@ -1,4 +1,4 @@
-"""Compiled compliance against the batched statics: the same numbers, whatever the arm is made of."""
+"""Compiled loops against numpy behind `fem.compliance`: the same numbers, whatever the arm is made of."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ import oracles
 import pytest
 from scipy.spatial.transform import Rotation
 
-import fem.compiled.compliance
-from fem import ArmModel, build_model, compliance, fast_compliance, why_not_fast
-from fem.compiled.compliance import SHARE
-from fem.free.law_bases import FourierBasis
+import fem
+from fem import ArmModel, build_model
+from fem.compiled import compliance as compiled
+from fem.compiled.compliance import SHARE, why_not_compiled
 from fem.model import LinkKind, LinkPart
-from fem.springs import ConstantSpring, LawSpring
+from fem.springs import ConstantSpring
+from fem.statics import flexibility
 from robots import InputError, LoadPath, Robot, load_description
 from robots.arrays import Array
 
@@ -25,13 +26,14 @@ from robots.arrays import Array
 pytestmark = pytest.mark.slow
 
 oracles.load("numba")
-kernels = fem.compiled.compliance.kernels()
+kernels = compiled.kernels()
 assert kernels is not None
 BLOCK = kernels.BLOCK
 
 Random = np.random.Generator
 Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]
+Furnish = Callable[..., ArmModel]
 
 ARMS: list[tuple[str, LoadPath]] = [
     ("xr701", "parallelogram"),
@@ -52,8 +54,13 @@ def difference(a: Array, b: Array) -> float:
 
 
 def fast(model: ArmModel, q: Array, point: Array | None = None, threads: int | None = 1) -> Array:
-    assert why_not_fast(model) is None
-    return fast_compliance(model, q, point, threads, fewest=0)
+    assert why_not_compiled(model) is None
+    return fem.compliance(model, q, point, threads=threads)
+
+
+@pytest.fixture(autouse=True)
+def _few_poses_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "FEWEST", 0)
 
 
 def positive(rng: Random, turn: float, points: int = 1) -> Array:
@@ -63,25 +70,14 @@ def positive(rng: Random, turn: float, points: int = 1) -> Array:
     return np.asarray(size[:, None] * (mix @ mix.T + 2.0 * np.eye(6 * points)) / 8.0 * size)
 
 
-def with_everything(model: ArmModel, rng: Random) -> ArmModel:
-    """Each joint with a housing, and laws about its axis and across it; for a model that has bearings already.
-
-    Links become such that their interfaces all move one another: in beams the pin's force does not move the tip.
-    """
-    dof = model.robot.dof
-
-    def law(level: float) -> LawSpring:
-        return LawSpring(FourierBasis(int(rng.integers(dof)), 1), np.array([level, *rng.uniform(-0.4, 0.4, 2)]))
-
-    def laws() -> tuple[tuple[int, LawSpring], ...]:
-        return tuple((row, law(18.0 if row < 3 else 14.0)) for row in rng.permutation(5)[:2].tolist())
+def with_linked(model: ArmModel, rng: Random) -> ArmModel:
+    """Links whose interfaces all move one another: in beams the pin's force does not move the tip."""
 
     def link(part: LinkPart) -> LinkPart:
         F = positive(rng, 1e-7, len(part.element.flexibility) // 6)
         return replace(part, element=replace(part.element, flexibility=F))
 
-    joints = tuple(replace(j, axial=law(13.5), housing=positive(rng, 1e-6), laws=laws()) for j in model.joints)
-    return replace(model, joints=joints, links=tuple(link(part) for part in model.links))
+    return replace(model, links=tuple(link(part) for part in model.links))
 
 
 def askew(robot: Robot, rng: Random) -> Robot:
@@ -131,7 +127,7 @@ def test_bundled_arms(
     model = soften(build_model(load_description(robot), links=links, load_path=path), rng, other=other)
     q = reachable(model.robot, POSES, rng)
     C = fast(model, q)
-    assert difference(C, compliance(model, q)) < EXACT
+    assert difference(C, flexibility.compliance(model, q)) < EXACT
     np.testing.assert_array_equal(C, C.swapaxes(1, 2))
     size = np.sqrt(np.einsum("nii->ni", C))
     # Six springs hold six directions, so the least eigenvalue is above zero; scaled entries are of the order of one.
@@ -141,21 +137,25 @@ def test_bundled_arms(
 @pytest.mark.parametrize("turned", [False, True], ids=["as built", "askew"])
 @pytest.mark.parametrize(("robot", "path"), ARMS)
 def test_all_that_can_give_way(
-    robot: str, path: LoadPath, turned: bool, soften: Soften, reachable: Draw, rng: Random
+    robot: str, path: LoadPath, turned: bool, soften: Soften, furnish: Furnish, reachable: Draw, rng: Random
 ) -> None:
     model = soften(build_model(load_description(robot), links="beam", load_path=path), rng, other=True)
-    model = with_everything(model, rng)
+    model = with_linked(furnish(model, rng), rng)
     q = reachable(model.robot, POSES, rng)
     if turned:
         model = replace(model, robot=askew(model.robot, rng))
     points = 0.3 * rng.normal(size=(POSES, 3))
-    assert difference(fast(model, q, points), compliance(model, q, points)) < EXACT
-    assert difference(fast(model, q, points[0]), compliance(model, q, points[0])) < EXACT
+    assert difference(fast(model, q, points), flexibility.compliance(model, q, points)) < EXACT
+    assert difference(fast(model, q, points[0]), flexibility.compliance(model, q, points[0])) < EXACT
 
 
 @pytest.mark.parametrize("crank_about", [0, 1, 3])
-def test_a_parallelogram_anywhere_in_the_chain(crank_about: int, soften: Soften, reachable: Draw, rng: Random) -> None:
-    model = with_everything(soften(build_model(load_description("xr701"), links="rigid"), rng, other=True), rng)
+def test_a_parallelogram_anywhere_in_the_chain(
+    crank_about: int, soften: Soften, furnish: Furnish, reachable: Draw, rng: Random
+) -> None:
+    model = with_linked(
+        furnish(soften(build_model(load_description("xr701"), links="rigid"), rng, other=True), rng), rng
+    )
     p = model.robot.parallelogram
     assert p is not None
     robot = askew(model.robot, rng)
@@ -164,25 +164,25 @@ def test_a_parallelogram_anywhere_in_the_chain(crank_about: int, soften: Soften,
     robot = replace(robot, T_pre=T_pre, parallelogram=replace(p, driven=crank_about + 1, crank_about=crank_about))
     model = replace(model, robot=robot)
     q = reachable(model.robot, POSES, rng)
-    assert difference(fast(model, q), compliance(model, q)) < EXACT
+    assert difference(fast(model, q), flexibility.compliance(model, q)) < EXACT
 
 
 @pytest.mark.parametrize("dof", [4, 5, 6, 7])
-def test_chains_as_from_a_urdf(dof: int, rng: Random) -> None:
+def test_chains_as_from_a_urdf(dof: int, furnish: Furnish, rng: Random) -> None:
     model = chain(dof, rng)
     q = rng.uniform(-3.0, 3.0, (POSES, dof))
-    assert difference(fast(model, q), compliance(model, q)) < EXACT
-    everything = with_everything(model, rng)
-    assert difference(fast(everything, q), compliance(everything, q)) < EXACT
+    assert difference(fast(model, q), flexibility.compliance(model, q)) < EXACT
+    everything = with_linked(furnish(model, rng), rng)
+    assert difference(fast(everything, q), flexibility.compliance(everything, q)) < EXACT
 
 
 def test_many_turns_of_a_joint(soften: Soften, rng: Random) -> None:
     model = soften(build_model(load_description("kr60-3"), links="rigid"), rng)
     q = rng.uniform(-1e3, 1e3, (POSES, 6))
     # The angle itself is known to 1e-13 rad.
-    assert difference(fast(model, q), compliance(model, q)) < 1e-11
+    assert difference(fast(model, q), flexibility.compliance(model, q)) < 1e-11
     q[3, 2] = 1e15  # the other way
-    np.testing.assert_array_equal(fast(model, q), compliance(model, q))
+    np.testing.assert_array_equal(fast(model, q), flexibility.compliance(model, q))
 
 
 def test_sines_and_cosines_to_the_last_digit(rng: Random) -> None:
@@ -196,8 +196,8 @@ def test_sines_and_cosines_to_the_last_digit(rng: Random) -> None:
         np.testing.assert_allclose(cos, np.cos(angle), rtol=4e-16, atol=2e-16)
 
 
-def test_threads_and_shares_change_no_digit(soften: Soften, reachable: Draw, rng: Random) -> None:
-    model = with_everything(soften(build_model(load_description("xr701")), rng, other=True), rng)
+def test_threads_and_shares_change_no_digit(soften: Soften, furnish: Furnish, reachable: Draw, rng: Random) -> None:
+    model = with_linked(furnish(soften(build_model(load_description("xr701")), rng, other=True), rng), rng)
     n = 3 * SHARE * BLOCK + 5
     q, points = reachable(model.robot, n, rng), rng.normal(size=(n, 3))
     C = fast(model, q, points, threads=3)
@@ -205,7 +205,7 @@ def test_threads_and_shares_change_no_digit(soften: Soften, reachable: Draw, rng
     some = slice(n - 700, n - 100)
     np.testing.assert_array_equal(C[some], fast(model, q[some], points[some]))
     out = np.full_like(C, np.nan)
-    assert fast_compliance(model, q, points, 2, out) is out
+    assert fem.compliance(model, q, points, threads=2, out=out) is out
     np.testing.assert_array_equal(out, C)
 
 
@@ -215,19 +215,25 @@ def test_deflection_and_directional_stiffness(
 ) -> None:
     model = soften(build_model(load_description(robot), load_path=path), rng, other=True)
     q, points = reachable(model.robot, POSES, rng), rng.normal(size=(POSES, 3))
-    size = np.sqrt(np.einsum("nii->ni", compliance(model, q, points)))
+    size = np.sqrt(np.einsum("nii->ni", flexibility.compliance(model, q, points)))
     w = rng.normal(size=(POSES, 6)) * [500, 500, 500, 100, 100, 100]
     for load in (w, w[0]):
-        d = fem.fast_deflection(model, q, load, points, 1, fewest=0)
+        d = fem.deflection(model, q, load, points, threads=1)
         # |C_ij| <= size_i size_j
         bound = size * np.sum(size * np.abs(load), axis=1, keepdims=True)
-        assert (np.abs(d - fem.deflection(model, q, load, points)) / bound).max() < EXACT
+        assert (np.abs(d - flexibility.deflection(model, q, load, points)) / bound).max() < EXACT
     for direction in (None, np.array([1.0, -2.0, 0.5])):
-        k = fem.fast_directional_stiffness(model, q, direction, fewest=0)
-        np.testing.assert_allclose(k, fem.directional_stiffness(model, q, direction), rtol=10 * EXACT)
-    np.testing.assert_array_equal(
-        fem.fast_deflection(model, q[:9], w[0]), fem.deflection(model, q[:9], w[0])
-    )  # few poses: the other way
+        unit = compiled.unit_force(direction)
+        k = fem.directional_stiffness(model, q, direction)
+        np.testing.assert_allclose(1.0 / k, flexibility.deflection(model, q, unit) @ unit, rtol=10 * EXACT)
+
+
+def test_few_poses_go_by_numpy(monkeypatch: pytest.MonkeyPatch, soften: Soften, reachable: Draw, rng: Random) -> None:
+    model = soften(build_model(load_description("kr60-3")), rng)
+    q, w = reachable(model.robot, POSES, rng), rng.normal(size=6)
+    monkeypatch.setattr(compiled, "FEWEST", POSES + 1)
+    np.testing.assert_array_equal(fem.compliance(model, q), flexibility.compliance(model, q))
+    np.testing.assert_array_equal(fem.deflection(model, q, w), flexibility.deflection(model, q, w))
 
 
 def test_arrays_of_any_kind_need_no_second_compilation(soften: Soften, reachable: Draw, rng: Random) -> None:
@@ -246,7 +252,7 @@ def test_another_model_has_its_own_arrays(soften: Soften, reachable: Draw, rng: 
     q = reachable(model.robot, 300, rng)
     for _ in range(3):
         model = soften(model, rng)
-        assert difference(fast(model, q), compliance(model, q)) < EXACT
+        assert difference(fast(model, q), flexibility.compliance(model, q)) < EXACT
 
 
 def test_a_flat_parallelogram_is_refused_in_the_same_words(reachable: Draw, rng: Random) -> None:
@@ -255,11 +261,11 @@ def test_a_flat_parallelogram_is_refused_in_the_same_words(reachable: Draw, rng:
     q = reachable(model.robot, n, rng)
     q[[n - 300, n - 30], 2] = np.pi
     with pytest.raises(InputError, match="flat") as plain:
-        compliance(model, q)
+        flexibility.compliance(model, q)
     for threads in (1, 3):
-        with pytest.raises(InputError) as compiled:
+        with pytest.raises(InputError) as refused:
             fast(model, q, threads=threads)
-        assert str(compiled.value) == str(plain.value)
+        assert str(refused.value) == str(plain.value)
 
 
 def test_bad_input_is_refused_in_the_same_words() -> None:
@@ -267,39 +273,39 @@ def test_bad_input_is_refused_in_the_same_words() -> None:
     q = np.zeros((5, 6))
     q[3, 1] = np.nan
     with pytest.raises(InputError, match="pose 3"):
-        fast_compliance(model, q)
+        fem.compliance(model, q)
     with pytest.raises(InputError, match="tool point"):
-        fast_compliance(model, np.zeros((5, 6)), np.zeros((4, 3)), fewest=0)
+        fem.compliance(model, np.zeros((5, 6)), np.zeros((4, 3)))
     with pytest.raises(InputError, match="out"):
-        fast_compliance(model, np.zeros((5, 6)), out=np.zeros((5, 36)))
+        fem.compliance(model, np.zeros((5, 6)), out=np.zeros((5, 36)))
     with pytest.raises(InputError, match="threads"):
-        fast_compliance(model, np.zeros((5, 6)), threads=0)
+        fem.compliance(model, np.zeros((5, 6)), threads=0)
     with pytest.raises(InputError, match="wrench"):
-        fem.fast_deflection(model, np.zeros((5, 6)), np.zeros(5), fewest=0)
+        fem.deflection(model, np.zeros((5, 6)), np.zeros(5))
     with pytest.raises(InputError, match="load direction"):
-        fem.fast_directional_stiffness(model, np.zeros((5, 6)), np.zeros(3), fewest=0)
+        fem.directional_stiffness(model, np.zeros((5, 6)), np.zeros(3))
     with pytest.raises(InputError, match="rigid in this direction"):
-        fem.fast_directional_stiffness(model.with_rigid_joints(), np.zeros((5, 6)), fewest=0)
+        fem.directional_stiffness(model.with_rigid_joints(), np.zeros((5, 6)))
 
 
 def test_no_poses_and_nothing_that_gives_way() -> None:
     model = build_model(load_description("kr60-3"), links="rigid").with_rigid_joints()
-    assert fast_compliance(model, np.zeros((0, 6)), fewest=0).shape == (0, 6, 6)
+    assert fem.compliance(model, np.zeros((0, 6))).shape == (0, 6, 6)
     assert not fast(model, np.full((3, 6), 0.7)).any()
 
 
 def test_without_numba_it_goes_the_other_way(monkeypatch: pytest.MonkeyPatch) -> None:
     model = build_model(load_description("kr60-3"))
     q = np.full((3, 6), 0.4)
-    monkeypatch.setattr(fem.compiled.compliance, "kernels", lambda: None)
-    assert "numba" in str(why_not_fast(model))
-    np.testing.assert_array_equal(fast_compliance(model, q, fewest=0), compliance(model, q))
+    monkeypatch.setattr(compiled, "kernels", lambda: None)
+    assert "numba" in str(why_not_compiled(model))
+    np.testing.assert_array_equal(fem.compliance(model, q), flexibility.compliance(model, q))
 
 
 def test_few_poses_do_not_load_numba() -> None:
     code = (
         "import sys, fem, numpy as np; from robots import load_description; "
-        "fem.fast_compliance(fem.build_model(load_description('kr60-3')), np.zeros((50, 6))); "
+        "fem.compliance(fem.build_model(load_description('kr60-3')), np.zeros((50, 6))); "
         "sys.exit('numba' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)  # noqa: S603
@@ -310,6 +316,6 @@ def test_a_crank_elsewhere_goes_the_other_way(reachable: Draw, rng: Random) -> N
     assert model.bar is not None
     assert model.bar.crank is not None
     strange = replace(model, bar=replace(model.bar, crank=replace(model.bar.crank, body=2)))
-    assert "crank" in str(why_not_fast(strange))
+    assert "crank" in str(why_not_compiled(strange))
     q = reachable(model.robot, 5, rng)
-    np.testing.assert_array_equal(fast_compliance(strange, q, fewest=0), compliance(strange, q))
+    np.testing.assert_array_equal(fem.compliance(strange, q), flexibility.compliance(strange, q))

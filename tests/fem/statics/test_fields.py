@@ -58,10 +58,11 @@ def arm(request: pytest.FixtureRequest, xr701: Prepared, kr60: Prepared) -> Prep
 
 @pytest.mark.slow
 def test_displacements_of_all_nodes_equal_the_full_solve(
-    arm: Prepared, reachable: Draw, soften: Soften, rng: Random
+    arm: Prepared, reachable: Draw, soften: Soften, furnish: Soften, rng: Random
 ) -> None:
     bare, shells, shapes = arm
-    for model, q in zip((bare, soften(bare, rng, other=True)), reachable(bare.robot, 2, rng), strict=True):
+    soft = soften(bare, rng, other=True)
+    for model, q in zip((bare, soft, furnish(soft, rng)), reachable(bare.robot, 3, rng), strict=True):
         point = 0.3 * rng.normal(size=3)
         fields = arm_fields(model, q, W, point, shapes=shapes)
         full = solve_shell_arm(model, q, W, point, shells=shells)

@@ -13,7 +13,7 @@ from round_trip_cases import CASES, LOAD, NOISE_M, STAGED, Case, Trip, arm, fill
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.model_file.applied import apply_estimates
-from doe.tables.measurements import write_measurements
+from doe.tables.reading import write_measurements
 from fem.effects import build_plain, catalogue
 from fem.free.parameters import Kind, parameter
 from robots import ModelDescription, save_description
