@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from doe import bundled_data, bundled_scheme, read_measurements, select_loads
+from doe import bundled_campaign, bundled_data, read_measurements, select_loads
 from fem import build_model, compliance
 from robots import load_description
 from stiffarm.commands.run import link_models, payload
@@ -19,7 +19,7 @@ from stiffarm.session import inputs
 
 GIVEN = inputs.read_model("xr701", "beam", None)
 DATA = read_measurements(bundled_data("xr701"), GIVEN.robot)
-SCHEME = bundled_scheme("xr701")
+SCHEME = bundled_campaign("xr701")
 BEST = "constant, parallelogram"
 INF, NAN = float("inf"), float("nan")
 
@@ -193,6 +193,6 @@ def test_shells_beside_beams() -> None:
     for path, alone in compared.own.alone_mm.items():
         assert alone == pytest.approx(compared.other.alone_mm[path], rel=0.25)
         assert not np.array_equal(alone, compared.other.alone_mm[path])
-    said = sentences(compared, BEST, SCHEME.gauge_mm)
+    said = sentences(compared, BEST, SCHEME.noise.gauge_mm)
     assert "shells" in said[0]
     assert "beams" in said[0]
