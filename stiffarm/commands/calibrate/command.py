@@ -15,7 +15,6 @@ from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.commands.plan.options import parse_parameters
 from stiffarm.session import inputs, steps
 from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.effect_words import history_notes
@@ -150,7 +149,7 @@ def calibrate(
         plan = _plan(given, table, scheme_file, staged)
         options = Options(
             names,
-            parse_parameters(free),
+            inputs.parse_parameters(free),
             campaign,
             chosen_loads,
             low,

@@ -99,6 +99,19 @@ def pose_fit(fit: PoseFit) -> dict[str, Any]:
     }
 
 
+def answer(c: Calibrated) -> dict[str, Any]:
+    """What every command says of a calibration: parameters with their intervals, and its errors."""
+    return {
+        "loads_N": list(c.request.loads),
+        "readings": len(c.found.overall),
+        "parameters": parameters(c.found.count),
+        "rms_mm": number(c.rms_mm),
+        "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "springs": {s.joint: spring(s) for s in c.springs},
+        "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],
+    }
+
+
 def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
     """One stage: its numbers, noise, tests, outliers and predictions."""
     r, e = s.result, s.result.estimate

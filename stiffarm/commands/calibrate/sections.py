@@ -16,9 +16,9 @@ from stiffarm.commands.calibrate.laws import curves
 from stiffarm.commands.calibrate.payload import QUANTILES, bootstrap
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.commands.calibrate.tables import outlier_lines
-from stiffarm.commands.plan.words import direction_words
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
+from stiffarm.session.direction_words import direction_words
 from stiffarm.session.noise_words import scatter_name
 
 _BLIND = 1e-9

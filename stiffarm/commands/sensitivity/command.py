@@ -13,7 +13,6 @@ from doe import Measurements
 from doe.estimation.campaign import bundled_campaign, load_campaign
 from doe.estimation.study_plan import Comparison
 from robots import InputError
-from stiffarm.commands.plan.options import parse_parameters
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
 from stiffarm.commands.sensitivity.screening import Method, Study
@@ -112,7 +111,7 @@ def sensitivity(
         options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
-        names = parse_parameters(free)
+        names = inputs.parse_parameters(free)
         given, table, files = open_measured(
             model, data, links, load_path, without="the sensitivities", confirm_units=confirm_units
         )

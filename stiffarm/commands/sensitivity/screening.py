@@ -20,7 +20,7 @@ from fem.statics.loads import as_loaded
 from robots import InputError
 from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import names_joint_spring, spoken_unit
-from stiffarm.commands.plan.words import direction_words
+from stiffarm.session.direction_words import direction_words
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 

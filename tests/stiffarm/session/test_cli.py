@@ -184,7 +184,7 @@ def test_a_second_calibration_into_the_folder_keeps_the_first(cli: Command, tmp_
 def test_a_scheme_file_serves_the_global_calibration_too(cli: Command, tmp_path: Path) -> None:
     bundled = (ROOT / "doe" / "schemes" / "xr701.toml").read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(
-        bundled.replace('[compare.global]\njoints = ["j2", "j3", "j4", "j5"]', '[compare.global]\njoints = ["j2", "j3"]'),
+        bundled.replace('global]\njoints = ["j2", "j3", "j4", "j5"]', 'global]\njoints = ["j2", "j3"]'),
         encoding="utf-8",
     )
     outcome = cli("calibrate", "xr701", "--scheme", "global", "--scheme-file", "mine.toml", "--out", "out", "--json")
