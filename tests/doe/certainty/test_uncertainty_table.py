@@ -59,7 +59,8 @@ def test_springs_at_a_bound_stand_beside_the_covariance(nine: Measurements, tmp_
     answer = propagate(build_model(written, "rigid"), u, data.q)
     assert answer.matters == ("j5.stiffness",)
     assert answer.is_lower_bound.any()
-    assert (u.degrees_of_freedom == 5.0).all()
+    # White noise alone leaves readings less parameters, by Satterthwaite's formula: rounding.
+    assert u.degrees_of_freedom == pytest.approx(5.0, rel=1e-9)
     # Joint 4 is told by one side only: its interval is open to rigid, its variance is not.
     assert u.status[2] == "one-sided"
     assert math.isinf(estimates[2].interval[1])

@@ -95,7 +95,7 @@ def test_global_calibration_reaches_its_rms(
     result = outcome.json
     assert result["rms_mm"] == pytest.approx(rms_mm, abs=half_a_digit)
     assert (result["load_path"], result["links"], result["scheme"]) == (load_path, links, "global")
-    assert (result["readings"], result["parameters"]) == (9, 4)
+    assert (result["readings"], result["parameters"]["free"]) == (9, 4)
     residuals = [p["measured"] - p["simulated"] for p in result["poses"]]
     # Six significant digits in the file: 5e-6 mm on readings of up to 2 mm.
     assert np.sqrt(np.mean(np.square(residuals))) == pytest.approx(result["rms_mm"], abs=1e-5)

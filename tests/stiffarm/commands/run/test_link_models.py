@@ -119,9 +119,7 @@ def test_a_spring_at_a_bound_has_no_change() -> None:
 
 def test_poses_are_counted_once_and_only_where_both_predict() -> None:
     def variant(*error: float) -> SimpleNamespace:
-        return SimpleNamespace(
-            system=SimpleNamespace(pose=("a", "a", "b", "c")), left_out=SimpleNamespace(error_m=np.array(error))
-        )
+        return SimpleNamespace(pose=("a", "a", "b", "c"), left_out=np.array(error))
 
     # Pose a: 1 + 1 against 4 + 0; b: worse; c: not predicted by one of them.
     pair = Pair(variant(1, 1, 2, 1), variant(2, 0, 1, NAN), ())  # type: ignore[arg-type]
