@@ -39,12 +39,12 @@ COMMANDS: dict[str, str] = {
     "plan": "plan xr701 --poses 3 --out {plan}",
     "fit": "fit {global}/model.toml --out {fit}",
     "query": "query {fit}/surrogate.json --pose q2_deg=5,q3real_deg=77.5",
-    "map joints": "map {global}/model.toml --no-pictures --out {map}",
-    "map slice": "map kr60-3 --grid slice --plane xz --pose best-gamma --no-pictures --out {slice}",
-    "map box": "map kr60-3 --grid box --x 600:1400:200 --y -400:400:200 --z 200:1200:250 --no-pictures --out {box}",
-    "map cylinder": "map kr60-3 --grid cylinder --r 600:1400:200 --phi -90:90:45 --z 200:1200:250 --no-pictures "
+    "map joints": "map joints {global}/model.toml --no-pictures --out {map}",
+    "map slice": "map slice kr60-3 --plane xz --pose best-gamma --no-pictures --out {slice}",
+    "map box": "map box kr60-3 --x 600:1400:200 --y -400:400:200 --z 200:1200:250 --no-pictures --out {box}",
+    "map cylinder": "map cylinder kr60-3 --r 600:1400:200 --phi -90:90:45 --z 200:1200:250 --no-pictures "
     "--out {cylinder}",
-    "map index": "map kr60-3 --quantity k_fs --x 800:1400:200 --y -200:200:200 --z 600 --tool 200,0,80,0,90,0 "
+    "map index": "map index kr60-3 --quantity k_fs --x 800:1400:200 --y -200:200:200 --z 600 --tool 200,0,80,0,90,0 "
     "--links rigid --out {index-map}",
     "index": "index kr60-3 --pose q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40 --tool 200,0,80,0,90,0 --force 200,200,200",
     "posture": "posture kr60-3 KR60/path.csv --cell KR60/cell.toml --milling KR60/milling.toml --links rigid "

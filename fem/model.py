@@ -11,8 +11,6 @@ import numpy as np
 
 from fem.elements import beam
 from fem.elements.condensation import Superelement, condense
-from fem.elements.couplings import Coupling
-from fem.elements.link_cache import cached_superelement
 from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
 from meshes import (
     BeamMesh,
@@ -29,14 +27,14 @@ from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot
 from robots.arrays import Array
 from robots.robot import robot_from
-from robots.schema.description import Joint, Link, PlaceStiffness
+from robots.schema.description import FlangeCoupling, Joint, Link, PlaceStiffness
 from robots.schema.quantities import Angles, Position, RotationalStiffness
 
 LinkKind = Literal["rigid", "beam", "shell"]
 LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell")
 # Names of parts that are no links.
 PLACES = ("base", "tool", "bar", "crank")
-FLANGES: tuple[Coupling, ...] = ("rigid", "distributing")
+FLANGES: tuple[FlangeCoupling, ...] = ("rigid", "distributing")
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class LinkPart:
     element: Superelement
     mesh: BeamMesh
     shell: ShellMesh | None = None
-    flanges: Mapping[str, Coupling] = field(default_factory=dict)
+    flanges: Mapping[str, FlangeCoupling] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ def build_model(
     description: ModelDescription,
     links: LinkKind = "beam",
     load_path: LoadPath | None = None,
-    flanges: Coupling | None = None,
+    flanges: FlangeCoupling | None = None,
 ) -> ArmModel:
     """Build the mechanical model of a described robot.
 
@@ -261,7 +259,7 @@ def link_part(description: ModelDescription, model: ArmModel, name: str) -> Link
 
 
 def _described_link(
-    description: ModelDescription, robot: Robot, link: Link, kind: LinkKind, flanges: Coupling | None
+    description: ModelDescription, robot: Robot, link: Link, kind: LinkKind, flanges: FlangeCoupling | None
 ) -> LinkPart:
     mesh, body = link_beam_mesh(description, robot, link), body_index(robot, link.body)
     unknown = [name for name in link.flanges if name not in mesh.interfaces]
@@ -274,7 +272,7 @@ def _described_link(
         )
     if kind == "beam":
         return _beam_part(link.name, body, mesh)
-    described: dict[str, Coupling] = {str(name): coupling for name, coupling in link.flanges.items()}
+    described: dict[str, FlangeCoupling] = {str(name): coupling for name, coupling in link.flanges.items()}
     couplings = {name: flanges or described.get(name, "rigid") for name in mesh.interfaces}
     return _shell_part(link.name, body, mesh, link_shell_mesh(link, mesh), couplings)
 
@@ -292,7 +290,11 @@ def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
     return LinkPart(name, body, element, mesh)
 
 
-def _shell_part(name: str, body: int, mesh: BeamMesh, shell: ShellMesh, flanges: Mapping[str, Coupling]) -> LinkPart:
+def _shell_part(
+    name: str, body: int, mesh: BeamMesh, shell: ShellMesh, flanges: Mapping[str, FlangeCoupling]
+) -> LinkPart:
+    from fem.elements.link_cache import cached_superelement  # scikit-fem, which shells alone need
+
     return LinkPart(name, body, cached_superelement(shell, mesh.interface_points, flanges), mesh, shell, flanges)
 
 
@@ -323,7 +325,7 @@ def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
     return part
 
 
-def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind, flanges: Coupling | None) -> BarPart:
+def _bar_part(description: ModelDescription, robot: Robot, links: LinkKind, flanges: FlangeCoupling | None) -> BarPart:
     p, geometry = description.parallelogram, robot.parallelogram
     if p is None or geometry is None:
         return BarPart(0.0, None)

@@ -13,6 +13,8 @@ from robots.schema.description import Joint, ModelDescription
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
+# Cosine of a pitch below which roll and yaw turn about one axis, as far as a double can tell.
+GIMBAL = 1e-7
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,15 @@ class Robot:
         return out
 
 
+def middle_pose(robot: Robot) -> Array:
+    """A pose (dof,) rad to show the robot in: mid-range, moved towards zero until it can be taken."""
+    zero = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
+    middle = robot.limits.mean(axis=1)
+    trials = middle + np.linspace(0.0, 1.0, 21)[:, None] * (zero - middle)
+    reachable = np.flatnonzero(robot.reachable(trials))
+    return np.asarray(trials[reachable[0] if reachable.size else 0])
+
+
 def _deg(angle: float) -> str:
     return f"{np.degrees(angle):.6g}"
 
@@ -178,6 +189,15 @@ def rotation_rpy(rpy: Array) -> Array:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+def rpy_of(R: Array) -> Array:
+    """The angles (3,) rad of :func:`rotation_rpy`; where the second is a right angle, the third is taken as 0."""
+    level = float(np.hypot(R[0, 0], R[1, 0]))
+    b = np.arctan2(-R[2, 0], level)
+    if level < GIMBAL:  # the first and the third then turn about one axis
+        return np.array([np.arctan2(-R[1, 2], R[1, 1]), b, 0.0])
+    return np.array([np.arctan2(R[2, 1], R[2, 2]), b, np.arctan2(R[1, 0], R[0, 0])])
 
 
 def _rotation_z_to(axis: Array) -> Array:

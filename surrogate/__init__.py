@@ -7,8 +7,8 @@ from robots.lazily import lazily
 if TYPE_CHECKING:
     from surrogate.arm_scope import scope_of
     from surrogate.asking import QueryResult, full_poses, query
-    from surrogate.maps.sweep import default_sweep, sweep_map
-    from surrogate.maps.vtk_files import StiffnessMap, read_vtu, write_vtu
+    from surrogate.maps.data import MapData
+    from surrogate.maps.layouts import default_sweep
     from surrogate.model import (
         ErrorFigures,
         Quantity,
@@ -25,9 +25,9 @@ else:
 
 __all__ = [
     "ErrorFigures",
+    "MapData",
     "Quantity",
     "QueryResult",
-    "StiffnessMap",
     "Surrogate",
     "Task",
     "Trained",
@@ -38,11 +38,8 @@ __all__ = [
     "predict",
     "predict_compliance",
     "query",
-    "read_vtu",
     "save_surrogate",
     "scope_of",
-    "sweep_map",
     "task_of",
     "train",
-    "write_vtu",
 ]

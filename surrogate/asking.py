@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from doe.tables.arm_class import usual_load
 from fem.statics.small_displacements import beyond_small, refuse_beyond
 from robots import Robot
+from robots.arm_class import usual_load
 from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.errors import InputError

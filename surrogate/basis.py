@@ -9,7 +9,6 @@ from math import comb
 from typing import Literal, get_args
 
 import numpy as np
-from sklearn.preprocessing import PolynomialFeatures
 
 from robots.arrays import Array, Integers
 from robots.errors import InputError
@@ -98,6 +97,8 @@ def polynomial_basis(lower: Array, upper: Array, degree: int = 6, periodic: tupl
     lo, hi, turns = _box(lower, upper, periodic)
     k = len(lo)
     check_size("polynomial", degree, k)
+    from sklearn.preprocessing import PolynomialFeatures  # takes a second to import, and no query needs it
+
     powers = PolynomialFeatures(degree).fit(np.zeros((1, k))).powers_
     families = tuple(polynomial_family(a, b, degree, periodic=p) for a, b, p in zip(lo, hi, turns, strict=True))
     return Basis("polynomial", degree, families, sorted_terms(powers))

@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from robots.arrays import Array, Bools
 from robots.errors import InputError
@@ -136,6 +135,8 @@ def _leverage(basis: Basis, Q: Array) -> Expansion:
     small = basis.take(order[: min(_LEVERAGE_TERMS, basis.n_terms, len(Q) // 2)])
     # Terms that these poses cannot tell apart are left out, so that no leverage is infinite.
     A = small.design(Q) / np.sqrt(len(Q))
+    import scipy.linalg  # which queries do not need
+
     _, R, pivots = scipy.linalg.qr(A, mode="economic", pivoting=True)
     rank = int(np.count_nonzero(np.abs(np.diag(R)) > 1e-8 * abs(R[0, 0])))
     kept = np.sort(pivots[:rank])

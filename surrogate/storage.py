@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field
 
 from robots import Robot
 from robots.arrays import Array
-from robots.errors import InputError, InputErrors
+from robots.errors import InputError
 from robots.files.reading import parse_json, read_text
+from robots.files.validated import validated
 from robots.files.written import write_whole
 from robots.schema.quantities import Strict
 from surrogate.error_bars import ErrorBars, ParameterBars
@@ -168,11 +169,7 @@ def load_surrogate(path: str | Path) -> Surrogate:
     if not isinstance(data, dict):
         raise InputError(f"{where}", value=type(data).__name__, allowed="a JSON object", remedy=_REFIT)
     _check_version(where, data.get("schema"))
-    try:
-        file = _File.model_validate(data)
-    except ValidationError as error:
-        faults = [InputError(f"{where}: {'.'.join(map(str, item['loc']))}: {item['msg']}") for item in error.errors()]
-        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+    file = validated(_File, data, where, missing=_REFIT, remedy=_REFIT)
     try:
         surrogate = _surrogate(file)
     except (ValueError, OverflowError) as error:

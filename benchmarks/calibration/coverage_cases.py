@@ -166,9 +166,9 @@ def poses_of(model: ArmModel, n: int, rng: np.random.Generator) -> Array:
 
 def drawn(p: Parameter, rng: np.random.Generator) -> float:
     """A plausible value, as the estimator's variable."""
-    if p.kind == "law":
+    if p.kind.of_law:
         return float(np.log(10.0 ** rng.uniform(5.5, 6.3))) if p.index == (0,) else float(VARYING * rng.normal() / 1.5)
-    if p.kind == "zero":
+    if p.kind.shifts == "zero":
         return float(ZERO * rng.normal())
     low, high = ROTATION if p.index == (5,) else (TILT if p.index[0] > 2 else SHIFT)
     return p.inner(float(low * (high / low) ** rng.uniform()))

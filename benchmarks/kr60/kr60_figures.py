@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from machining.stiffness.units import shown as shown_as
 from robots.arrays import Array
-from stiffarm.commands.index.units import shown as shown_as
 from stiffarm.commands.maps.index.figures import HATCH, HATCH_INK, NOTHING, axis_of, value_bar
 from stiffarm.pages.figure_parts import log_ticks
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, colour_scale, house_style, new_figure

@@ -157,11 +157,11 @@ def _bound(uncertainty: ParameterUncertainty, model: ArmModel) -> Bound:
     acting = tuple(e for e in effects if e.effect.stage == "model")
     codes = {e.effect.code for e in acting}
     asked = [every.parameters[k] for k in every.columns]
-    acts = np.array([p.kind != "effect" or p.place in codes for p in asked], dtype=np.bool_)
+    acts = np.array([not p.kind.of_effect or p.place in codes for p in asked], dtype=np.bool_)
     numbers = named_numbers(plain, [name for name, yes in zip(names, acts, strict=True) if yes], acting)
     columns = np.full(len(names), -1, dtype=np.intp)
     columns[acts] = numbers.columns
-    walls = wall_flexibilities(description, plain, [p.place for p in numbers.parameters if p.kind == "wall"])
+    walls = wall_flexibilities(description, plain, numbers.parameters)
     together = tuple(_together(uncertainty.names, row) for row in uncertainty.directions)
     left_open = (*(u.name for u in uncertainty.undetermined), *together)
     return Bound(plain, numbers, acting, walls, names, columns, _sizes(uncertainty, asked, every), left_open)
@@ -179,7 +179,7 @@ def _sizes(uncertainty: ParameterUncertainty, asked: list[Parameter], every: Nam
     limits = [(None, None)] * p + [(one.low, one.high) for one in uncertainty.undetermined]
     out = np.empty(len(asked))
     for k, (one, (low, high)) in enumerate(zip(asked, limits, strict=True)):
-        if one.kind == "law" or one.scale == "log":
+        if one.is_logarithm:
             out[k] = 1.0
         elif one.scale == "compliance":
             softest = 0.0 if low is None or low <= 0.0 else 1.0 / low

@@ -324,6 +324,6 @@ def _bent(bound: Bound, uncertainty: ParameterUncertainty, q: Array, G: Array) -
             share = np.abs(np.sum(G[:, mine] * B, axis=1)) / np.maximum(np.sum(B**2, axis=1), 1e-300)
             out |= (sd > ROUGH) & (share > SHARE)
     for k in np.flatnonzero(columns >= 0):
-        if parameters[columns[k]].kind == "wall":
+        if parameters[columns[k]].kind.has_sections:
             out |= (WALL_POWER * np.sqrt(uncertainty.covariance[k, k]) > ROUGH) & (np.abs(G[:, k]) > SHARE)
     return out

@@ -204,7 +204,7 @@ def _after(
     estimates = found.certainty.estimates
     description = apply_estimates(description, estimates, found.laws, points=points)
     springs = {e.parameter.place: e.value for e in estimates if not math.isnan(e.value)}
-    if all(e.parameter.is_joint_spring for e in estimates):
+    if all(e.parameter.spring_of is not None for e in estimates):
         return description, model.with_springs(springs)
     return description, build(description)
 
@@ -272,7 +272,7 @@ def _run_stage(
     used, (model, effects, history) = readings_of(data, stage), arm
     then = history_of_part(data, lambda whole: readings_of(whole, stage), history)
     parameters, laws = campaign.free(model, stage.parameters, effects)
-    walls = wall_flexibilities(description, model, [p.place for p in parameters if p.kind == "wall"])
+    walls = wall_flexibilities(description, model, parameters)
     p = problem(model, used, parameters, laws, walls, effects, then)
     gauge = (campaign.noise.gauge_mm * 1e-3, campaign.noise.gauge_mrad * 1e-3)
     file = hashlib.sha256(f"{key}:{model.link_kind}:{model.load_path}:{stage.model_dump_json()}".encode()).hexdigest()

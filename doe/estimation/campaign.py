@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, PositiveFloat, Tag, ValidationError, model_validator
+from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
 
 from doe.estimation.study_plan import Comparison, RegressionChoice, SpringRange
 from fem import ArmModel
@@ -22,18 +22,14 @@ from fem.effects.base import PlacedEffect
 from fem.free.law_bases import Basis, FourierBasis, TableBasis
 from fem.free.laws import FreeLaw, law_parameters, polynomial_basis
 from fem.free.parameters import Parameter, parameter
-from robots import InputError, InputErrors, Robot
+from robots import InputError, Robot
 from robots.files.reading import parse_toml, read_text
+from robots.files.validated import validated
 from robots.schema.quantities import Strict
 
 SCHEMA: Literal["stiffarm-calibration/1"] = "stiffarm-calibration/1"
 # With fewer levels the neighbours of the best one are the whole grid, and nothing gets finer.
 FEWEST_LEVELS, MOST_RUNS = 4, 20_000
-
-_WORDS = {
-    "missing": ("this key is missing", "add it"),
-    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
-}
 
 
 class Prior(Strict):
@@ -268,11 +264,7 @@ def parse_campaign(text: str, where: str) -> Campaign:
             "['j2.law'] for joints = ['j2'], bounds under [springs], gauge_mm under [noise], the rest under [compare]; "
             "docs/reference/calibration_files.md shows one",
         )
-    try:
-        return Campaign.model_validate(data)
-    except ValidationError as error:
-        faults = [_fault(where, item) for item in error.errors()]
-        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+    return validated(Campaign, data, where)
 
 
 def campaign_of(robot: str, names: tuple[str, ...]) -> Campaign:
@@ -280,16 +272,6 @@ def campaign_of(robot: str, names: tuple[str, ...]) -> Campaign:
     return Campaign(
         schema=SCHEMA, robot=robot, title=f"{len(names)} numbers at once", parameter=tuple(Freed(name=n) for n in names)
     )
-
-
-def _fault(where: str, item: Any) -> InputError:
-    message, remedy = _WORDS.get(
-        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
-    )
-    value = item["input"]
-    shown = value if isinstance(value, str | int | float | list) else None
-    place = ".".join(map(str, item["loc"])) or "file"
-    return InputError(f"{where}: {place}: {message}", value=shown, remedy=remedy)
 
 
 def _parameter(model: ArmModel, freed: Freed, effects: Sequence[PlacedEffect]) -> Parameter:

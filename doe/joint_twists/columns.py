@@ -11,9 +11,10 @@ import numpy as np
 
 from doe.tables import columns as mc
 from doe.tables.checks import joint_keys
-from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, Faults, RawTable
+from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, RawTable
 from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, Indices
+from robots.faults import Faults
 
 # Per row, of translations and of rotations.
 SIGMAS: Final = ("sigma_mm", "sigma_twist_mrad")

@@ -17,9 +17,10 @@ from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells, in_flange_ax
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflectors import Motion, motion, relative
 from doe.tables import columns as mc
-from doe.tables.columns import Columns, Faults, RawTable
+from doe.tables.columns import Columns, RawTable
 from robots import InputError, Robot, forward_kinematics
 from robots.arrays import Array, Indices
+from robots.faults import Faults
 
 # A reflector that moved further under the load was knocked, or two were mixed up.
 FARTHEST_M = 0.05
@@ -54,7 +55,7 @@ def assemble_reflectors(
         faults.add(table.lines[i], "columns x_mm y_mm z_mm, the reflector moved by more than "
                    f"{1e3 * FARTHEST_M:g} mm", value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
                    allowed="displacements under load", remedy="check units and the reflector's label")  # fmt: skip
-    faults.raise_if_any()
+    faults.raise_if_any("measurements")
     frames = forward_kinematics(robot, cells.q)
     fits = []
     for rows in _groups(label):
@@ -68,7 +69,7 @@ def assemble_reflectors(
             fits.append(_fit(rows, unloaded, loaded, arm, frames.p[rows[0], j + 1], R, f"reading {label[rows[0]]}"))
         except InputError as error:
             faults.record(table.lines[rows[0]], error)
-    faults.raise_if_any()
+    faults.raise_if_any("measurements")
     first = np.array([fit.row for fit in fits], dtype=np.intp)
     noise, note = _noise(fits, sigma[first])
     covariance = np.array([np.diag(fit.covariance) for fit in fits])

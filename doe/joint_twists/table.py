@@ -20,9 +20,10 @@ from doe.joint_twists.columns import (
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflector_table import assemble_reflectors
 from doe.tables import columns as mc
-from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
+from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, RawTable
 from robots import Robot
 from robots.errors import listed
+from robots.faults import Faults
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
 
@@ -50,11 +51,11 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
     table = mc.read_table(Path(path))
     faults = Faults(table.name)
     columns = find_columns(table, robot, faults)
-    faults.raise_if_any()  # cells of columns that mean something else would only hide it
+    faults.raise_if_any("measurements")  # cells of columns that mean something else would only hide it
     table = mc.drop_ragged(table, faults)
     cells = read_cells(table, columns, robot, faults)
     if is_reflector_table(table):
-        faults.raise_if_any()
+        faults.raise_if_any("measurements")
         readings = assemble_reflectors(table, columns, cells, robot, faults)
     else:
         readings = _assemble(table, columns, cells, robot, faults)
@@ -62,7 +63,7 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
         _check_loads(readings, faults)
         if check_reach:
             _check_limits(readings, robot, faults)
-    faults.raise_if_any()
+    faults.raise_if_any("measurements")
     return replace(readings, notes=(*_notes(table, columns, robot, readings.synthetic), *readings.notes))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from fem import ArmModel
 from fem.effects import PlacedEffect
 from fem.free.named_numbers import described_variables, named_numbers
-from fem.free.parameters import Parameter
+from fem.free.parameters import Kind, Parameter
 from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.schema.uncertainty import CalibrationUncertainty, NumberStatus, UndeterminedNumber
@@ -79,7 +79,7 @@ def _named(model: ArmModel, name: str, effects: Sequence[PlacedEffect]) -> Param
     return numbers.parameters[int(numbers.columns[0])]
 
 
-def _key(model: ArmModel, name: str, effects: Sequence[PlacedEffect]) -> tuple[str, str, tuple[int, ...]] | None:
+def _key(model: ArmModel, name: str, effects: Sequence[PlacedEffect]) -> tuple[Kind, str, tuple[int, ...]] | None:
     p = _named(model, name, effects)
     return None if p is None else (p.kind, p.place, p.index)
 
@@ -88,19 +88,15 @@ def _is_held(
     model: ArmModel,
     name: str,
     effects: Sequence[PlacedEffect],
-    new: Sequence[tuple[str, str, tuple[int, ...]] | None],
+    new: Sequence[tuple[Kind, str, tuple[int, ...]] | None],
 ) -> bool:
     """Whether the model has the number and nothing new is known of it, nor of a law in its place."""
-    key = _key(model, name, effects)
-    if key is None or key in new:
+    p = _named(model, name, effects)
+    if p is None or (p.kind, p.place, p.index) in new:
         return False
-    kind, place, index = key
     # The law of a row has index (row, k), that about the axis (k,): what it replaces is the whole law, or the spring.
-    laws = {(one[1], one[2][:-1]) for one in new if one is not None and one[0] == "law"}
-    return not (
-        (kind == "law" and (place, index[:-1]) in laws)
-        or ((kind, index) == ("stiffness", (5,)) and (place, ()) in laws)
-    )
+    laws = {(one[1], one[2][:-1]) for one in new if one is not None and one[0].of_law}
+    return ((p.place, p.index[:-1]) if p.kind.of_law else (p.spring_of, ())) not in laws
 
 
 def _is_same(

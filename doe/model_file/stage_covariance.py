@@ -53,9 +53,7 @@ def stage_covariance(found: Calibration, before: CarriedOn = NOTHING) -> tuple[t
 def _whitened(found: Calibration, s: StageResult, numbers: NamedNumbers) -> Array:
     """Derivatives (m, p) of a stage's readings by all numbers at the final model, with unit covariance."""
     p = s.estimate.problem
-    walls = wall_flexibilities(
-        found.description, found.model, [x.place for x in numbers.parameters if x.kind == "wall"]
-    )
+    walls = wall_flexibilities(found.description, found.model, numbers.parameters)
     free = FreeModel(found.model, numbers.parameters, p.free.at, numbers.laws, walls, found.effects, p.free.history)
     J = free.evaluate(numbers.u)[1][p.row, p.component]
     return np.asarray(s.estimate.covariance.whiten(np.ascontiguousarray(J[:, numbers.columns])))

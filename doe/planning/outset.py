@@ -174,7 +174,7 @@ def _expected(e: Estimate) -> Noise:
 def check_plannable(parameters: Sequence[Parameter]) -> None:
     """Refuse parameters that need more than their name to be evaluated."""
     for q in parameters:
-        if q.kind == "wall":
+        if q.kind.has_sections:
             raise InputError(
                 f"parameter {q.name}: a plan cannot vary walls",
                 allowed=f"{q.place}.modulus",

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from doe.tables.columns import DISPLACEMENTS, POINT, Faults
+from doe.tables.columns import DISPLACEMENTS, POINT
 from doe.tables.measurements import Measurements
 from robots import InputError, Robot
 from robots.arrays import Array
+from robots.faults import Faults
 
 
 def joint_keys(q: Array) -> list[tuple[float, ...]]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
@@ -17,9 +16,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from doe.tables.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
-from robots import InputError, InputErrors, Robot
+from robots import InputError, Robot
 from robots.arrays import Array
-from robots.errors import FAULTS_SHOWN, line_ranges
+from robots.errors import line_ranges
+from robots.faults import Faults
 from robots.files.csv_text import as_read
 from robots.files.reading import read_bytes
 from robots.schema.units import factor
@@ -33,7 +33,6 @@ POINT: Final = ("px_mm", "py_mm", "pz_mm")
 OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT)
 PHASES: Final = ("loading", "unloading")
 SUFFIXES: Final = (".csv", ".xlsx")
-_FAULTS_KEPT: Final = 10 * FAULTS_SHOWN
 
 _TO_SI: Final = MappingProxyType(
     {"deg": factor("angle", "deg"), "mrad": factor("angle", "mrad"), "mm": factor("length", "mm")}
@@ -52,49 +51,6 @@ _JOINT_LIKE: Final = re.compile(r"q_?\d+[a-z]*(_[a-z]+)?|(a|j|joint|axis|theta)_
 def si_factor(column: str) -> float:
     """Factor from the unit in a column's name to SI; 1 for N, Nm and names without a unit."""
     return _TO_SI.get(column.rpartition("_")[2], 1.0)
-
-
-@dataclass
-class Faults:
-    """Collects what is wrong in one file, to report it all at once in the order of the lines.
-
-    ``lines``: those with a fault; ``count``: of all faults. Of the faults themselves the first are kept: a table can
-    have a million.
-    """
-
-    file: str
-    lines: set[int] = field(default_factory=set)
-    count: int = 0
-    _found: list[tuple[int, InputError]] = field(default_factory=list)
-    _beyond: float = math.inf
-
-    def add(
-        self, line: int, problem: str, *, value: str | None = None, allowed: str, remedy: str, file: str | None = None
-    ) -> None:
-        """Record a problem of one line (of ``file``, where there are several); ``problem`` starts with its column."""
-        if self._takes(line):
-            what = f"{file or self.file}, row {line}, {problem}"
-            self._found.append((line, InputError(what, value=value, allowed=allowed, remedy=remedy)))
-
-    def record(self, line: int, error: InputError) -> None:
-        """Record an error that somebody else has found in a line."""
-        if self._takes(line):
-            self._found.append((line, error))
-
-    def _takes(self, line: int) -> bool:
-        """Count a fault; whether it may be among the first."""
-        self.count += 1
-        self.lines.add(line)
-        if len(self._found) == 2 * _FAULTS_KEPT:
-            self._found = sorted(self._found, key=lambda item: item[0])[:_FAULTS_KEPT]
-            self._beyond = self._found[-1][0]
-        return line < self._beyond
-
-    def raise_if_any(self, what: str = "measurements") -> None:
-        """Raise InputErrors if anything was recorded; ``what`` the file is begins the message."""
-        if self.count:
-            ordered = sorted(self._found, key=lambda item: item[0])
-            raise InputErrors(f"{what} {self.file}", [error for _, error in ordered], self.count)
 
 
 @dataclass(frozen=True)

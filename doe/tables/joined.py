@@ -9,9 +9,9 @@ from dataclasses import fields, replace
 import numpy as np
 
 from doe.tables.checks import joint_keys, repeated_readings
-from doe.tables.columns import Faults
 from doe.tables.measurements import Measurements
 from robots import InputError
+from robots.faults import Faults
 
 # Column that says which file a reading came from; it is written with the table and kept when that is read back.
 FILE = "data file"
@@ -107,4 +107,4 @@ def _refuse_repeated(m: Measurements) -> None:
             remedy="number them on in the column repeat, or remove one",
             file=files[i],
         )
-    faults.raise_if_any()
+    faults.raise_if_any("measurements")

@@ -19,11 +19,12 @@ from doe.tables.checks import (
     joint_keys,
     plausibility_notes,
 )
-from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, Faults, RawTable
+from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, RawTable
 from doe.tables.measurements import Measurements
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
 from robots.errors import line_ranges, listed
+from robots.faults import Faults
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
 
@@ -56,7 +57,7 @@ def measurements_of(table: RawTable, robot: Robot, *, check_reach: bool = True) 
             check(m, faults)
         if check_reach:
             check_limits(m, robot, faults)
-    faults.raise_if_any()
+    faults.raise_if_any("measurements")
     unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
     notes = (*_column_notes(table, columns, robot), *_unread_notes(m, unread))
     m = m.select(~unread)

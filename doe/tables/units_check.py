@@ -8,7 +8,7 @@ convex set. A wrong unit multiplies all deflections, or divides all loads, by on
 is one small bounded least-squares problem (p: predicted with the links as the model has them, size: of the reading).
 Readings as typed (s = 1) that no springs fit, while those of another scale are fitted well, are in other units. Angles
 are judged by the same misfit of the table with its angles read as radians or grads. What is allowed is three times
-wider than the class (:mod:`doe.tables.arm_class`): arms at its soft end may be typed in kgf (9.8), at its stiff end in
+wider than the class (:mod:`robots.arm_class`): arms at its soft end may be typed in kgf (9.8), at its stiff end in
 cm (10), and nobody could tell; a factor of 100 is told for all but arms at the far end.
 """
 
@@ -25,11 +25,11 @@ from doe.estimation.estimate import estimate
 from doe.estimation.least_squares import bounded_step
 from doe.estimation.problem import problem
 from doe.published.readings import equations
-from doe.tables.arm_class import MAIN_JOINTS, SHORTEST, ArmClass, arm_class, reach_of
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.free.parameters import parameter
 from robots import InputError, ModelDescription
+from robots.arm_class import MAIN_JOINTS, SHORTEST, ArmClass, arm_class, reach_of
 from robots.arrays import Array
 
 # Factors tried: four decades on both sides, twenty steps each; all known units lie among them.

@@ -17,9 +17,6 @@ from typing import Any, Final
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from openpyxl import load_workbook  # type: ignore[import-untyped]
-from openpyxl.utils import get_column_letter  # type: ignore[import-untyped]
-
 from robots import InputError, InputErrors
 from robots.errors import line_ranges, listed
 
@@ -196,6 +193,8 @@ class _Scan:
     @property
     def hidden_columns(self) -> list[str]:
         """Letters of the table's columns that cannot be seen."""
+        from openpyxl.utils import get_column_letter  # type: ignore[import-untyped]
+
         ranges = [range(max(first, 1), min(last, self.columns) + 1) for first, last in self._hidden_columns]
         return [get_column_letter(i) for one in ranges for i in one]
 
@@ -251,6 +250,8 @@ class _Scan:
     def _close_cell(self) -> None:
         if not (self._value or self._formula):
             return  # formatted, nothing in it
+        from openpyxl.utils import get_column_letter
+
         address = f"{get_column_letter(self._column)}{self._row}"
         if self._formula and (self.stale or not self._value):
             self._formulas.append(address)
@@ -278,6 +279,8 @@ def _column_number(letters: str) -> int:
 
 def _rows(data: bytes, scan: _Scan) -> list[list[str]]:
     """The cells that the scan has found, as text."""
+    from openpyxl import load_workbook  # type: ignore[import-untyped]
+
     book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
     try:
         sheet: Any = book.worksheets[0]

@@ -11,10 +11,9 @@ from fem.effects.base import Effect, EffectParameter, PlacedEffect
 from fem.effects.catalogue import catalogue
 from fem.effects.own import Maker, act
 from fem.effects.structure import load_path as load_path_effect
-from fem.elements.couplings import Coupling
 from fem.model import ArmModel, LinkKind, build_model
 from robots import InputError, InputErrors, LoadPath, ModelDescription
-from robots.schema.description import EffectNumber, EffectTable
+from robots.schema.description import EffectNumber, EffectTable, FlangeCoupling
 from robots.schema.units import check_magnitude, factor
 
 LOAD_PATH = "load-path"
@@ -27,7 +26,7 @@ def build_arm(
     description: ModelDescription,
     links: LinkKind = "beam",
     load_path: LoadPath | None = None,
-    flanges: Coupling | None = None,
+    flanges: FlangeCoupling | None = None,
     own: Sequence[Maker] = (),
 ) -> ArmModel:
     """The arm of a description with its effects of stage "model"; what commands build.
@@ -50,7 +49,7 @@ def build_plain(
     description: ModelDescription,
     links: LinkKind = "beam",
     load_path: LoadPath | None = None,
-    flanges: Coupling | None = None,
+    flanges: FlangeCoupling | None = None,
 ) -> ArmModel:
     """The arm of a description without its effects, but with the load path that they ask for."""
     return build_model(description, links, load_path or path_of(description), flanges)

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from fem.free.base import Flexibility, Parameter
+from fem.free.kinds import WALLS
 from fem.free.parameters import parameter
 from fem.model import ArmModel, link_part
 from robots import InputError, ModelDescription
 from robots.arrays import Array
 
-Flexibility = Callable[[float], tuple[Array, Array]]
-
 # Wall times flexibility is nearly constant for thin walls; nine walls over a factor of four leave 1e-7.
 NODES = 9
-# Tables of a link that have a wall: they get thicker together.
-WALLS = ("section", "section_end", "rim")
 
 
-def wall_flexibilities(description: ModelDescription, model: ArmModel, links: Sequence[str]) -> dict[str, Flexibility]:
-    """For each named link a function: wall (m) -> flexibility and its derivative by ln(wall), from half to double.
+def wall_flexibilities(
+    description: ModelDescription, model: ArmModel, parameters: Sequence[Parameter]
+) -> dict[str, Flexibility]:
+    """By link whose sections a parameter varies: wall (m) -> flexibility and derivative by ln(wall), half to double.
 
     Raises
     ------
     InputError
         A link that is not there, or whose section has no room for twice its wall.
     """
-    return {name: _flexibility(description, model, name) for name in dict.fromkeys(links)}
+    return {
+        name: _flexibility(description, model, name)
+        for name in dict.fromkeys(p.place for p in parameters if p.kind.has_sections)
+    }
 
 
 def _flexibility(description: ModelDescription, model: ArmModel, name: str) -> Flexibility:

@@ -8,19 +8,18 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from fem.effects.base import PlacedEffect
+from fem.free.base import Flexibility, Parameter
+from fem.free.kinds import with_spring
 from fem.free.laws import AXIAL, FreeLaw
-from fem.free.parameters import Parameter
 from fem.model import ArmModel, JointPart
-from fem.springs import RIGID, LawSpring, SpringLaw, SumSpring
+from fem.springs import LawSpring
 from robots.arrays import Array
-
-Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Steps of differences: a share of the range for what is linear, where any step is exact; else small enough for a
 # third-order error below 1e-8.
@@ -36,16 +35,11 @@ def changed_model(
 ) -> ArmModel:
     """The model with stiffnesses, moduli, walls and laws at the estimator's variables u (p,)."""
     for p, v in zip(parameters, u.tolist(), strict=True):
-        if p.kind in ("stiffness", "coupling"):
-            model = _with_entry(model, p, v)
-        elif p.kind == "modulus":
-            model = _with_link(model, p.place, p.value * v * _flexibility(model, p.place))
-        elif p.kind == "wall":
-            model = _with_link(model, p.place, walls[p.place](p.outer(v))[0])
+        model = p.kind.changed(p, v, model, walls)
     for law in laws:
         coefficients = u[law.first : law.first + law.basis.size]
         spring = LawSpring(law.basis, coefficients)
-        model = _with_spring(model, law.joint, spring) if law.row == AXIAL else _with_bearing_law(model, law, spring)
+        model = with_spring(model, law.joint, spring) if law.row == AXIAL else _with_bearing_law(model, law, spring)
     return model
 
 
@@ -55,7 +49,7 @@ def changed_effects(
     """The effects with those of their numbers that are free at the estimator's variables u (p,)."""
     values = {e.effect.code: e.values.copy() for e in effects}
     for p, v in zip(parameters, u.tolist(), strict=True):
-        if p.kind == "effect":
+        if p.kind.of_effect:
             # A stiffness acts as a compliance, which is its variable already.
             values[p.place][p.index[0]] = v if p.scale == "compliance" else p.outer(v)
     return tuple(replace(e, values=values[e.effect.code]) for e in effects)
@@ -70,36 +64,11 @@ def step_of(p: Parameter, u: float, *, exact: bool) -> tuple[float, float]:
         h = size if exact else STEP * size
     elif exact:
         h = LINEAR_STEP * (high - low)
-    elif p.scale == "log" or p.kind == "law":
+    elif p.is_logarithm:
         h = STEP
     else:
         h = STEP * min(max(abs(u), 0.1 * high), high - low)
     return max(u - h, low), min(u + h, high)
-
-
-def _with_entry(model: ArmModel, p: Parameter, v: float) -> ArmModel:
-    if p.place == "bar":
-        return model if model.bar is None else replace(model, bar=replace(model.bar, compliance=v))
-    a, b = p.index[0], p.index[-1]
-    if p.place in model.robot.joint_names:
-        if (a, b) == (5, 5):
-            return _with_spring(model, p.place, SumSpring(RIGID, v))
-        joint = model.joints[model.robot.joint_names.index(p.place)]
-        changed = replace(joint, bearing=_with(joint.bearing, a, b, v))
-        return replace(model, joints=tuple(changed if j.name == p.place else j for j in model.joints))
-    if p.place == "base":
-        return replace(model, base=_with(model.base, a, b, v))
-    return replace(model, tool=_with(model.tool, a, b, v))
-
-
-def _with(C: Array, a: int, b: int, v: float) -> Array:
-    out = C.copy()
-    out[a, b] = out[b, a] = v
-    return out
-
-
-def _with_spring(model: ArmModel, joint: str, spring: SpringLaw) -> ArmModel:
-    return replace(model, joints=tuple(replace(j, axial=spring) if j.name == joint else j for j in model.joints))
 
 
 def _with_bearing_law(model: ArmModel, law: FreeLaw, spring: LawSpring) -> ArmModel:
@@ -108,15 +77,3 @@ def _with_bearing_law(model: ArmModel, law: FreeLaw, spring: LawSpring) -> ArmMo
         return replace(joint, laws=(*others, (law.row, spring)))
 
     return replace(model, joints=tuple(changed(j) if j.name == law.joint else j for j in model.joints))
-
-
-def _flexibility(model: ArmModel, name: str) -> Array:
-    return next(link for link in model.links if link.name == name).element.flexibility
-
-
-def _with_link(model: ArmModel, name: str, flexibility: Array) -> ArmModel:
-    """The model with a link of that flexibility; its mesh and stiffness stay, for statics asks neither."""
-    links = tuple(
-        replace(x, element=replace(x.element, flexibility=flexibility)) if x.name == name else x for x in model.links
-    )
-    return replace(model, links=links)

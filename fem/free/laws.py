@@ -13,8 +13,9 @@ from itertools import product
 
 import numpy as np
 
+from fem.free.base import SHIFT, TURN, Parameter
+from fem.free.kinds import LAW
 from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
-from fem.free.parameters import SHIFT, TURN, Parameter
 from fem.model import ArmModel
 from fem.statics.ports import ROWS
 from robots import InputError
@@ -85,5 +86,5 @@ def law_parameters(model: ArmModel, joint: str, basis: Basis, spread: float = 1.
         mean = table or k == 0
         start, span = (float(level), (low, high)) if mean else (0.0, (low - high, high - low))
         prior = None if mean else (0.0, spread)
-        out.append(Parameter(f"{name}[{k}]", "law", joint, (*index, k), unit, start, *span, "linear", prior))
+        out.append(Parameter(f"{name}[{k}]", LAW, joint, (*index, k), unit, start, *span, "linear", prior))
     return out

@@ -8,7 +8,6 @@ zero errors, and tilts and offsets are added to those that the model has.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,9 +18,9 @@ from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
 from fem.effects.observed import observed
 from fem.effects.situation import Situation
+from fem.free.base import Flexibility, Given, Parameter, Shifts
 from fem.free.effects import changed_effects, changed_model, step_of
 from fem.free.laws import FreeLaw, law_compliance
-from fem.free.parameters import GEOMETRIC, Kind, Parameter, own_compliance
 from fem.model import ArmModel
 from fem.springs import ConstantSpring, SpringLaw, SumSpring
 from fem.statics.loads import LoadedPoses, as_read, placed
@@ -32,12 +31,11 @@ from robots.robot import with_zero_errors
 
 __all__ = ["FreeModel", "LoadedPoses"]
 
-Flexibility = Callable[[float], tuple[Array, Array]]
-
 # Loaded poses of many runs that are worked on at once: some 10 MB.
 ROWS = 4000
-# Steps of the central differences: a third-order error below 1e-9 of the value, and round-off below that.
-STEP = {"zero": 1e-4, "tilt": 1e-4, "load": 1e-4, "point": 1e-4}
+# Step of the central differences by what moves poses and loads (rad, m): a third-order error below 1e-9 of the value,
+# and round-off below that.
+STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -59,27 +57,13 @@ class FreeModel:
     history: History | None = None
 
     def __post_init__(self) -> None:
-        codes = {e.effect.code for e in self.effects}
-        lost = [p.name for p in self.parameters if p.kind == "effect" and p.place not in codes]
-        if lost:
-            raise InputError("parameter", value=lost[0], allowed=f"effects here: {', '.join(sorted(codes)) or 'none'}")
+        codes = frozenset(e.effect.code for e in self.effects)
+        given = Given(codes, frozenset((law.joint, law.row) for law in self.laws), frozenset(self.walls))
         seen = [(p.kind, p.place, p.index) for p in self.parameters]
         for k, (p, key) in enumerate(zip(self.parameters, seen, strict=True)):
             if key in seen[:k]:
                 raise InputError(f"parameter {p.name}", value="given twice", allowed="each number once")
-            clash = p.kind == "stiffness" and any((law.joint, (law.row,)) == (p.place, p.index) for law in self.laws)
-            if clash:
-                raise InputError(f"parameter {p.name}", value="a constant and a law", allowed="one of them")
-            if p.kind == "wall" and p.place not in self.walls:
-                raise InputError(f"parameter {p.name}", value="no sections to vary", allowed="a link with a section")
-            if p.kind == "wall" and any(
-                other.kind == "modulus" and other.place == p.place for other in self.parameters
-            ):
-                raise InputError(
-                    f"parameters {p.name} and {p.place}.modulus",
-                    value="both free",
-                    allowed="one of them: readings only see their product",
-                )
+            p.kind.check(p, self.parameters, given)
 
     @property
     def start(self) -> Array:
@@ -95,10 +79,9 @@ class FreeModel:
             return value, self._differences(u, value)
         value, J = self._placed(u)
         for k, p in enumerate(self.parameters):
-            if p.kind in GEOMETRIC:
-                h = STEP[p.kind]
-                ends = [self._placed(_stepped(u, k, s * h))[0] for s in (1, -1)]
-                J[:, :, k] = (ends[0] - ends[1]) / (2.0 * h)
+            if p.kind.shifts is not None:
+                ends = [self._placed(_stepped(u, k, s * STEP))[0] for s in (1, -1)]
+                J[:, :, k] = (ends[0] - ends[1]) / (2.0 * STEP)
         return value, J
 
     def displacement(self, u: Array) -> Array:
@@ -167,8 +150,7 @@ class FreeModel:
                 end = high if high - at > at - low else low
                 J[:, :, k] = (self._observed(_stepped(u, k, end - at)) - value) / (end - at)
                 continue
-            fixed = STEP.get(p.kind)
-            low, high = step_of(p, at, exact=False) if fixed is None else (at - fixed, at + fixed)
+            low, high = step_of(p, at, exact=False) if p.kind.shifts is None else (at - STEP, at + STEP)
             ends = [self._observed(_stepped(u, k, end - at)) for end in (low, high)]
             J[:, :, k] = (ends[1] - ends[0]) / (high - low)
         return J
@@ -183,17 +165,17 @@ class FreeModel:
         more = self._shift(u, "zero", self.model.robot.dof)
         return replace(self.model, robot=with_zero_errors(self.model.robot, more)) if more.any() else self.model
 
-    def _shift(self, u: Array, kind: Kind, size: int = 3) -> Array:
+    def _shift(self, u: Array, what: Shifts, size: int = 3) -> Array:
         """What the variables u (p,) or (n, p) add to the model's own zero errors, point, load offset or tilt."""
         shift = np.zeros((*u.shape[:-1], size))
         for k, p in enumerate(self.parameters):
-            if p.kind == kind:
+            if p.kind.shifts == what:
                 shift[..., p.index[0]] += u[..., k]
         return shift
 
     def _moved(self, u: Array, at: LoadedPoses, arm: ArmModel) -> LoadedPoses:
         """Loaded poses (n) with points and loads as variables (p,), or a set of them for each pose (n, p), say."""
-        point, offset, tilt = (self._shift(u, kind) for kind in ("point", "load", "tilt"))
+        point, offset, tilt = (self._shift(u, what) for what in ("point", "load", "tilt"))
         if arm is self.model and not (point.any() or offset.any() or tilt.any()):
             return at
         read = as_read(self.model, at)
@@ -208,9 +190,11 @@ class FreeModel:
     @cached_property
     def _one_at_a_time(self) -> bool:
         """Whether sets of variables make arms that differ by more than what acts at the ports."""
-        kinds = {p.kind for p in self.parameters}
-        loaded = bool(self.model.load_offset.any() or {"load", "tilt"} & kinds)
-        return "wall" in kinds or ("zero" in kinds and (loaded or bool(self.laws) or _varies(self.model)))
+        if any(p.kind.has_sections for p in self.parameters):
+            return True
+        moved = {p.kind.shifts for p in self.parameters}
+        loaded = bool(self.model.load_offset.any() or {"load", "tilt"} & moved)
+        return "zero" in moved and (loaded or bool(self.laws) or _varies(self.model))
 
     @cached_property
     def _unmoved(self) -> tuple[dict[str, Port], Array]:
@@ -231,22 +215,10 @@ class FreeModel:
         J = np.zeros((len(self.parameters), len(at), 6)).transpose(1, 2, 0)
         for k, p in enumerate(self.parameters):
             v = u[..., k]
-            if p.kind in ("stiffness", "coupling"):
-                a, b = p.index[0], p.index[-1]
-                J[:, :, k] = port_of(places, p.place).influence(a, b)
-                change = v - own_compliance(self.model, p.place, a, b, at.q)
-                value += change[:, None] * J[:, :, k]
-            elif p.kind == "modulus":
+            if p.kind.is_at_port:
                 port = port_of(places, p.place)
-                J[:, :, k] = p.value * _share(port)
-                value += np.reshape(v - 1.0 / p.value, (-1, 1)) * J[:, :, k]
-            elif p.kind == "wall":
-                F, dF = self.walls[p.place](p.outer(float(v)))
-                port = port_of(places, p.place)
-                # The serial load path leaves the lever's pin, the last six rows, without load.
-                s = len(port.distinct)
-                J[:, :, k] = port.share(dF[:s, :s])
-                value += port.share(F[:s, :s]) - _share(port)
+                change, J[:, :, k] = p.kind.at_port(p, v, port, self.model, at.q, self.walls)
+                value += change
         for law in self.laws:
             columns = slice(law.first, law.first + law.basis.size)
             basis = law.basis(at.q)
@@ -264,11 +236,6 @@ def _varies(model: ArmModel) -> bool:
 
 def _is_constant(spring: SpringLaw) -> bool:
     return isinstance(spring, ConstantSpring) or (isinstance(spring, SumSpring) and _is_constant(spring.spring))
-
-
-def _share(port: Port) -> Array:
-    assert port.flexibility is not None  # noqa: S101 - links and the bar have one
-    return port.share(port.flexibility)
 
 
 def _stepped(u: Array, k: int, h: float) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fem.effects.base import PlacedEffect
 from fem.free.laws import AXIAL, FreeLaw, law_parameters
-from fem.free.parameters import GEOMETRIC, Parameter, parameter
+from fem.free.parameters import Parameter, parameter
 from fem.model import ArmModel, JointPart
 from fem.springs import LawSpring, SpringLaw
 from fem.statics.ports import ROWS
@@ -70,7 +70,7 @@ def named_numbers(model: ArmModel, names: Sequence[str], effects: Sequence[Place
             whole = name.rpartition("[")[0]
             raise InputError("coefficient of a law", value=name, allowed=f"{whole}[0] to [{law.basis.size - 1}]")
         columns.append(law.first + index)
-    u = [0.0 if p.kind in GEOMETRIC else p.inner(p.value) for p in parameters]
+    u = [0.0 if p.kind.shifts else p.inner(p.value) for p in parameters]
     return NamedNumbers(tuple(parameters), tuple(laws), np.array(u), np.array(columns, dtype=np.intp))
 
 
@@ -79,9 +79,8 @@ def described_variables(description: ModelDescription, numbers: NamedNumbers) ->
     out = numbers.u[numbers.columns]
     for k, column in enumerate(numbers.columns):
         p = numbers.parameters[column]
-        if p.kind == "zero":
-            error = description.joint[p.index[0]].zero_error
-            out[k] = 0.0 if error is None else error.si
+        own = p.kind.variable(p, description)
+        out[k] = out[k] if own is None else own
     return np.asarray(out)
 
 

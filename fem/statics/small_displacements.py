@@ -9,13 +9,16 @@ length, whichever is larger. No arm of a known class comes near it under its pay
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from fem.compiled.compliance import compliance
-from fem.model import ArmModel
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
 from robots.kinematics import stretched_length
+
+if TYPE_CHECKING:
+    from fem.model import ArmModel
 
 # Key of the flag in answers and results.
 FLAG = "beyond_small_displacements"
@@ -57,6 +60,8 @@ def worst_turns(model: ArmModel) -> Array:
 
     Up to POSES of them, drawn over the joint ranges with couplings and limits kept; none where no such pose was found.
     """
+    from fem.compiled.compliance import compliance
+
     q = _poses(model.robot)
     if not len(q):
         return np.zeros(0)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
 from machining.cell.schema import (
@@ -22,16 +20,12 @@ from machining.cell.schema import (
     TurntableTable,
 )
 from machining.cell.solids import Body, Solid, box, cylinder, mesh_file, sphere
-from robots import InputError, InputErrors
+from robots import InputError
 from robots.arrays import Array
 from robots.constants import MM
 from robots.files.reading import parse_toml, read_text
+from robots.files.validated import tuples, validated
 from robots.robot import rotation_rpy
-
-_WORDS = {
-    "missing": ("this key is missing", "add it"),
-    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
-}
 
 
 def read_cell(path: str | Path) -> Cell:
@@ -51,12 +45,7 @@ def read_cell(path: str | Path) -> Cell:
 def parse_cell(text: str, where: str, folder: Path) -> Cell:
     """Read a cell from TOML text; ``where`` names it in messages, ``folder`` holds the mesh files."""
     # TOML has lists and whole numbers; both are fine where tuples and floats are meant.
-    data = _tuples(parse_toml(text, where))
-    try:
-        table = CellFile.model_validate(data)
-    except ValidationError as error:
-        faults = [_fault(where, data, item) for item in error.errors()]
-        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
+    table = validated(CellFile, tuples(parse_toml(text, where)), where)
     T_world_part = frame(table.part)
     part = None if table.part.shape is None else Body("part", (_solid(table.part.shape, folder, "part"),))
     return Cell(
@@ -157,34 +146,3 @@ def _rates(rates: tuple[float, ...] | None) -> Array | None:
     if rates is None:
         return None
     return np.asarray(np.radians(rates if len(rates) > 1 else rates[0]))
-
-
-def _tuples(node: Any) -> Any:
-    if isinstance(node, dict):
-        return {key: _tuples(value) for key, value in node.items()}
-    return tuple(_tuples(value) for value in node) if isinstance(node, list) else node
-
-
-def _fault(where: str, data: Any, item: Any) -> InputError:
-    message, remedy = _WORDS.get(
-        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
-    )
-    value = item["input"]
-    # Where a key is missing or a table contradicts itself, the value is the whole table: no help to a reader.
-    shown = None if isinstance(value, dict) or item["type"] == "missing" else value
-    return InputError(f"{where}: {_place(data, item['loc'])}: {message}", value=shown, remedy=remedy)
-
-
-def _place(data: Any, loc: tuple[int | str, ...]) -> str:
-    """The path to a key as a reader of the file would name it: entries of a list by their name."""
-    steps: list[str] = []
-    node = data
-    for step in loc:
-        node = node[step] if isinstance(node, dict) and step in node else _entry(node, step)
-        named = node.get("name") if isinstance(step, int) and isinstance(node, dict) else None
-        steps.append(named if isinstance(named, str) else str(step))
-    return ".".join(steps) or "file"
-
-
-def _entry(node: Any, step: int | str) -> Any:
-    return node[step] if isinstance(node, tuple) and isinstance(step, int) and step < len(node) else None

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from machining.cell.schema import Positive, Strict
 from machining.cutting.coefficients import CuttingCoefficients, published, shop_coefficients
 from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
 from machining.cutting.force import ASSUMED_SD, MillingForce
 from machining.cutting.tool_bending import ToolBending
-from robots import InputError, InputErrors
+from robots import InputError
 from robots.files.reading import parse_toml, read_text
+from robots.files.validated import validated
 
 SCHEMA = "stiffarm-milling/1"
 # A face mill has some fifty; a helix near 90 deg is no cutter but a ring.
@@ -91,17 +92,9 @@ def read_milling(path: str | Path) -> MillingCut:
             allowed=SCHEMA,
             remedy=f'write schema = "{SCHEMA}"',
         )
-    try:
-        read = _File.model_validate(table)
-    except ValidationError as error:
-        raise InputErrors(f"milling file {file}", [_fault(one) for one in error.errors()]) from None
+    read = validated(_File, table, f"milling file {file}", remedy="correct, add or remove it")
     mill = EndMill(read.mill.diameter_mm * 1e-3, read.mill.teeth, float(np.radians(read.mill.helix_deg)))
     return MillingCut(_force(read, mill), _bending(read.tool))
-
-
-def _fault(error: Any) -> InputError:
-    key = ".".join(map(str, error["loc"]))
-    return InputError(f"key {key}: {error['msg']}", remedy="correct, add or remove it")
 
 
 def _force(read: _File, mill: EndMill) -> MillingForce:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from robots.arrays import Array, Bools, Integers
 
@@ -138,6 +137,8 @@ def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers
     A, B = layers.q[layers.rows(i)][sources], layers.q[layers.rows(i + 1)]
     if np.isfinite(links.step[i]).any():
         scale = np.where(np.isfinite(links.step[i]), 1.0 / links.step[i], 0.0)
+        from scipy.spatial import cKDTree
+
         # Neighbours in the largest share of its step that any joint moves.
         found = cKDTree(A * scale).sparse_distance_matrix(cKDTree(B * scale), ROUNDING, p=np.inf, output_type="ndarray")
         a, b = found["i"].astype(np.int64), found["j"].astype(np.int64)

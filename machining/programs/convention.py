@@ -8,13 +8,14 @@ from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from machining.cell.reading import frame
 from machining.cell.schema import Placed, Strict
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.files.reading import parse_toml
+from robots.files.validated import tuples, validated
 
 SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 
@@ -120,25 +121,6 @@ def convention_table(data: Mapping[str, Any], where: str) -> ConventionTable:
     Raises
     ------
     InputError
-        The first key that does not fit.
+        A key that does not fit.
     """
-    try:
-        return ConventionTable.model_validate(tuples(data))
-    except ValidationError as error:
-        raise fault(error, where) from error
-
-
-def tuples(node: Any) -> Any:
-    """TOML and JSON have lists; tuples are meant."""
-    if isinstance(node, Mapping):
-        return {key: tuples(value) for key, value in node.items()}
-    return tuple(tuples(value) for value in node) if isinstance(node, list) else node
-
-
-def fault(error: ValidationError, where: str, table: str | None = None) -> InputError:
-    """The first fault of a file, or of one table in it, in the words of a user."""
-    item = error.errors()[0]
-    key = ".".join(str(step) for step in (*([table] if table else []), *item["loc"]))
-    shown = None if isinstance(item["input"], dict) or item["type"] == "missing" else item["input"]
-    text = str(item["msg"]).removeprefix("Value error, ")
-    return InputError(f"{where}, {key}: {text}", value=shown, remedy="correct it in the file")
+    return validated(ConventionTable, tuples(data), where)

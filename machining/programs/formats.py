@@ -12,11 +12,8 @@ import pkgutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from machining.cell.schema import Strict
 from machining.programs import languages
-from machining.programs.convention import fault, tuples
 from machining.programs.format import Format, Neutral
 from machining.programs.job import Kind, external_count
 from machining.programs.program import JointProgram
@@ -25,6 +22,7 @@ from machining.programs.write_options import NAME_KEYS, WriteOptions
 from machining.programs.written import Written
 from robots import InputError
 from robots.files.reading import parse_json, parse_toml, read_text
+from robots.files.validated import tuples, validated
 
 _FOUND: list[Format] = [
     importlib.import_module(f"{languages.__name__}.{module.name}").FORMAT
@@ -92,7 +90,7 @@ def read_options(path: str | Path) -> WriteOptions:
     Raises
     ------
     InputError
-        The file cannot be read, or the first key that does not fit.
+        The file cannot be read, or keys do not fit.
     """
     file = Path(path)
     parse = parse_json if file.suffix.lower() == ".json" else parse_toml
@@ -106,15 +104,9 @@ def parse_options(data: object, where: str) -> WriteOptions:
     if isinstance(given, Mapping):
         for key, model in (f.table for f in FORMATS.values() if f.table is not None):
             if key in given:
-                try:
-                    tables[key] = model.model_validate(given[key])
-                except ValidationError as error:
-                    raise fault(error, where, key) from error
+                tables[key] = validated(model, given[key], where, table=key)
         given = {key: value for key, value in given.items() if key not in tables}
-    try:
-        options = WriteOptions.model_validate(given)
-    except ValidationError as error:
-        raise fault(error, where) from error
+    options = validated(WriteOptions, given, where)
     words = {word for f in FORMATS.values() for word in f.words}
     for key in NAME_KEYS:
         if getattr(options, key).lower() in words:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from robots import InputError, InputErrors
+from robots.files.reading import parse_json
 
 # Bytes of one request: room for a block of 100 000 points with tool axes.
 LONGEST_LINE = 32 * 1024 * 1024
@@ -17,8 +18,6 @@ LONGEST_LINE = 32 * 1024 * 1024
 SHOWN = 200
 # Characters of an id, and largest number that every JSON reader keeps exactly.
 LONGEST_ID = 200
-# Digits of a whole number; those of a double have at most 309.
-LONGEST_NUMBER = 400
 LARGEST_ID = 2**53
 
 
@@ -26,27 +25,6 @@ class NotReadError(InputError):
     """A line that is no request."""
 
 
-def _refuse(name: str) -> float:
-    raise NotReadError("JSON number", value=name, allowed="finite numbers", remedy="leave the key out, or correct it")
-
-
-def _whole(text: str) -> int:
-    # Python refuses to read thousands of digits, and advises on Python.
-    if len(text) > LONGEST_NUMBER:
-        raise NotReadError("JSON number", value=f"{text[:20]}... ({len(text)} digits)", allowed="shorter numbers")
-    return int(text)
-
-
-def _pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise NotReadError("key given twice", value=twice, allowed="each key once", remedy="remove one of them")
-    return found
-
-
-_DECODER = json.JSONDecoder(object_pairs_hook=_pairs, parse_constant=_refuse, parse_int=_whole)
 _ENCODER = json.JSONEncoder(ensure_ascii=True, allow_nan=False, separators=(", ", ": "))
 
 
@@ -66,13 +44,9 @@ def read_line(line: bytes) -> dict[str, Any]:
     if not text:
         raise NotReadError("line", value="empty", allowed=form)
     try:
-        request = _DECODER.decode(text)
-    except RecursionError:
-        raise NotReadError("line", value="nested too deep", allowed=form) from None
-    except NotReadError:
-        raise
-    except ValueError as error:
-        raise NotReadError("line", value=str(error)[:SHOWN], allowed=form) from None
+        request = parse_json(text, "line", remedy=form)
+    except InputError as error:
+        raise NotReadError("line", value=error.what.removeprefix("line is ")[:SHOWN], allowed=form) from None
     if not isinstance(request, dict):
         raise NotReadError("line", value=f"a JSON {type(request).__name__}", allowed=form)
     return request

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from machining import magnitudes as limits
-from machining.faults import Faults
 from machining.toolpaths.motions import Motions, Note, Tool
 from machining.toolpaths.source import content
 from robots import InputError
+from robots.faults import Faults
 from robots.files.csv_text import as_read, write_rows
 from robots.files.written import written_whole
 
@@ -77,7 +77,7 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
     tools: list[Tool] = []
     operations: list[str] = []
     table = [array("d") for _ in COLUMNS]
-    faults = Faults()
+    faults = Faults(path.name)
     data = io.BytesIO(content(path, max_bytes))
     with io.TextIOWrapper(data, encoding="utf-8", errors="replace", newline="") as file:
         reader = csv.reader(file)
@@ -100,12 +100,12 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                     else:
                         _refuse_line()
                 except ValueError as error:
-                    faults.add(f"{path.name}, line {reader.line_num}: {error}")
+                    faults.say(reader.line_num, f"{path.name}, line {reader.line_num}: {error}")
         except csv.Error as error:
             raise InputError(f"{path.name}, line {reader.line_num} ({error})") from error
     if not faults and not len(table[0]):
         raise InputError(f"{path.name} has no moves", allowed=",".join(COLUMNS))
-    faults.check(f"motions {path.name}")
+    faults.raise_if_any("motions")
     return _motions(table, tools, operations, path.name)
 
 

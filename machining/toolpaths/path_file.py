@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.faults import Faults
 from machining.magnitudes import FARTHEST, FASTEST, FEEDS, PLACES, SLOWEST
 from machining.task import REPEATED, ToolPath
 from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
+from robots.faults import Faults
 from robots.files.reading import read_text
 
 POINT = ("x_mm", "y_mm", "z_mm")
@@ -51,21 +51,22 @@ def read_path(path: str | Path) -> ToolPath:
     path = Path(path)
     header, rows = _rows(path)
     columns = _columns(path, header)
-    faults = Faults()
-    values = [_numbers(f"{path.name}, row {line}", row, columns, len(header), faults) for line, row in rows]
+    faults = Faults(path.name)
+    values = [_numbers(line, row, columns, len(header), faults) for line, row in rows]
     last: Array | None = None
     for (line, _), value in zip(rows, values, strict=True):
         # The tool may turn on the spot. NaN compares false: a bad row is reported for what is bad about it only.
         point = np.array([value.get(name, np.nan) for name in (*POINT, *(AXIS if AXIS[0] in columns else ()))])
         if last is not None and np.abs(point - last).max() < REPEATED * 1e3:
             faults.add(
-                f"{path.name}, row {line}: the point of the row before once more",
-                value=point[:3].tolist(),
+                line,
+                "the point of the row before once more",
+                value=str(point[:3].tolist()),
                 allowed="neighbouring points at different places",
                 remedy="remove one of the two",
             )
         last = point
-    faults.check(f"tool path {path.name}")
+    faults.raise_if_any("tool path")
     table = {name: np.array([value[name] for value in values]) for name in columns}
     points = np.stack([table[name] for name in POINT], axis=1) * 1e-3
     normals = np.stack([table[name] for name in NORMAL], axis=1)
@@ -102,10 +103,10 @@ def _columns(path: Path, header: list[str]) -> dict[str, int]:
     return {name: index for index, name in enumerate(header)}
 
 
-def _numbers(where: str, row: list[str], columns: dict[str, int], width: int, faults: Faults) -> dict[str, float]:
+def _numbers(line: int, row: list[str], columns: dict[str, int], width: int, faults: Faults) -> dict[str, float]:
     """Numbers of one row by column; what is bad about it is added to ``faults`` and left out."""
     if len(row) != width:
-        faults.add(f"{where}: number of cells", value=len(row), allowed=str(width), remedy=REMEDY)
+        faults.add(line, "number of cells", value=str(len(row)), allowed=str(width), remedy=REMEDY)
         return {}
     out: dict[str, float] = {}
     for name, index in columns.items():
@@ -118,12 +119,13 @@ def _numbers(where: str, row: list[str], columns: dict[str, int], width: int, fa
         if least <= value <= most or (np.isnan(value) and name == FEED and not cell):
             out[name] = value
         else:
-            faults.add(f"{where}, column {name}", value=cell, allowed=allowed, remedy="correct the cell")
+            faults.add(line, f"column {name}", value=cell, allowed=allowed, remedy="correct the cell")
     for group, what in ((NORMAL, "normal"), (AXIS, "tool axis")):
         given = [out[name] for name in group if name in out]
         if len(given) == len(group) and max(map(abs, given)) < SHORTEST:
             faults.add(
-                f"{where}, columns {', '.join(group)}: {what} of length zero",
+                line,
+                f"columns {', '.join(group)}: {what} of length zero",
                 value=", ".join(f"{v:g}" for v in given),
                 allowed="a direction",
                 remedy="give one",

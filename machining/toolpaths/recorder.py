@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from machining import magnitudes as limits
-from machining.faults import Faults
 from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
+from robots.faults import Faults
 
 Vector = tuple[float, float, float]
 
@@ -38,7 +38,7 @@ class Recorder:
         self.events: list[Event] = []
         self._lost_events = 0
         self._notes: dict[str, tuple[int, int]] = {}
-        self.faults = Faults()
+        self.faults = Faults(self.source)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -106,7 +106,7 @@ class Recorder:
         if isinstance(parts.get("value"), str):
             parts["value"] = clean(parts["value"])
         where = f"{self.source}, line {line}: " if line else f"{self.source}: "
-        self.faults.add(where + clean(what), **parts)
+        self.faults.say(line, where + clean(what), **parts)
 
     def motions(self) -> Motions:
         """The result.
@@ -119,7 +119,7 @@ class Recorder:
         points, axes, line = self._checked()
         if not self.faults and not len(line):
             self.error(0, "no motion in the file", remedy="give the file of a tool path")
-        self.faults.check(f"tool path file {self.source}")
+        self.faults.raise_if_any("tool path file")
         if self._lost_events:
             self.note(0, f"{self._lost_events} words that are no motion are not kept, beyond {EVENTS}")
         return self._table(points, axes, line)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.axis_lines import axis_lines
@@ -45,7 +44,14 @@ def residual(robot: Robot, q: Array, T_base_flange: Array) -> Array:
     """Way from the flange at q (n, dof) to the target (n, 4, 4): (n, 6), m and rad (rotation vector), base frame."""
     frames = forward_kinematics(robot, q)
     turn = T_base_flange[:, :3, :3] @ np.swapaxes(frames.R_flange, 1, 2)
-    return np.concatenate([T_base_flange[:, :3, 3] - frames.p_flange, Rotation.from_matrix(turn).as_rotvec()], axis=1)
+    return np.concatenate([T_base_flange[:, :3, 3] - frames.p_flange, _rotation_vectors(turn)], axis=1)
+
+
+def _rotation_vectors(R: Array) -> Array:
+    """Rotation vectors (n, 3) rad of rotations (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation  # which arms with a closed form do not need
+
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())
 
 
 def refine(robot: Robot, q: Array, T_base_flange: Array, *, steps: int = 60) -> tuple[Array, Bools]:
@@ -95,7 +101,7 @@ def _error_and_jacobian(robot: Robot, q: Array, T: Array) -> tuple[Array, Array]
     lever = tool_position(robot, frames, np.zeros(3))[:, None, :] - frames.p[:, 1:]
     z = frames.axis * robot.sign[None, :, None]
     J = np.concatenate([np.swapaxes(np.cross(z, lever), 1, 2), np.swapaxes(z, 1, 2)], axis=1)
-    turn = Rotation.from_matrix(T[:, :3, :3] @ np.swapaxes(frames.R_flange, 1, 2)).as_rotvec()
+    turn = _rotation_vectors(T[:, :3, :3] @ np.swapaxes(frames.R_flange, 1, 2))
     return np.concatenate([T[:, :3, 3] - frames.p_flange, turn], axis=1), J
 
 

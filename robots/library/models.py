@@ -6,25 +6,18 @@ import hashlib
 import json
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import tomlkit
-from pydantic import ValidationError
 
-from robots.errors import InputError, InputErrors
+from robots.errors import InputError
 from robots.files.reading import parse_toml, read_text, recording
+from robots.files.validated import validated
 from robots.files.written import write_whole
 from robots.library.surface_files import SurfaceCopies, with_absolute_surfaces
 from robots.robot import Robot, robot_from
-from robots.schema.description import ModelDescription, ReferenceFaults
+from robots.schema.description import ModelDescription
 from robots.urdf.reading import read_urdf
 from robots.urdf.xml import is_xml
-
-# pydantic's error type -> (what the user reads instead of pydantic's words, remedy).
-_WORDS = {
-    "missing": ("this key is missing", "add it (a figure is a table { value, unit, source })"),
-    "extra_forbidden": ("unknown key", "check its spelling, or remove it"),
-}
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -71,41 +64,8 @@ def _is_file(path: Path) -> bool:
 
 def parse_description(text: str, where: str) -> ModelDescription:
     """Parse and validate a model TOML; ``where`` names it in messages."""
-    data = parse_toml(text, where)
-    try:
-        return ModelDescription.model_validate(data)
-    except ValidationError as error:
-        faults = [fault for item in error.errors() for fault in _faults(where, data, item)]
-        raise (faults[0] if len(faults) == 1 else InputErrors(where, faults)) from error
-
-
-def _faults(where: str, data: Any, item: Any) -> list[InputError]:
-    message, remedy = _WORDS.get(
-        item["type"], (str(item["msg"]).removeprefix("Value error, "), "correct it in the file")
-    )
-    cause = item.get("ctx", {}).get("error")
-    messages = cause.faults if isinstance(cause, ReferenceFaults) else (message,)
-    value = item["input"]
-    shown = value if isinstance(value, str | int | float | list) else None
-    place = _place(data, item["loc"])
-    return [InputError(f"{where}: {place}: {text}", value=shown, remedy=remedy) for text in messages]
-
-
-def _place(data: Any, loc: tuple[int | str, ...]) -> str:
-    """Name the path to a key as a reader of the file would: entries of a list by their name."""
-    steps: list[str] = []
-    node = data
-    for step in loc:
-        if isinstance(node, dict) and step in node:
-            node = node[step]
-        elif isinstance(node, list) and isinstance(step, int) and step < len(node):
-            node = node[step]
-            label = (node.get("name") or node.get("code")) if isinstance(node, dict) else None
-            if isinstance(label, str):
-                step = label
-        # Else the step is pydantic's own (the branch of a union) or the missing key: the path goes on.
-        steps.append(str(step))
-    return ".".join(steps) or "file"
+    missing = "add it (a figure is a table { value, unit, source })"
+    return validated(ModelDescription, parse_toml(text, where), where, missing=missing)
 
 
 def load_robot(model: str | Path) -> Robot:

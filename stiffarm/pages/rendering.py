@@ -10,7 +10,7 @@ import functools
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +22,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robots import InputError
-from robots.constants import M_TO_MM, N_PER_M_TO_N_PER_MM
 from stiffarm.pages import style
-from stiffarm.pages.robot_drawing import DrawnBody
 from stiffarm.pages.scenes import Image, Scene, Window, gl_image, z_buffer_image
-from surrogate.maps.vtk_files import StiffnessMap
 
 Renderer = Literal["pyvista", "matplotlib"]
 
@@ -100,60 +97,6 @@ def chosen(renderer: Renderer | None) -> tuple[bool, str]:
     if renderer == "pyvista" and not works:
         raise InputError("renderer", value=renderer, allowed="matplotlib", remedy=message)
     return works, message
-
-
-def render_map(
-    stiffness_map: StiffnessMap,
-    bodies: Sequence[DrawnBody],
-    path: Path,
-    *,
-    view: str = "oblique",
-    title: str | None = None,
-    subtitle: str = "",
-    colour_range: tuple[float, float] | None = None,
-    cut: bool = True,
-    renderer: Renderer | None = None,
-) -> Picture:
-    """Draw a map as a cloud of coloured points around the robot; PNG of 1600 x 1200 pixels.
-
-    Parameters
-    ----------
-    stiffness_map, bodies : the map, and the robot from :func:`stiffarm.pages.robot_drawing.draw_robot`
-    view : ``oblique`` or ``side`` (see ``VIEWS``)
-    subtitle : what else the reader needs: load, pose of the drawn robot
-    colour_range : stiffness in N/mm at the ends of the colour bar; without it the 2nd and 98th
-        percentile, rounded outward. Ends that cut values off say so ("≥ 700")
-    cut : leave out the points on the viewer's side of the plane Y = 0, which would hide the robot
-    renderer : None takes pyvista where OpenGL works and matplotlib elsewhere
-
-    Raises
-    ------
-    InputError
-        Unknown view, a colour range that is not ascending, or a folder that does not exist.
-    """
-    if view not in VIEWS:
-        raise InputError("view of the map", value=view, allowed=", ".join(VIEWS))
-    works, message = chosen(renderer)
-    style.require_folder(path)
-    points = stiffness_map.positions * M_TO_MM
-    values = stiffness_map.stiffness * N_PER_M_TO_N_PER_MM
-    # Half a micrometre: rounding must not decide whether the section itself is shown.
-    far = points[:, 1] >= -5e-4
-    shown = far if cut and far.any() else np.ones(len(points), dtype=bool)
-    norm, ticks = style.colour_scale(values, colour_range)
-    colours = style.STIFFNESS_COLOURS(norm(values[shown]))[:, :3]
-    scene = Scene(VIEWS[view], points[shown], colours, tuple(bodies))
-    count = f"{len(points):,} poses" + ("" if shown.all() else ", those at Y < 0 left out")
-    figure, _ = style.new_figure("picture", rows=0)
-    with style.house_style():
-        corners = np.vstack([scene.points, *[body.mesh.bounds for body in bodies]])
-        axes = style.frame_axes(figure, scene.camera, style.box_ticks(corners), flat=view == "side")
-        heading = title or f"Stiffness map of {stiffness_map.metadata.get('robot', 'the robot')}"
-        style.headings(figure, heading, f"{subtitle}; {count}" if subtitle else count)
-        style.colour_bar(figure, norm, ticks, values)
-        show(figure, axes, scene, works)
-    style.save_png(figure, path)
-    return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
 
 
 @contextmanager

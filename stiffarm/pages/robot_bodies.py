@@ -13,7 +13,7 @@ from robots import ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
 from robots.kinematics import BodyFrames
-from stiffarm.commands.maps.sweep import middle_pose
+from robots.robot import middle_pose
 from stiffarm.pages.robot_drawing import DrawnBody, Role, draw_robot
 
 # Thickness of a rod over the arm's size, where the links have no sections.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
@@ -52,6 +52,12 @@ def say(message: str) -> None:
         kept.append(one_line(message))
         return
     _print(Text(one_line(message)), soft_wrap=True)
+
+
+def say_notes(notes: Iterable[str]) -> None:
+    """Remarks on the input."""
+    for note in notes:
+        say(f"note: {note}")
 
 
 def say_error(error: InputError) -> None:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from doe import Measurements
-from doe.tables.joined import join
 from robots import content_hash
-from stiffarm.session import inputs
-from stiffarm.session.console import say
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.reading_checks import check_readings
+
+if TYPE_CHECKING:
+    from stiffarm.session.inputs import ModelInput
 
 # Options that most commands have, listed last in a group of their own.
 COMMON = "Common options"
@@ -111,56 +107,6 @@ def folder_if(
     return nullcontext() if out is None else output_folder(out, files, seed)
 
 
-def open_measured(
-    model: str,
-    data: Path | None,
-    links: str | None,
-    load_path: str | None,
-    *,
-    without: str | None = None,
-    confirm_units: bool = False,
-) -> tuple[ModelInput, Measurements, dict[str, Path | str]]:
-    """What commands that calibrate do first: model, table with remarks, and the hashes of both for run.json.
-
-    ``without``: as of :func:`stiffarm.session.inputs.read_model`.
-    """
-    given = inputs.read_model(model, links, load_path, without=without)
-    files: dict[str, Path | str] = {"model": model_hash(given)}
-    return given, open_table(given, model, data, files, confirm_units=confirm_units), files
-
-
-def open_table(
-    given: ModelInput, model: str, data: Path | None, files: dict[str, Path | str], *, confirm_units: bool = False
-) -> Measurements:
-    """The measurement table of a model, checked; its remarks are said, its hash joins ``files``."""
-    return open_tables(given, model, () if data is None else (data,), files, confirm_units=confirm_units)
-
-
-def open_tables(
-    given: ModelInput,
-    model: str,
-    data: Sequence[Path],
-    files: dict[str, Path | str],
-    *,
-    confirm_units: bool = False,
-) -> Measurements:
-    """One or more measurement tables of a model as one, each checked by itself; none: the bundled one."""
-    named = [None if str(file) == BUNDLED else file for file in data or (None,)]
-    tables = [inputs.read_data(given.robot, model, file) for file in named]
-    table = join(tables)
-    say_notes(table.notes)
-    for number, one in enumerate(tables, start=1):
-        files["data" if number == 1 else f"data_{number}"] = one.sha256
-        check_readings(given, one, confirm_units=confirm_units)
-    return table
-
-
 def model_hash(given: ModelInput) -> str:
     """Content hash of the model, for run.json."""
     return content_hash(given.description)
-
-
-def say_notes(notes: tuple[str, ...]) -> None:
-    """Remarks on the input, to stderr."""
-    for note in notes:
-        say(f"note: {note}")

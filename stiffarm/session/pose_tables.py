@@ -1,4 +1,4 @@
-"""Poses to ask a surrogate about: from ``--pose`` or from a table."""
+"""Poses from a table."""
 
 from __future__ import annotations
 
@@ -8,32 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import Faults, RawTable, drop_ragged, parse_number, read_table, texts
+from doe.tables.columns import RawTable, drop_ragged, parse_number, read_table, texts
 from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
-from stiffarm.session.inputs import parse_pairs
-from surrogate import Surrogate
-
-
-def query_poses(learned: Surrogate, pose: list[str] | None, table: Path | None) -> tuple[Array, list[str], list[str]]:
-    """Poses (n, k) in deg for a query, from ``--pose`` or a table, with labels and remarks."""
-    if (table is None) == (not pose):
-        raise InputError(
-            "query needs poses",
-            allowed="either --pose (one or more) or a table of poses",
-            remedy=f"give one of the two, as in --pose {learned.inputs[0]}=5",
-        )
-    if table is not None:
-        return read_pose_table(learned.inputs, learned.fixed_deg, table)
-    values = [parse_pairs(text, "--pose", learned.inputs) for text in pose or ()]
-    remarks = [
-        f"{'pose' if len(rows) == 1 else 'poses'} {', '.join(rows)}: {name} is not given and taken as 0"
-        for name in learned.inputs
-        if (rows := [str(i + 1) for i, v in enumerate(values) if name not in v])
-    ]
-    degrees = np.array([[v.get(name, 0.0) for name in learned.inputs] for v in values])
-    return degrees, [str(i + 1) for i in range(len(values))], remarks
+from robots.faults import Faults
 
 
 def read_pose_table(

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from doe.tables.arm_class import arm_class, usual_load
 from fem import ArmModel
 from fem.statics.small_displacements import FLAG, LIMIT, beyond_small, refuse_beyond, worst_turns
 from robots import InputError, ModelDescription, Robot
+from robots.arm_class import arm_class, usual_load
 from robots.arrays import Array
 from stiffarm.session.console import say
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,27 +13,21 @@ from doe import (
     bundled_data,
     equations,
     factorial_poses,
-    loaded_points,
     sensitivity_study,
 )
 from doe.estimation.study_plan import Factorial
-from doe.tables.load_history import history_of
 from fem import ArmModel, LinkKind, directional_stiffness
-from fem.effects import History, PlacedEffect, observed
-from fem.statics.loads import as_loaded
-from robots import InputError, ModelDescription, content_hash
+from robots import InputError
 from robots.arrays import Array
 from robots.files.reading import read_sha256
-from robots.progress import Progress
 from stiffarm.session.inputs import ModelInput
-from surrogate import StiffnessMap, Surrogate, default_sweep, full_poses, sweep_map
+from surrogate import Surrogate, full_poses
 from surrogate.model import predict_compliance
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
 DEFAULT_BOUNDS_Nm_per_rad = (1e5, 1e6)
 VERTICAL = (0.0, 0.0, -1.0)
-MAP_LAYERS_DEG = (-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0)
 
 
 @dataclass(frozen=True)
@@ -122,58 +115,6 @@ def default_inputs(model: ArmModel) -> tuple[str, ...]:
     return names[1:5] if model.robot.dof == 6 else names[1:]
 
 
-def stiffness_map(
-    description: ModelDescription,
-    model: ArmModel,
-    points: int,
-    learned: Surrogate | None,
-    layers_deg: tuple[float, ...] | None = None,
-    progress: Progress | None = None,
-) -> StiffnessMap:
-    """The 3-D stiffness map, from the surrogate if one is given, else from the model itself.
-
-    The load is that of the surrogate, else vertical. With a surrogate the model's own stiffness stands beside it
-    in the file, so the difference can be seen.
-    """
-    robot = model.robot
-    direction = VERTICAL if learned is None else learned.load_direction
-    swept, layer = default_sweep(robot)
-    layers = {}
-    if layer is not None:
-        low, high = np.degrees(robot.limits[robot.coordinate_index(layer)])
-        wanted = MAP_LAYERS_DEG if layers_deg is None else layers_deg
-        layers[layer] = [v for v in wanted if low <= v <= high]
-
-    def exact(q: Array) -> Array:
-        return directional_stiffness(model, q, np.array(direction))
-
-    def from_surrogate(q: Array) -> Array:
-        assert learned is not None  # noqa: S101 - only called with one
-        columns = [robot.coordinate_index(name) for name in learned.inputs]
-        return 1.0 / predict_compliance(learned, q[:, columns])
-
-    metadata = {
-        "robot": robot.name,
-        "model_hash": content_hash(description),
-        "load_direction": " ".join(f"{v + 0.0:.6g}" for v in direction),
-        "stiffness_from": "model" if learned is None else f"surrogate ({learned.basis})",
-        "links": model.link_kind,
-        "load_path": model.load_path,
-        "units": "points mm, angles deg",
-    }
-    scalars = {} if learned is None else {"model_stiffness_N_per_mm": lambda q: exact(q) * 1e-3}
-    return sweep_map(
-        robot,
-        exact if learned is None else from_surrogate,
-        swept,
-        points,
-        layers,
-        scalars=scalars,
-        metadata=metadata,
-        progress=progress,
-    )
-
-
 def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
     """Surrogate and model stiffness (n,) N/mm at the distinct measured poses, with their labels."""
     rows = [rows[0] for rows in data.pose_groups().values()]
@@ -184,11 +125,3 @@ def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> 
         1e-3 / predict_compliance(learned, q[:, columns]),
         directional_stiffness(model, full_poses(model.robot, learned, q[:, columns])) * 1e-3,
     )
-
-
-def simulate(
-    model: ArmModel, data: Measurements, effects: Sequence[PlacedEffect] = (), history: History | None = None
-) -> Array:
-    """Simulated displacement (n, 6) of every reading; ``history``: by default what the table says of it."""
-    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
-    return observed(model, at, effects, history or history_of(data))

@@ -19,7 +19,7 @@ from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.task_options import parse_frame, parse_joint_figures, parse_vector
+from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector
 
 CellOpt = Annotated[
     Path | None,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.arrays import Array, Bools, Integers
+from robots.progress import Progress
 from surrogate.maps.blocks import Engine
 from surrogate.maps.data import Field, MapData
 from surrogate.maps.store import MapStore
@@ -19,7 +20,7 @@ ROWS = 1 << 17
 EXACT_MEDIAN = 2_000_000
 
 
-def map_data(engine: Engine, store: MapStore, metadata: Mapping[str, str] | None = None) -> MapData:
+def map_of_store(engine: Engine, store: MapStore, metadata: Mapping[str, str] | None = None) -> MapData:
     """The map of a store that has all its blocks; its arrays are memory maps of the store's files.
 
     Raises
@@ -27,13 +28,31 @@ def map_data(engine: Engine, store: MapStore, metadata: Mapping[str, str] | None
     InputError
         Blocks are missing.
     """
-    arrays: Mapping[str, NDArray[np.generic]] = store.finished()
+    return map_data(engine, store.finished(), metadata)
+
+
+def computed_map(
+    engine: Engine, metadata: Mapping[str, str] | None = None, progress: Progress | None = None
+) -> MapData:
+    """The map of an engine, worked out here and now and held in memory. Errors as :meth:`Engine.block`."""
+    blocks, n, size = [], engine.grid.layout.n, engine.points_a_block
+    for start in range(0, n, size):
+        blocks.append(engine.block(slice(start, min(start + size, n))))
+        if progress is not None:
+            progress(min(start + size, n), n)
+    return map_data(engine, {name: np.concatenate([b[name] for b in blocks]) for name in engine.columns}, metadata)
+
+
+def map_data(
+    engine: Engine, arrays: Mapping[str, NDArray[np.generic]], metadata: Mapping[str, str] | None = None
+) -> MapData:
+    """The map of an engine's arrays, all rows of each."""
     fields = {
         kind.name: Field(_numbers(arrays[kind.name]), kind.unit, kind.label, engine.quantities.categories(kind.name))
         for kind in engine.quantities.kinds
     }
     reached = arrays["reached"]
-    assert reached.dtype == np.bool_  # noqa: S101 - the store has seen to it
+    assert reached.dtype == np.bool_  # noqa: S101 - the engine has seen to it
     return MapData(
         layout=engine.grid.layout,
         points=_numbers(arrays["points"]),

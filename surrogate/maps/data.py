@@ -103,3 +103,8 @@ class MapData:
         wrong = [name for name in wanted if sizes[name] != wanted[name]]
         if wrong:
             raise InputError(f"map: {wrong[0]}", value=f"shape {sizes[wrong[0]]}", allowed=str(wanted[wrong[0]]))
+
+    def require_reached(self, remedy: str) -> None:
+        """Raise InputError where there is no pose at any point."""
+        if not np.any(self.reached):
+            raise InputError("map", value=f"no pose at any of {self.layout.n} points", remedy=remedy)

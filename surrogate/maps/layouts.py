@@ -18,6 +18,8 @@ MOST_POINTS = 2_000_000_000
 ALONG_SLICE, ALONG_BOX = 40, 25
 # Degrees from one angle of a cylinder to the next by default.
 TURN_deg = 15.0
+# Values of the coordinate that leaves a sweep's plane by default.
+LAYERS_deg = (-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0)
 # Share by which steps of one axis may differ: rounding of decimals.
 UNEVEN = 1e-6
 PLANES: Mapping[str, tuple[str, str, str]] = {"xz": ("z", "x", "y"), "yz": ("z", "y", "x"), "xy": ("y", "x", "z")}
@@ -52,6 +54,30 @@ class Reach:
         """For messages, in mm."""
         ends = zip("xyz", 1e3 * self.lower, 1e3 * self.upper, strict=True)
         return ", ".join(f"{name} {low:.0f} to {high:.0f} mm" for name, low, high in ends)
+
+
+def default_sweep(robot: Robot) -> tuple[tuple[str, ...], str | None]:
+    """The three coordinates that sweep the workspace's cross-section and the one that leaves its plane.
+
+    For six joints: 2, 3 and 5, with 4 out of the plane; for other arms the first three after joint 1.
+    """
+    names = robot.coordinates
+    if robot.dof == 6:
+        return (names[1], names[2], names[4]), names[3]
+    return names[1:4], None
+
+
+def sweep_layout(robot: Robot, points: int, layers_deg: Sequence[float] | None = None) -> MapGrid:
+    """The layout of :func:`default_sweep`; ``layers_deg``: values of the coordinate that leaves the plane.
+
+    Errors as :func:`joint_layout`.
+    """
+    swept, layer = default_sweep(robot)
+    if layer is None:
+        return joint_layout(robot, swept, points)
+    low, high = np.degrees(robot.limits[robot.coordinate_index(layer)])
+    values = [v for v in LAYERS_deg if low <= v <= high] if layers_deg is None else layers_deg
+    return joint_layout(robot, swept, points, {layer: values})
 
 
 def joint_layout(

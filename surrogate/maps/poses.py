@@ -219,7 +219,7 @@ def check_robot(robot: Robot, *, any_orientation: bool) -> str | None:
             f"Cartesian map of {robot.name}",
             value=f"{robot.dof} joints",
             allowed="six joints or more: with fewer the tool's orientation at a point cannot be chosen",
-            remedy="let it be free (--pose stiffest or softest), or make the map over the joints (--grid joints)",
+            remedy="let it be free (--pose stiffest or softest), or make the map over the joints (map joints)",
         )
     why = why_no_closed_form(robot)
     return None if why is None else f"poses are searched for, some may have been missed: {why}"

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from doe.estimation.problem import Problem
+from fem.free.kinds import KINDS
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
 from robots.arrays import Array, Indices, Integers
@@ -58,6 +59,6 @@ def linear(
     """Readings A u with linear variables in ``ranges``, by default -1000 to 1000."""
     ends = ranges or [(-1e3, 1e3)] * A.shape[1]
     parameters = [
-        Parameter(f"x{k}", "coupling", "base", (k,), "", 0.0, low, high, "linear") for k, (low, high) in enumerate(ends)
+        Parameter(f"x{k}", KINDS[1], "base", (k,), "", 0.0, low, high, "linear") for k, (low, high) in enumerate(ends)
     ]
     return problem_of(PlainModel(parameters, np.zeros(A.shape[1]), lambda u: (A @ u, A)), value, pose)

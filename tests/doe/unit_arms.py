@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import Measurements
-from doe.tables.arm_class import arm_class
 from fem import ArmModel, build_model, deflection
 from robots import ModelDescription
+from robots.arm_class import arm_class
 from robots.robot import Robot, robot_from
 
 

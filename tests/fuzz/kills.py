@@ -41,7 +41,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], str]] = {
     "calibrate": (("calibrate", "xr701", "--scheme", "global", "--out", "{out}"), "parameters.csv"),
     "map": (
         (
-            "map", "kr60-3", "--points", "9", "--values", "stiffness", "--no-pictures", "--work", "{work}",
+            "map", "joints", "kr60-3", "--points", "9", "--values", "stiffness", "--no-pictures", "--work", "{work}",
             "--out", "{out}",
         ),
         "map.csv",

@@ -22,13 +22,14 @@ from doe import bundled_data, read_measurements
 from doe.certainty.uncertainty import certainty
 from doe.tables.joined import join
 from doe.tables.measurements import Measurements
+from doe.tables.simulated import simulate
 from fem import deflection
 from robots import Robot
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
-from stiffarm.session import steps
-from stiffarm.session.inputs import ModelInput, read_model, read_scheme
+from stiffarm.session.inputs import ModelInput, read_model
+from stiffarm.session.readings import read_scheme
 
 Table = list[list[str]]
 
@@ -101,7 +102,7 @@ def diagnosed(tables: list[Measurements]) -> Answer:
 def simulated(tables: list[Measurements]) -> Answer:
     """Each reading simulated, by its label and load."""
     data = join(tables)
-    moved = steps.simulate(arm("xr701").model, data)
+    moved = simulate(arm("xr701").model, data)
     return Answer(
         {
             f"{pose} {load:.6g} N, {k}": float(v)

@@ -13,15 +13,16 @@ from doe import Measurements
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import problem
 from doe.tables.load_history import history_of
+from doe.tables.simulated import simulate
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, described_effects, with_effects
 from fem.elements.walls import wall_flexibilities
-from fem.free.parameters import Kind, Parameter
+from fem.free.parameters import Parameter
 from robots import ModelDescription, Robot, load_description, save_description
 from robots.arrays import Array
 from robots.robot import robot_from
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs
 from stiffarm.session.inputs import ModelInput
 
 Points = Literal["tool", "own", "mixed"]
@@ -135,7 +136,7 @@ def travelled(case: Case, folder: Path) -> Trip:
 
 def residual(back: ModelInput, data: Measurements, found: Calibrated) -> Array:
     """Read minus simulated (m,) of the readings that a calibration used, on the whole table."""
-    error = data.displacement - steps.simulate(back.model, data, back.effects, history_of(data))
+    error = data.displacement - simulate(back.model, data, back.effects, history_of(data))
     used = error[np.isin(data.row_numbers, found.data.row_numbers)]
     return np.asarray(used[found.found.overall.row, found.found.overall.component])
 
@@ -146,7 +147,7 @@ def off_nominal(given: ModelInput, data: Measurements, campaign: Campaign) -> tu
     placed = described_effects(given.description, plain)
     effects = tuple(e for e in placed if e.effect.code != LOAD_PATH)
     parameters, laws = campaign.free(plain, None, effects)
-    walls = wall_flexibilities(given.description, plain, [p.place for p in parameters if p.kind == "wall"])
+    walls = wall_flexibilities(given.description, plain, parameters)
     free = problem(plain, data, parameters, laws, walls, effects).free
     u = np.array([_away(p, float(v)) for p, v in zip(parameters, free.start, strict=True)])
     return filled(data, free.displacement(u)), free.start
@@ -154,14 +155,16 @@ def off_nominal(given: ModelInput, data: Measurements, campaign: Campaign) -> tu
 
 def _away(p: Parameter, start: float) -> float:
     low, high = p.inner_bounds
-    if p.kind == "coupling":
+    if p.kind.name == "coupling":
         # Below the geometric mean of its two entries on the diagonal, or the part would give energy back.
         return 5e-8
     if p.scale == "compliance":
         # What is rigid in the model is given some compliance.
-        soft = {"modulus": 1.6 * start, "effect": 1.6 * start}.get(p.kind, start + (2e-8 if p.unit == "N/m" else 3e-7))
+        soft = {"modulus": 1.6 * start, "effect": 1.6 * start}.get(
+            p.kind.name, start + (2e-8 if p.unit == "N/m" else 3e-7)
+        )
         return min(soft, high)
-    if p.kind == "law" or p.scale == "log":
+    if p.is_logarithm:
         return start + 0.2
     return min(start + 0.03 * (high - low), high)
 
@@ -177,7 +180,7 @@ POLYNOMIAL = law("polynomial", joint="j4", inputs=["q4_deg", "q5_deg"], degree=1
 TABLE = law("table", joint="j3", input=robot_from(arm()).coordinates[2], nodes_deg=[-60.0, 0.0, 60.0, 200.0])
 
 # At least one case for every kind of number; the first of each runs every day.
-CASES: dict[Kind, tuple[Case, ...]] = {
+CASES: dict[str, tuple[Case, ...]] = {
     "stiffness": (
         Case(("j2.stiffness", "j4.rx", "base.tz", "tool.tx", "bar.stiffness")),
         Case(("j2.stiffness", "j3.stiffness"), points="tool", only_z=True, cycles=False),

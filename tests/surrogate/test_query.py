@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from arm_cases import COUPLED, arm_compliance, few_runs, fitted, poses, sprung
 
-from doe.tables.arm_class import usual_load
 from fem import compliance, directional_stiffness
 from fem.statics.small_displacements import LIMIT
+from robots.arm_class import usual_load
 from robots.errors import InputError
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from robots.kinematics import stretched_length

@@ -15,8 +15,8 @@ from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.session import inputs, steps
-from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session import inputs, parsing, readings, steps
+from stiffarm.session.console import emit_json, say, say_notes, user_errors
 from stiffarm.session.effect_words import history_notes
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -34,10 +34,9 @@ from stiffarm.session.options import (
     TablesArg,
     folder_if,
     model_hash,
-    open_tables,
-    say_notes,
 )
 from stiffarm.session.own_effects import own_effects, own_files
+from stiffarm.session.readings import open_tables
 
 Free = Annotated[
     str | None,
@@ -130,7 +129,7 @@ def calibrate(
             raise InputError("--spacing", value=spacing, allowed="log, linear", remedy="choose one of them")
         _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
         _refuse_both({"--campaign": campaign, "--low or --high": low or high})
-        chosen_loads = inputs.parse_loads(loads)
+        chosen_loads = parsing.parse_loads(loads)
         own, files = own_effects(effect), own_files(effect)
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
@@ -145,11 +144,11 @@ def calibrate(
         for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
             if file is not None:
                 files[name] = file if name == "scheme" else _existing(file, f"--{name}")
-        names = inputs.parse_names(joints, given.robot.joint_names, "--joints")
+        names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         plan = _plan(given, table, scheme_file, staged)
         options = Options(
             names,
-            inputs.parse_parameters(free),
+            parsing.parse_parameters(free),
             campaign,
             chosen_loads,
             low,
@@ -187,7 +186,7 @@ def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path |
 def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Campaign | None:
     """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
     if staged or scheme_file is not None:
-        return inputs.read_scheme(given.robot, scheme_file)
+        return readings.read_scheme(given.robot, scheme_file)
     bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
     return bundled_campaign(given.robot.name) if bundled else None
 

@@ -100,7 +100,7 @@ def _told(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: 
 def _held(c: Calibrated) -> list[str]:
     """Joint springs that were not set free in any stage, and whether readings would have moved with them."""
     free = {e.parameter.place for s in c.found.stages for e in s.certainty.estimates
-            if e.parameter.kind == "law" or e.parameter.is_joint_spring}  # fmt: skip
+            if e.parameter.kind.of_law or e.parameter.spring_of is not None}  # fmt: skip
     influence = np.abs(equations(c.found.model, c.data, 1e-5).influence).max(axis=0)
     out = []
     for what, mine in (

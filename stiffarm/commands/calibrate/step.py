@@ -111,7 +111,7 @@ class Calibrated:
     def springs(self) -> tuple[SpringEstimate, ...]:
         """Constant springs of the joints set free, in all stages."""
         every = (e for s in self.found.stages for e in s.certainty.estimates)
-        return tuple(SpringEstimate.of(e) for e in every if e.parameter.is_joint_spring)
+        return tuple(SpringEstimate.of(e) for e in every if e.parameter.spring_of is not None)
 
     @property
     def pose(self) -> tuple[str, ...]:
@@ -208,7 +208,9 @@ def calibrate(
         error, skipped = left_out(
             given.description, build, used, request.campaign, found, count, given.own, history, request.spacing
         )
-    shifts = [e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind == "point"]
+    shifts = [
+        e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind.shifts == "point"
+    ]
     remarks = (
         *words.study_remarks(found.studies),
         *words.remarks(found.stages, request.expected),

@@ -122,7 +122,7 @@ def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str,
 def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list[str]:
     out: list[str] = []
     for e in s.certainty.estimates:
-        spring = SpringEstimate.of(e) if e.parameter.is_joint_spring else None
+        spring = SpringEstimate.of(e) if e.parameter.spring_of is not None else None
         if e.parameter.name in s.unseen:
             out.append(f"{e.parameter.name}: no reading moves with it; it stays as the model has it")
         elif spring is not None and expected is not None and e.status != "not identified":

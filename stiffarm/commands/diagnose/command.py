@@ -17,8 +17,8 @@ from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
 from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.diagnose.step import Diagnosed, Request
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session import inputs, parsing
+from stiffarm.session.console import emit_json, say, say_notes, show_table, user_errors
 from stiffarm.session.options import (
     ConfirmUnits,
     Debug,
@@ -33,12 +33,11 @@ from stiffarm.session.options import (
     TablesArg,
     folder_if,
     model_hash,
-    open_tables,
-    say_notes,
 )
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.own_effects import own_effects, own_files
 from stiffarm.session.reading_checks import read_held_out
+from stiffarm.session.readings import open_tables
 
 
 def diagnose(
@@ -94,11 +93,11 @@ def diagnose(
     next. Writes diagnosis.json, the model with the identified effects and a report into --out.
     """
     with user_errors(debug):
-        chosen_loads = inputs.parse_loads(loads) or ()
+        chosen_loads = parsing.parse_loads(loads) or ()
         own, files = own_effects(effect), own_files(effect)
         given = inputs.read_model(model, links, load_path, own=own)
         files["model"] = model_hash(given)
-        names = inputs.parse_names(free, given.robot.joint_names, "--free")
+        names = parsing.parse_names(free, given.robot.joint_names, "--free")
         table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
         other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
         if other is not None:

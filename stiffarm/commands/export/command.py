@@ -10,7 +10,7 @@ import typer
 
 from robots import InputError
 from stiffarm import __version__
-from stiffarm.session import inputs
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg, model_hash, output_folder
@@ -58,9 +58,9 @@ def export(
                 allowed="exactly one",
                 remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",
             )
-        wrench = inputs.parse_load(load)
+        wrench = parsing.parse_load(load)
         given = inputs.read_model(model, links, load_path, without="the export")
-        q = inputs.parse_pose(given.robot, pose[0])
+        q = parsing.parse_pose(given.robot, pose[0])
         with output_folder(out, {"model": model_hash(given)}) as folder:
             from fem.reference.calculix.arm import arm_deck
             from fem.reference.shell_arm import all_links
@@ -82,7 +82,7 @@ def export(
                 "load_path": given.model.load_path,
                 "joints_without_spring": _stiff_joints(given, q),
                 "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
-                "load": {n: number(v) for n, v in zip(inputs.WRENCH_NAMES, wrench, strict=True)},
+                "load": {n: number(v) for n, v in zip(parsing.WRENCH_NAMES, wrench, strict=True)},
                 "tool_node": deck.tool[0],
                 "tool_rotation_node": deck.tool[1],
                 "stiffarm": {n: number(1e3 * v) for n, v in zip(DISPLACEMENT_NAMES, deck.displacement, strict=True)},

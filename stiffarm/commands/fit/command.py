@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from robots import InputError
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs, parsing, steps
 from stiffarm.session.console import emit_json, progress, say, user_errors
 from stiffarm.session.options import (
     Debug,
@@ -130,16 +130,16 @@ def fit(
         if matrix and basis not in ("best", "factored"):
             raise InputError("--matrix with --basis", value=basis, allowed="factored, best", remedy="leave one out")
         _refuse_conflicts(quantity, basis, matrix, asked, {"normal": normal, "force": force, "direction": direction})
-        along = inputs.parse_direction(direction or "0,0,-1")
+        along = parsing.parse_direction(direction or "0,0,-1")
         vectors = {
-            name: None if text is None else np.array(inputs.parse_direction(text, f"--{name}"))
+            name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
         given = inputs.read_model(model, links, load_path, without="the surrogate")
         if note := inputs.no_springs_note(given):
             say(f"note: {note}")
-        names = inputs.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
-        others = inputs.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
+        names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
+        others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
         scalar = None
         if quantity != learning.STIFFNESS:
             scalar = learning.index_quantity(given.model, quantity, vectors["normal"], vectors["force"])

@@ -14,7 +14,7 @@ from machining import INDICES
 from machining.stiffness.indices import evaluate
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
-from stiffarm.commands.maps.sweep import middle_pose
+from robots.robot import middle_pose
 from stiffarm.session.console import progress, say
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import VERTICAL

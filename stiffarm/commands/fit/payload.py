@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stiffarm.session.json_text import number
-from surrogate import Surrogate, Trained
+
+if TYPE_CHECKING:
+    from surrogate import Surrogate, Trained
 
 
 def trained(result: Trained) -> dict[str, Any]:

@@ -227,7 +227,7 @@ def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section
         )
         commands.append(("the 6 x 6 compliance", "stiffarm query surrogate.json poses.csv --matrix"))
     if best.quantity.name == COMPLIANCE and np.allclose(best.load_direction, (0.0, 0.0, -1.0), atol=1e-9):
-        commands.append(("a map over the joints", f"stiffarm map {named} --surrogate surrogate.json --out map"))
+        commands.append(("a map over the joints", f"stiffarm map joints {named} --surrogate surrogate.json --out map"))
     commands.append(
         (
             "for other programs, with this fit's other options",

@@ -19,19 +19,8 @@ from stiffarm.commands.identify import payload as joint_twist_payload
 from stiffarm.commands.identify import step as joint_twist_run
 from stiffarm.commands.identify.step import JointTwists, Request
 from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, say, show_table, user_errors
-from stiffarm.session.options import (
-    ConfirmUnits,
-    Debug,
-    Json,
-    LoadPathOpt,
-    ModelArg,
-    Out,
-    Seed,
-    folder_if,
-    model_hash,
-    say_notes,
-)
+from stiffarm.session.console import emit_json, say, say_notes, show_table, user_errors
+from stiffarm.session.options import ConfirmUnits, Debug, Json, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.reading_checks import read_held_out
 

@@ -12,8 +12,8 @@ from meshes.surfaces.reading import SUFFIXES
 from robots import InputError, content_hash, load_description
 from robots.urdf.reading import read_urdf
 from stiffarm.session.console import emit_json, progress, say, user_errors
-from stiffarm.session.inputs import parse_pairs
 from stiffarm.session.options import Debug, Json, output_folder
+from stiffarm.session.parsing import parse_pairs
 
 
 def import_command(

@@ -13,13 +13,13 @@ from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.index import results as index_results
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session import inputs, parsing
+from stiffarm.session.console import emit_json, say, say_notes, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash, say_notes
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.pose_tables import read_pose_table
-from stiffarm.session.task_options import NormalOpt, ToolOpt, frame_words, parse_vector, tool_of
+from stiffarm.session.parsing import frame_words, parse_vector, tool_of
+from stiffarm.session.task_options import NormalOpt, ToolOpt
 
 # Rows of the table on the screen; files have all.
 SHOWN = 30
@@ -77,7 +77,7 @@ def index(
             tool_of(given.robot, tool)[:3, 3],
             parse_vector(normal, "--normal", "a direction in base axes"),
             None if force is None else parse_vector(force, "--force", "N in base axes"),
-            None if load is None else inputs.parse_load(load),
+            None if load is None else parsing.parse_load(load),
         )
         found = index_results.answer(given.model, question)
         content = index_results.payload(given.robot, found)
@@ -101,8 +101,10 @@ def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tup
             remedy=f"give one of the two, as in --pose {given.robot.coordinates[0]}=5",
         )
     if table is None:
-        q = np.stack([inputs.parse_pose(given.robot, text) for text in pose or ()])
+        q = np.stack([parsing.parse_pose(given.robot, text) for text in pose or ()])
         return q, tuple(str(i + 1) for i in range(len(q)))
+    from stiffarm.session.pose_tables import read_pose_table
+
     degrees, labels, remarks = read_pose_table(given.robot.coordinates, {}, table)
     say_notes(tuple(remarks))
     q = np.radians(degrees)

@@ -18,9 +18,9 @@ from machining import (
     stiffness_ellipsoid,
     translational,
 )
+from machining.stiffness.units import shown
 from robots import Robot
 from robots.arrays import Array
-from stiffarm.commands.index.units import shown
 from stiffarm.session.json_text import number
 
 

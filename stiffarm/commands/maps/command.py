@@ -1,296 +1,432 @@
-"""The command `map`: the arm over joints or space, or with --quantity an index over a plane or a box by gamma."""
+"""The command `map`: the arm over its joints or over points in space, or an index over a plane or box by gamma."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
+from typer.core import TyperGroup
 
 from machining import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
-from stiffarm.commands.maps import words as map_words
-from stiffarm.commands.maps.options import FORMATS, GRIDS, POSES
-from stiffarm.session import inputs, steps
+from robots.library.models import bundled_names
+from stiffarm.commands.maps import surrogate_input, words
+from stiffarm.commands.maps.options import FORMATS, POSES
+from stiffarm.commands.maps.request import MERITS, SHORTS
+from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, user_errors
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
+from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from surrogate.maps.layouts import PLANES
-from surrogate.maps.quantities import MERITS, SHORTS
 
-_AXIS = "values in mm along the {0} axis of the base, with --quantity of the part: FROM:TO:STEP, or one number"
-_OF_INDEX = "with --quantity: "
-_OF_GRID = "with --grid {0}: "
-# Options of the map of an arm that one from a surrogate, or of an index, does not have.
-_OF_ARM = (
-    "--grid", "--plane", "--at", "--r", "--phi", "--pose", "--best-by", "--direction", "--values", "--format",
-    "--dask", "--work",
+Text = str | None
+_FORM = "FROM:TO:STEP or one number"
+
+Out = Annotated[
+    Path, typer.Option("--out", rich_help_panel=COMMON, help="Folder for the map; it is created if needed.")
+]
+X = Annotated[Text, typer.Option("--x", metavar="MM", help=f"Values along x, in mm: {_FORM}. Default: all in reach.")]
+Y = Annotated[Text, typer.Option("--y", metavar="MM", help=f"Values along y, in mm: {_FORM}. Default: all in reach.")]
+Z = Annotated[Text, typer.Option("--z", metavar="MM", help=f"Values along z, in mm: {_FORM}. Default: all in reach.")]
+Pose = Annotated[
+    str,
+    typer.Option(
+        "--pose",
+        help=f"Which pose stands at a point: {', '.join(POSES)}. The last two look at all orientations and branches.",
+    ),
+]
+BestBy = Annotated[str, typer.Option("--best-by", help=f"Quantity that --pose goes by: {', '.join(MERITS)}.")]
+ToolAxis = Annotated[
+    Text,
+    typer.Option(
+        "--tool-axis", metavar="X,Y,Z",
+        help="Tool axis from the tip into the holder, in base axes, with --pose fixed or best-gamma. Default: 0,0,1.",
+    ),
+]  # fmt: skip
+Gamma = Annotated[
+    Text,
+    typer.Option(
+        "--gamma", metavar="FROM:TO:STEP",
+        help="Angles gamma about the tool axis, in deg. Default: 0 with --pose fixed, -180:180:15 with best-gamma.",
+    ),
+]  # fmt: skip
+Direction = Annotated[
+    Text, typer.Option("--direction", metavar="X,Y,Z", help="Direction of the load in base axes. Default: 0,0,-1.")
+]
+Values = Annotated[
+    Text,
+    typer.Option(
+        "--values", help=f"Quantities to map: {', '.join(SHORTS)}. Default: the usual ones the model can give."
+    ),
+]
+Normal = Annotated[
+    Text,
+    typer.Option(
+        "--normal", metavar="X,Y,Z", help="Surface normal of k_fs and other indices, in base axes. Default: 0,0,1."
+    ),
+]
+Format = Annotated[
+    Text,
+    typer.Option(
+        "--format",
+        help=f"File formats of the map: {', '.join(FORMATS)}. Default: vti of a slice or box, otherwise vtu.",
+    ),
+]
+Html = Annotated[bool, typer.Option("--html", help="Write a page to turn the map and pick points in.")]
+Svg = Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too.")]
+Pictures = Annotated[bool, typer.Option(help="Draw PNG pictures.")]
+Dask = Annotated[
+    Text, typer.Option("--dask", metavar="ADDRESS", help="Have a Dask cluster do it, as in tcp://host:8786.")
+]
+Work = Annotated[
+    Path | None,
+    typer.Option("--work", help="Folder for the blocks while they are made; an interrupted run continues from it."),
+]
+
+
+class _Maps(TyperGroup):
+    """The kinds of maps. Whoever types the form of before, without a kind, is told the new one."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        old = any(word.split("=")[0] in ("--grid", "--quantity") for word in args) or Path(args[0]).suffix != ""
+        if args[0] not in self.commands and (old or args[0] in bundled_names()):
+            with user_errors(debug=False):
+                raise InputError(
+                    "`stiffarm map` needs to know what kind of map", allowed=", ".join(self.commands),
+                    remedy=f"type {new_form(args)}",
+                )  # fmt: skip
+        return super().resolve_command(ctx, args)
+
+
+def new_form(args: list[str]) -> str:
+    """The command of today that does what arguments of `stiffarm map` without a kind did."""
+    words, kind = [part for word in args for part in word.split("=", 1)], "joints"
+    if "--grid" in words:
+        at = words.index("--grid")
+        kind = words[at + 1] if at + 1 < len(words) else kind
+        del words[at : at + 2]
+    kind = "index" if "--quantity" in words else kind
+    return "`" + shlex.join(["stiffarm", "map", kind, *words]) + "`"
+
+
+map_command = typer.Typer(
+    cls=_Maps, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    help="Map the stiffness over joints or over points in space, as files for ParaView, with pictures.",
 )  # fmt: skip
 
 
-def map_command(
+@map_command.command("joints")
+def joints_command(
     model: ModelArg,
-    out: Annotated[Path, typer.Option("--out", help="folder for the map")],
-    grid: Annotated[
-        str | None,
-        typer.Option("--grid", help=f"where the map is: {', '.join(GRIDS)} of tool points; default: joints"),
-    ] = None,
+    out: Out,
     surrogate_file: Annotated[
-        Path | None, typer.Option("--surrogate", help="take the stiffness over joints from this surrogate")
-    ] = None,
-    points: Annotated[
-        int | None,
-        typer.Option(help="with --grid joints: values of each swept coordinate; default: 21", min=2, max=1000),
-    ] = None,
-    layers: Annotated[
-        str | None,
-        typer.Option("--layers", help="with --grid joints: values in deg of the coordinate that leaves the plane"),
-    ] = None,
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            "--quantity",
-            help=f"map this over a plane or box for every gamma instead: {', '.join((*INDICES, *DISPLACEMENTS))}",
-        ),
-    ] = None,
-    plane: Annotated[
-        str | None, typer.Option("--plane", help=_OF_GRID.format("slice") + f"{', '.join(PLANES)}; default: xz")
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option(
-            "--at",
-            metavar="MM",
-            help=_OF_GRID.format("slice") + "where the plane is; default: 0, of xy half the height in reach",
-        ),
-    ] = None,
-    x: Annotated[str | None, typer.Option("--x", metavar="MM", help=_AXIS.format("x"))] = None,
-    y: Annotated[str | None, typer.Option("--y", metavar="MM", help=_AXIS.format("y"))] = None,
-    z: Annotated[str | None, typer.Option("--z", metavar="MM", help=_AXIS.format("z"))] = None,
-    r: Annotated[
-        str | None, typer.Option("--r", metavar="MM", help=_OF_GRID.format("cylinder") + "distances from the z axis")
-    ] = None,
-    phi: Annotated[
-        str | None,
-        typer.Option("--phi", metavar="DEG", help=_OF_GRID.format("cylinder") + "angles from x; default: -180:180:15"),
-    ] = None,
-    pose: Annotated[
-        str | None,
-        typer.Option(
-            "--pose",
-            help=f"of --grid slice, box, cylinder: {', '.join(POSES)}, of all orientations the last two; "
-            "default: stiffest",
-        ),
-    ] = None,
-    best_by: Annotated[
-        str | None,
-        typer.Option("--best-by", help=f"what --pose goes by: {', '.join(MERITS)}; default: stiffness"),
-    ] = None,
-    direction: Annotated[
-        str | None, typer.Option("--direction", metavar="X,Y,Z", help="of the load, base axes; default: 0,0,-1")
-    ] = None,
-    values: Annotated[
-        str | None,
-        typer.Option("--values", help=f"what to map, of {', '.join(SHORTS)}; default: all that the model can give"),
-    ] = None,
-    tool: ToolOpt = None,
-    part: PartOpt = None,
-    normal: Annotated[
-        str | None,
-        typer.Option("--normal", metavar="X,Y,Z", help="surface normal of k_fs, base axes; default: 0,0,1"),
-    ] = None,
-    tool_axis: Annotated[
-        str | None,
-        typer.Option(
-            "--tool-axis",
-            metavar="X,Y,Z",
-            help="tool axis from the tip into the holder, base axes, with --pose fixed or best-gamma; default: 0,0,1; "
-            "with --quantity the normal",
-        ),
-    ] = None,
-    gamma: Annotated[
-        str | None,
-        typer.Option(
-            "--gamma",
-            metavar="FROM:TO:STEP",
-            help="angles about the tool axis, deg, or one; a full turn counts its two ends once; default: 0 with "
-            "--pose fixed, -180:180:15 with best-gamma, -180:180:5 with --quantity",
-        ),
-    ] = None,
-    show: Annotated[
-        str | None,
-        typer.Option(
-            "--show", metavar="DEG,DEG", help=_OF_INDEX + "angles for pictures and .vtu; default: five, and the best"
-        ),
-    ] = None,
-    force: Annotated[
-        str | None, typer.Option("--force", metavar="X,Y,Z", help="N on the tool, base axes, where --quantity needs it")
-    ] = None,
-    workpiece: Annotated[
-        str | None,
-        typer.Option(
-            "--workpiece",
-            metavar="REGION",
-            help=_OF_INDEX + "where the best gamma is sought, mm: x=-100:100,y=800:1000, or corners as in "
-            "'-100,800;100,800;0,1000' along the grid's first two axes; default: the whole grid",
-        ),
-    ] = None,
-    aim: Annotated[
-        str | None, typer.Option("--aim", help=_OF_INDEX + "best gamma by the mean or the worst point; default: mean")
-    ] = None,
-    partly: Annotated[
-        bool, typer.Option("--partly", help=_OF_INDEX + "also a gamma that does not reach all of the workpiece may win")
-    ] = False,
-    file_format: Annotated[
-        str | None,
-        typer.Option("--format", help=f"of the map's file: {', '.join(FORMATS)}; default: vti of slice and box, vtu"),
-    ] = None,
-    html: Annotated[bool, typer.Option("--html", help="also a page to turn the map and pick points in")] = False,
-    svg: Annotated[bool, typer.Option("--svg", help="also figures as SVG")] = False,
-    pictures: Annotated[bool, typer.Option(help="also draw PNGs")] = True,
-    dask: Annotated[
-        str | None,
-        typer.Option("--dask", metavar="ADDRESS", help="have a Dask cluster do it, as in tcp://host:8786"),
-    ] = None,
-    work: Annotated[
         Path | None,
-        typer.Option("--work", help="folder for the blocks while they are made; an interrupted run goes on with it"),
+        typer.Option("--surrogate", help="Take the stiffness from this surrogate; the model's is mapped beside it."),
     ] = None,
-    seed: Seed = 0,
+    points: Annotated[int, typer.Option(help="Values of each coordinate that is swept.", min=2, max=1000)] = 21,
+    layers: Annotated[
+        Text,
+        typer.Option("--layers", help="Values in deg of the coordinate that leaves the plane, separated by commas."),
+    ] = None,
+    direction: Direction = None,
+    values: Values = None,
+    tool: ToolOpt = None,
+    normal: Normal = None,
+    file_format: Format = None,
+    html: Html = False,
+    svg: Svg = False,
+    pictures: Pictures = True,
+    dask: Dask = None,
+    work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """The stiffness map of an arm, over its joints or over points in space, as files for ParaView, with pictures.
-
-    With --quantity: an index over a plane or a box, at every angle gamma about the tool axis, and the best gamma.
-    """
+    """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers."""
+    own = {"--points": str(points), "--layers": layers}
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
     with user_errors(debug):
-        of_arm = {
-            "--grid": grid, "--plane": plane, "--at": at, "--r": r, "--phi": phi, "--pose": pose,
-            "--best-by": best_by, "--direction": direction, "--values": values, "--format": file_format,
-            "--dask": dask, "--work": None if work is None else str(work),
-            "--points": None if points is None else str(points), "--layers": layers,
-        }  # fmt: skip
-        both = {
-            "--x": x, "--y": y, "--z": z, "--tool": tool, "--normal": normal, "--tool-axis": tool_axis,
-            "--gamma": gamma,
-        }  # fmt: skip
-        of_index: dict[str, str | None] = {
-            "--part": part, "--show": show, "--force": force, "--workpiece": workpiece, "--aim": aim,
-            "--partly": "" if partly else None,
-        }  # fmt: skip
-        drawn = {"--html": "" if html else None, "--svg": "" if svg else None}
-        if quantity is not None:
-            given = {"--surrogate": surrogate_file, **of_arm, **drawn}
-            _refuse(given, "with --quantity", "leave it out; the grid is --x, --y and --z")
-            options = both | of_index | {"--quantity": quantity}
-            content = _index_map(model, out, options, pictures, seed, links, load_path)
+        if surrogate_file is not None:
+            refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
+            for name in (name for name, value in refused.items() if value is not None):
+                raise InputError(f"{name} cannot be combined with --surrogate", remedy="leave one of them out")
+            content = _surrogate_map(model, out, surrogate_file, points, layers, pictures, links, load_path)
         else:
-            _refuse(of_index, "without --quantity", f"give --quantity, one of {', '.join(INDICES)}")
-            if surrogate_file is not None:
-                of_model = {name: of_arm[name] for name in _OF_ARM} | both | drawn
-                _refuse(of_model, "with --surrogate", "leave it out; a surrogate's map is over the joints")
-                content = _surrogate_map(model, out, surrogate_file, points or 21, layers, pictures, links, load_path)
-            else:
-                files = {"svg": svg, "html": html, "pictures": pictures}
-                content = _arm_map(model, out, of_arm | both, files, seed, links, load_path)
-        if as_json:
-            emit_json(content)
-            return
-        if quantity is not None:
-            map_words.show_index_map(content)
-        elif surrogate_file is None:
-            map_words.show_map(content)
-        say(f"written: {', '.join(str(out / name) for name in content['files'])}")
-        for message in content.get("messages", ()):
-            say(f"note: {message}")
+            content = _arm_map("joints", model, out, own | shared, (html, svg, pictures), seed, links)
+        _say(content, out, as_json)
 
 
-def _refuse(options: Mapping[str, object], when: str, remedy: str) -> None:
-    given = [name for name, value in options.items() if value is not None]
-    if given:
-        raise InputError(f"{given[0]} {when}", allowed="nothing", remedy=remedy)
+@map_command.command("slice")
+def slice_command(
+    model: ModelArg,
+    out: Out,
+    plane: Annotated[str, typer.Option("--plane", help=f"Plane of the slice: {', '.join(PLANES)}.")] = "xz",
+    at: Annotated[
+        Text,
+        typer.Option(
+            "--at",
+            metavar="MM",
+            help="Where the plane stands, in mm. Default: 0; of xy half the height in reach.",
+        ),
+    ] = None,
+    x: X = None,
+    y: Y = None,
+    z: Z = None,
+    pose: Pose = "stiffest",
+    best_by: BestBy = "stiffness",
+    tool_axis: ToolAxis = None,
+    gamma: Gamma = None,
+    direction: Direction = None,
+    values: Values = None,
+    tool: ToolOpt = None,
+    normal: Normal = None,
+    file_format: Format = None,
+    html: Html = False,
+    svg: Svg = False,
+    pictures: Pictures = True,
+    dask: Dask = None,
+    work: Work = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Map the arm over tool points in a plane of the base frame."""
+    own = {"--plane": plane, "--at": at, "--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    with user_errors(debug):
+        _say(_arm_map("slice", model, out, own | shared, (html, svg, pictures), seed, links), out, as_json)
+
+
+@map_command.command("box")
+def box_command(
+    model: ModelArg,
+    out: Out,
+    x: X = None,
+    y: Y = None,
+    z: Z = None,
+    pose: Pose = "stiffest",
+    best_by: BestBy = "stiffness",
+    tool_axis: ToolAxis = None,
+    gamma: Gamma = None,
+    direction: Direction = None,
+    values: Values = None,
+    tool: ToolOpt = None,
+    normal: Normal = None,
+    file_format: Format = None,
+    html: Html = False,
+    svg: Svg = False,
+    pictures: Pictures = True,
+    dask: Dask = None,
+    work: Work = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Map the arm over tool points in a box along the base's axes."""
+    own = {"--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    with user_errors(debug):
+        _say(_arm_map("box", model, out, own | shared, (html, svg, pictures), seed, links), out, as_json)
+
+
+@map_command.command("cylinder")
+def cylinder_command(
+    model: ModelArg,
+    out: Out,
+    r: Annotated[
+        Text,
+        typer.Option("--r", metavar="MM", help=f"Distances from the z axis, in mm: {_FORM}. Default: all in reach."),
+    ] = None,
+    phi: Annotated[
+        Text, typer.Option("--phi", metavar="DEG", help=f"Angles from x, in deg: {_FORM}. Default: -180:180:15.")
+    ] = None,
+    z: Z = None,
+    pose: Pose = "stiffest",
+    best_by: BestBy = "stiffness",
+    tool_axis: ToolAxis = None,
+    gamma: Gamma = None,
+    direction: Direction = None,
+    values: Values = None,
+    tool: ToolOpt = None,
+    normal: Normal = None,
+    file_format: Format = None,
+    html: Html = False,
+    svg: Svg = False,
+    pictures: Pictures = True,
+    dask: Dask = None,
+    work: Work = None,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Map the arm over tool points in a cylinder about the base's z axis."""
+    own = {"--r": r, "--phi": phi, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    with user_errors(debug):
+        _say(_arm_map("cylinder", model, out, own | shared, (html, svg, pictures), seed, links), out, as_json)
+
+
+_PART = f"Values along {{0}} of the part, in mm: {_FORM}. One of --x, --y and --z may be one number."
+
+
+@map_command.command("index")
+def index_command(
+    model: ModelArg,
+    out: Out,
+    x: Annotated[str, typer.Option("--x", metavar="MM", help=_PART.format("x"))],
+    y: Annotated[str, typer.Option("--y", metavar="MM", help=_PART.format("y"))],
+    z: Annotated[str, typer.Option("--z", metavar="MM", help=_PART.format("z"))],
+    quantity: Annotated[
+        str, typer.Option("--quantity", help=f"What to map: {', '.join((*INDICES, *DISPLACEMENTS))}.")
+    ] = "k_fs",
+    tool: ToolOpt = None,
+    part: PartOpt = None,
+    normal: Annotated[
+        str, typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes.")
+    ] = "0,0,1",
+    tool_axis: Annotated[
+        Text,
+        typer.Option(
+            "--tool-axis", metavar="X,Y,Z",
+            help="Tool axis from the tip into the holder, in base axes. Default: along the normal.",
+        ),
+    ] = None,
+    gamma: Annotated[
+        str,
+        typer.Option(
+            "--gamma", metavar="FROM:TO:STEP",
+            help="Angles gamma about the tool axis, in deg, or one; the two ends of a full turn count once.",
+        ),
+    ] = "-180:180:5",
+    show: Annotated[
+        Text,
+        typer.Option(
+            "--show", metavar="DEG,DEG",
+            help="Angles gamma to draw and to write to the map's file, in deg. Default: five, and the best.",
+        ),
+    ] = None,
+    force: Annotated[
+        Text,
+        typer.Option("--force", metavar="X,Y,Z", help="Force on the tool in base axes, in N, where needed."),
+    ] = None,
+    workpiece: Annotated[
+        Text,
+        typer.Option(
+            "--workpiece", metavar="REGION",
+            help="Where the best gamma is sought, in mm: x=-100:100,y=800:1000, or corners as in "
+            "'-100,800;100,800;0,1000' along the grid's first two axes. Default: the whole grid.",
+        ),
+    ] = None,
+    aim: Annotated[str, typer.Option("--aim", help="Best gamma by the mean or the worst point: mean, worst.")] = "mean",
+    partly: Annotated[
+        bool, typer.Option("--partly", help="Let a gamma win that does not reach all of the workpiece.")
+    ] = False,
+    pictures: Pictures = True,
+    links: Links = None,
+    load_path: LoadPathOpt = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:  # fmt: skip
+    """Map an index over a plane or a box of the part at every angle gamma about the tool axis, and find the best."""
+    from stiffarm.commands.maps.index import files
+    from stiffarm.commands.maps.index import request as asking
+
+    with user_errors(debug):
+        # Before the model: shells take a while, and a wrong option need not wait for them.
+        asked = asking.read_request(
+            {
+                "--quantity": quantity, "--x": x, "--y": y, "--z": z, "--tool": tool, "--part": part,
+                "--normal": normal, "--tool-axis": tool_axis, "--gamma": gamma, "--show": show, "--force": force,
+                "--workpiece": workpiece, "--aim": aim, "--partly": "" if partly else None,
+            }
+        )  # fmt: skip
+        given = inputs.read_model(model, links, load_path, without="the map")
+        with output_folder(out, {"model": model_hash(given)}, seed) as folder:
+            with folder.timed("map"), progress("map points") as bar:
+                made = asking.map_of(given, asked, np.random.default_rng(seed), bar)
+            with folder.timed("files"):
+                content = files.write(made, folder, pictures)
+        _say(content, out, as_json)
+
+
+def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, Text]:
+    return {"--pose": pose, "--best-by": best_by, "--tool-axis": tool_axis, "--gamma": gamma}
+
+
+def _shared(
+    direction: Text, values: Text, tool: Text, normal: Text, file_format: Text, dask: Text, work: Path | None,
+    load_path: Text,
+) -> dict[str, Text]:  # fmt: skip
+    return {
+        "--direction": direction, "--values": values, "--tool": tool, "--normal": normal, "--format": file_format,
+        "--dask": dask, "--work": None if work is None else str(work), "--load-path": load_path,
+    }  # fmt: skip
+
+
+def _say(content: Mapping[str, Any], out: Path, as_json: bool) -> None:
+    if as_json:
+        emit_json(content)
+        return
+    if "by_gamma" in content:
+        words.show_index_map(content)
+    elif "quantities" in content:
+        words.show_map(content)
+    say(f"written: {', '.join(str(out / name) for name in content['files'])}")
+    for message in content["messages"]:
+        say(f"note: {message}")
 
 
 def _arm_map(
-    model: str,
-    out: Path,
-    options: Mapping[str, str | None],
-    files: Mapping[str, bool],
-    seed: int,
-    links: str | None,
-    load_path: str | None,
-) -> dict[str, Any]:
+    kind: str, model: str, out: Path, options: Mapping[str, Text], drawn: tuple[bool, bool, bool], seed: int,
+    links: Text,
+) -> dict[str, Any]:  # fmt: skip
     """Quantities of the arm over joints or space, from the model."""
-    from stiffarm.commands.maps import options as map_options
-    from stiffarm.commands.maps import step as map_run
+    from stiffarm.commands.maps import step
     from stiffarm.commands.maps.files import Files
+    from stiffarm.commands.maps.options import check_options, read_map_options
     from stiffarm.session.task_setup import require_springs
 
     # Before the model: shells take a while, and a wrong option need not wait for them.
-    map_options.check_options(options)
-    given = inputs.read_model(model, links, load_path, without="the map")
+    check_options(kind, options)
+    given = inputs.read_model(model, links, options["--load-path"], without="the map")
     require_springs(given, "map")
-    asked = map_options.read_map_options(given, {**options, "--load-path": load_path}, seed)
+    asked = read_map_options(given, kind, options, seed)
+    html, svg, pictures = drawn
     work = options["--work"]
     wanted = Files(
-        asked.formats,
-        figures=options["--values"] is not None or files["svg"],
-        dask=options["--dask"],
-        work=None if work is None else Path(work),
-        **files,
-    )
+        asked.formats, figures=options["--values"] is not None or svg, pictures=pictures, svg=svg, html=html,
+        dask=options["--dask"], work=None if work is None else Path(work),
+    )  # fmt: skip
     with output_folder(out, {"model": model_hash(given)}, seed) as folder, progress("map points") as bar:
-        return map_run.make_map(given, asked, folder, wanted, bar)
+        return step.make_map(given, asked, folder, wanted, bar)
 
 
 def _surrogate_map(
-    model: str,
-    out: Path,
-    surrogate_file: Path,
-    points: int,
-    layers: str | None,
-    pictures: bool,
-    links: str | None,
-    load_path: str | None,
+    model: str, out: Path, file: Path, points: int, layers: Text, pictures: bool, links: Text, load_path: Text
 ) -> dict[str, Any]:
     """Structural stiffness over the joint coordinates, from a surrogate."""
-    from stiffarm.commands.maps import sweep as maps
+    from stiffarm.commands.maps import sweep
 
     given = inputs.read_model(model, links, load_path, without="the map")
-    learned = inputs.read_surrogate_for_map(given, surrogate_file)
+    learned = surrogate_input.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-    wanted = inputs.parse_layers(given.robot, layers)
-    files: dict[str, Path | str] = {"model": model_hash(given), "surrogate": surrogate_file}
+    wanted = surrogate_input.parse_layers(given.robot, layers)
+    files: dict[str, Path | str] = {"model": model_hash(given), "surrogate": file}
     with output_folder(out, files) as folder, progress("map poses") as bar:
-        made = steps.stiffness_map(given.description, given.model, points, learned, wanted, progress=bar)
-        return maps.write(made, given.description, given.robot, folder, pictures)
-
-
-def _index_map(
-    model: str,
-    out: Path,
-    options: Mapping[str, str | None],
-    pictures: bool,
-    seed: int,
-    links: str | None,
-    load_path: str | None,
-) -> dict[str, Any]:
-    """An index over a grid for every gamma."""
-    from stiffarm.commands.maps.index import files as index_maps
-    from stiffarm.commands.maps.index import request as index_request
-
-    # Before the model: shells take a while, and a wrong option need not wait for them.
-    asked = index_request.read_request(options)
-    given = inputs.read_model(model, links, load_path, without="the map")
-    with output_folder(out, {"model": model_hash(given)}, seed) as folder:
-        with folder.timed("map"), progress("map points") as bar:
-            made = index_request.map_of(given, asked, np.random.default_rng(seed), bar)
-        with folder.timed("files"):
-            return index_maps.write(made, folder, pictures)
+        made = sweep.learned_map(given, learned, points, wanted, bar)
+        return sweep.write(made, given, folder, pictures)

@@ -10,12 +10,11 @@ import numpy as np
 
 from robots.arrays import Array
 from robots.files.csv_text import write_rows
-from stiffarm.commands.maps import sweep as maps
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps import netcdf, vtk_stream
 from surrogate.maps.data import MapData
-from surrogate.maps.vtk_files import STIFFNESS_ARRAY
+from surrogate.maps.quantities import STIFFNESS_ARRAY
 
 # A table of more points is nothing to open in a spreadsheet.
 CSV_UP_TO = 200_000
@@ -73,7 +72,9 @@ def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: F
         names.append("map.csv")
         write_table(data, folder.path(names[-1]))
     if joints and files.pictures and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
-        names += maps.draw(maps.swept(data), given.description, given.robot, folder, messages)
+        from stiffarm.commands.maps.figures.whole import draw_stiffness
+
+        names += draw_stiffness(data, given, folder, messages)
     formats = (("png",) if files.pictures else ()) + (("svg",) if files.svg else ())
     if formats and data.layout.n > DRAWN_UP_TO:
         messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")

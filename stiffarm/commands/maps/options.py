@@ -8,16 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from fem import ArmModel
 from machining import GammaRange
 from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.commands.maps.index.request import parse_values
-from stiffarm.commands.maps.request import MapRequest, grid_table, model_text, uncertainty_of
-from stiffarm.session.inputs import ModelInput, parse_direction, parse_layers, parse_names
-from stiffarm.session.steps import MAP_LAYERS_DEG
-from stiffarm.session.task_options import parse_gammas, parse_vector, tool_of
-from surrogate import default_sweep
+from stiffarm.commands.maps.request import (
+    MERITS,
+    SHORTS,
+    MapRequest,
+    grid_table,
+    model_text,
+    table_of,
+    uncertainty_of,
+)
+from stiffarm.commands.maps.surrogate_input import parse_layers
+from stiffarm.session.inputs import ModelInput
+from stiffarm.session.parsing import parse_direction, parse_names, parse_vector, tool_of
+from stiffarm.session.task_options import parse_gammas
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
 from surrogate.maps.layouts import (
     ALONG_BOX,
@@ -28,16 +35,14 @@ from surrogate.maps.layouts import (
     TURN_deg,
     box_layout,
     cylinder_layout,
-    joint_layout,
     range_for,
     reach_of,
     slice_layout,
     step_for,
+    sweep_layout,
 )
 from surrogate.maps.poses import check_robot
-from surrogate.maps.quantities import MERITS, SHORTS, available
 
-GRIDS = ("joints", "slice", "box", "cylinder")
 POSES = ("fixed", "best-gamma", "stiffest", "softest")
 FORMATS = ("vtu", "vti", "vtp", "nc")
 POINTS = 21
@@ -46,13 +51,6 @@ VERTICAL = (0.0, 0.0, -1.0)
 GAMMA = "-180:180:15"
 # Up to so many points the share of each part is kept by default: they take more room than all else together.
 SHARES_UP_TO = 1_000_000
-# Options that belong to some grids only.
-_ALLOWED = {
-    "--plane": ("slice",), "--at": ("slice",), "--x": ("slice", "box"), "--y": ("slice", "box"),
-    "--z": ("slice", "box", "cylinder"), "--r": ("cylinder",), "--phi": ("cylinder",), "--points": ("joints",),
-    "--layers": ("joints",), "--pose": GRIDS[1:], "--tool-axis": GRIDS[1:], "--gamma": GRIDS[1:],
-    "--best-by": GRIDS[1:],
-}  # fmt: skip
 _DEFAULT_FORMAT = {"joints": "vtu", "cylinder": "vtu", "slice": "vti", "box": "vti"}
 
 
@@ -68,54 +66,43 @@ class Asked:
     note: str | None
 
 
-def check_options(options: Mapping[str, str | None]) -> None:
+def check_options(kind: str, options: Mapping[str, str | None]) -> None:
     """Refuse what does not go together, before a model is built.
 
     Raises
     ------
     InputError
-        An unknown word, or an option of another grid or pose rule.
+        An unknown word, or an option of another pose rule.
     """
-    grid = _word(options, "--grid", GRIDS, "joints")
-    for name, kinds in _ALLOWED.items():
-        if options.get(name) is not None and grid not in kinds:
-            if grid == "joints" and name in ("--x", "--y", "--z", "--gamma", "--tool-axis"):
-                raise InputError(
-                    f"{name} without --quantity or --grid",
-                    allowed="nothing",
-                    remedy=f"give --grid {' or '.join(kinds)} for a map of the arm, or --quantity for one of an index",
-                )
-            raise InputError(f"{name} with --grid {grid}", allowed="nothing", remedy=f"for --grid {', '.join(kinds)}")
     _word(options, "--plane", tuple(PLANES), "xz")
     pose = _word(options, "--pose", POSES, "stiffest")
     for name in ("--tool-axis", "--gamma"):
-        if options.get(name) is not None and grid != "joints" and pose not in ("fixed", "best-gamma"):
+        if options.get(name) is not None and pose not in ("fixed", "best-gamma"):
             raise InputError(
-                f"{name} with --pose {pose}", allowed="nothing: any orientation may be taken",
+                f"{name} cannot be combined with --pose {pose}, which takes any orientation",
                 remedy="choose --pose fixed or --pose best-gamma",
-            )  # fmt: skip
+            )
     _word(options, "--best-by", MERITS, "stiffness")
     parse_names(options.get("--values"), SHORTS, "--values")
-    formats_of(options)
+    formats_of(kind, options)
 
 
-def formats_of(options: Mapping[str, str | None]) -> tuple[str, ...]:
-    """File formats of ``--format``, or the natural one of the grid.
+def formats_of(kind: str, options: Mapping[str, str | None]) -> tuple[str, ...]:
+    """File formats of ``--format``, or the natural one of the kind of map.
 
     Raises
     ------
     InputError
         An unknown format, or .vti for a grid that is no image.
     """
-    grid = _word(options, "--grid", GRIDS, "joints")
     formats = parse_names(options.get("--format"), FORMATS, "--format")
-    if formats is not None and "vti" in formats and grid not in ("slice", "box"):
-        raise InputError(f"--format vti with --grid {grid}", allowed="slice, box", remedy="take vtu")
-    return formats or (_DEFAULT_FORMAT[grid],)
+    if formats is not None and "vti" in formats and kind not in ("slice", "box"):
+        raise InputError(f"--format vti of a map over {kind}", allowed="a slice or a box", remedy="take vtu")
+    return formats or (_DEFAULT_FORMAT[kind],)
 
 
-def read_map_options(given: ModelInput, options: Mapping[str, str | None], seed: int = 0) -> Asked:
-    """The map asked for.
+def read_map_options(given: ModelInput, kind: str, options: Mapping[str, str | None], seed: int = 0) -> Asked:
+    """The map asked for: ``kind`` joints, slice, box or cylinder, options as typed, None where one is not given.
 
     Raises
     ------
@@ -123,8 +110,8 @@ def read_map_options(given: ModelInput, options: Mapping[str, str | None], seed:
         As :func:`check_options`; ranges and directions that cannot be read; a robot or a model that such a map cannot
         be made of.
     """
-    check_options(options)
-    robot, kind = given.robot, _word(options, "--grid", GRIDS, "joints")
+    check_options(kind, options)
+    robot = given.robot
     tool = tool_of(robot, options.get("--tool"))
     reach = reach_of(robot, tool[:3, 3])
     direction = parse_direction(options.get("--direction") or "0,0,-1")
@@ -134,7 +121,7 @@ def read_map_options(given: ModelInput, options: Mapping[str, str | None], seed:
     note = None if kind == "joints" else check_robot(robot, any_orientation=free)
     grid = _grid(robot, options, kind, reach)
     text, model_hash = model_text(given)
-    wanted = _wanted(given.model, options, _has_uncertainty(given, direction, tool))
+    wanted = _wanted(options, _has_uncertainty(given, direction, tool))
     request = MapRequest(
         model=text,
         model_hash=model_hash,
@@ -151,17 +138,17 @@ def read_map_options(given: ModelInput, options: Mapping[str, str | None], seed:
         block=POINTS_SEARCHED if free else POINTS_GIVEN,
         seed=seed,
     )
-    return Asked(request, grid, formats_of(options), reach, words, note)
+    return Asked(request, grid, formats_of(kind, options), reach, words, note)
 
 
 def _has_uncertainty(given: ModelInput, direction: tuple[float, float, float], tool: Array) -> bool:
     return uncertainty_of(given.description, given.model, np.array(direction), tool[:3, 3]) is not None
 
 
-def _wanted(model: ArmModel, options: Mapping[str, str | None], uncertainty: bool) -> tuple[str, ...]:
+def _wanted(options: Mapping[str, str | None], uncertainty: bool) -> tuple[str, ...]:
     named = parse_names(options.get("--values"), SHORTS, "--values")
     if named is None:
-        return available(model, k_fs=True, uncertainty=uncertainty)
+        return (*(row.short for row in table_of() if row.common), *(("uncertainty",) if uncertainty else ()))
     if "uncertainty" in named and not uncertainty:
         raise InputError(
             "--values uncertainty",
@@ -175,15 +162,7 @@ def _wanted(model: ArmModel, options: Mapping[str, str | None], uncertainty: boo
 
 def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Reach) -> MapGrid:
     if kind == "joints":
-        swept, layer = default_sweep(robot)
-        layers: dict[str, tuple[float, ...]] = {}
-        if layer is not None:
-            low, high = np.degrees(robot.limits[robot.coordinate_index(layer)])
-            given = parse_layers(robot, options.get("--layers"))
-            layers[layer] = given if given is not None else tuple(v for v in MAP_LAYERS_DEG if low <= v <= high)
-        else:
-            parse_layers(robot, options.get("--layers"))
-        return joint_layout(robot, swept, int(options.get("--points") or POINTS), layers)
+        return sweep_layout(robot, int(options.get("--points") or POINTS), parse_layers(robot, options.get("--layers")))
     if kind == "cylinder":
         height = 1e3 * np.array([reach.lower[2], reach.upper[2]])
         step = _step(options, ("r", "z"), max(1e3 * reach.radius, float(np.ptp(height))), ALONG_BOX)
@@ -198,7 +177,7 @@ def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Rea
     up, across, third = PLANES[plane]
     if options.get(f"--{third}") is not None:
         raise InputError(
-            f"--{third} with --plane {plane}", allowed="nothing: the plane holds it", remedy=f"give --at MM for {third}"
+            f"--{third} cannot be combined with --plane {plane}, which holds it", remedy=f"give --at MM for {third}"
         )
     step = _step(options, (across, up), max(float(np.ptp(ends[name])) for name in (across, up)), ALONG_SLICE)
     return slice_layout(

@@ -10,12 +10,13 @@ from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from doe.certainty.parameter_uncertainty import parameter_uncertainty
 from doe.certainty.propagation import relative_sd
 from fem import LINK_KINDS, ArmModel
 from fem.effects import build_arm
-from machining import normal_stiffness_index
+from machining.stiffness.map_rows import index_rows
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.files.reading import parse_json
@@ -28,7 +29,7 @@ from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Axis, Layout
 from surrogate.maps.layouts import MapGrid
 from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, PoseRule, last_joint_is_free
-from surrogate.maps.quantities import Quantities
+from surrogate.maps.quantities import TABLE, Quantities, Quantity, named, uncertainty
 
 FORM = "stiffarm-map/1"
 _CHECKSUM = "content_sha256"
@@ -119,27 +120,31 @@ def rule_from(table: Mapping[str, Any]) -> PoseRule:
     return Extreme(name)
 
 
-def engine_of(asked: MapRequest, model: ArmModel, uncertainty: Callable[[Array], Array] | None = None) -> Engine:
-    """What evaluates a request.
+def table_of(normal: ArrayLike = (0.0, 0.0, 1.0), relative_sd: Callable[[Array], Array] | None = None) -> tuple[
+    Quantity, ...
+]:  # fmt: skip
+    """All quantities that a map can have; with ``relative_sd``, poses -> (n,), the uncertainty of the stiffness."""
+    return (*TABLE, *index_rows(normal), *(() if relative_sd is None else (uncertainty(relative_sd),)))
 
-    ``uncertainty``: poses (n, dof) rad -> relative standard uncertainty (n,), where the model file's own
-    (:func:`uncertainty_of`) is not the one. Errors as :class:`Quantities`.
-    """
-    tool, normal = np.array(asked.tool), np.array(asked.normal)
-    quantities = Quantities(
-        model,
-        np.array(asked.direction),
-        tuple(asked.wanted),
-        k_fs=lambda C: normal_stiffness_index(C, normal),
-        uncertainty=uncertainty,
-        shares=asked.shares,
-        point=tool[:3, 3],
-    )
+
+# What users may ask for, and what a pose may be chosen by.
+SHORTS: tuple[str, ...] = (*(row.short for row in table_of()), "uncertainty")
+MERITS: tuple[str, ...] = tuple(row.short for row in table_of() if row.merit is not None)
+
+
+def engine_of(asked: MapRequest, description: ModelDescription, model: ArmModel) -> Engine:
+    """What evaluates a request. Errors as :class:`Quantities`."""
+    tool, direction = np.array(asked.tool), np.array(asked.direction)
+    sd = None
+    if "uncertainty" in asked.wanted:
+        sd = uncertainty_of(description, model, direction, tool[:3, 3])
+    table = table_of(asked.normal, sd)
+    quantities = Quantities(model, direction, named(table, asked.wanted), shares=asked.shares, point=tool[:3, 3])
     grid = grid_from(asked.grid)
     if asked.pose is None:
         return Engine(grid, quantities, seed=asked.seed)
-    free = last_joint_is_free(model.robot, tool, lambda q: quantities.compliance(q)[:, :3, :3])
-    arm = Arm(model.robot, tool, quantities.merit(asked.merit), free)
+    free = last_joint_is_free(model.robot, tool, lambda q: quantities.poses(q).translational)
+    arm = Arm(model.robot, tool, quantities.merit(named(table, [asked.merit])[0]), free)
     return Engine(grid, quantities, rule_from(asked.pose), arm, asked.seed)
 
 
@@ -176,6 +181,4 @@ def _engine(text: str) -> tuple[MapRequest, Engine]:
     kind = next(kind for kind in LINK_KINDS if kind == asked.links)
     path = next((path for path in ("parallelogram", "serial") if path == asked.load_path), None)
     model = build_arm(description, kind, path)
-    direction, point = np.array(asked.direction), np.array(asked.tool)[:3, 3]
-    uncertainty = uncertainty_of(description, model, direction, point) if "uncertainty" in asked.wanted else None
-    return asked, engine_of(asked, model, uncertainty)
+    return asked, engine_of(asked, description, model)

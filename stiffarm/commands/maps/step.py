@@ -9,22 +9,21 @@ import numpy as np
 
 from robots import InputError, content_hash
 from robots.progress import Progress
-from stiffarm.commands.maps import sweep as maps
+from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
-from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate, uncertainty_of
-from stiffarm.commands.run.findings import model_findings, payload
+from stiffarm.commands.maps.request import engine_of, evaluate
 from stiffarm.session.inputs import ModelInput, no_springs_note
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.task_options import frame_words
-from surrogate.maps.assembled import counts, figures, map_data, number_true
+from stiffarm.session.parsing import frame_words
+from surrogate.maps.assembled import counts, figures, map_of_store, number_true
 from surrogate.maps.blocks import Engine, run_blocks
 from surrogate.maps.cluster import run_on
 from surrogate.maps.data import MapData
 from surrogate.maps.poses import Extreme, shortfall
+from surrogate.maps.quantities import STIFFNESS_ARRAY
 from surrogate.maps.store import MapStore
-from surrogate.maps.vtk_files import STIFFNESS_ARRAY
 
 # Points at which an extreme pose is sought again with a denser sample.
 CHECKED = 12
@@ -41,11 +40,7 @@ def make_map(
         No point is reached; a work folder or a cluster that cannot be used; a package that is missing.
     """
     request = asked.request
-    uncertainty = None
-    if "uncertainty" in request.wanted:
-        point = np.array(request.tool)[:3, 3]
-        uncertainty = uncertainty_of(given.description, given.model, np.array(request.direction), point)
-    engine = engine_of(request, given.model, uncertainty)
+    engine = engine_of(request, given.description, given.model)
     # Inside the hidden stage, unless it is to outlive an interrupted run; the stage is emptied of it before the end.
     place = folder.stage / "work" if files.work is None else files.work
     store = MapStore(place, request.key, engine.grid.layout.n, request.block, engine.columns)
@@ -55,18 +50,17 @@ def make_map(
         else:
             address = files.dask
             store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
-    data = map_data(engine, store, _metadata(given, asked))
+    data = map_of_store(engine, store, _metadata(given, asked))
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)
     content = statistics(engine, store, data, asked)
     rigid = no_springs_note(given)
-    content["findings"] = [] if rigid else _findings(given, request)
     content["messages"] += [rigid] if rigid else []
     with folder.timed("files"):
         names, messages = write_files(given, data, folder, files)
     content["messages"] += messages
     if request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
-        content |= maps.figures_of(maps.swept(data))
+        content |= sweep.figures_of(data)
     content["files"] = [*names, "map.json"]
     folder.write_json("map.json", {"schema": "stiffarm-map/1", **content})
     del data
@@ -135,13 +129,6 @@ def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any
         rule, engine.arm, np.asarray(data.points[rows]), np.asarray(data.q[rows]), np.random.default_rng(engine.seed)
     )
     return {"points": len(rows), "worst_shortfall_percent": number(100.0 * float(np.nanmax(found)))}
-
-
-def _findings(given: ModelInput, request: MapRequest) -> list[dict[str, Any]]:
-    """What a published map found, asked of this model's own poses; it had a vertical load, so others are not asked."""
-    if not np.allclose(np.array(request.direction) / np.linalg.norm(request.direction), (0.0, 0.0, -1.0)):
-        return []
-    return payload(model_findings(given.model, seed=request.seed)[1])
 
 
 def _place(data: MapData, row: int) -> dict[str, Any]:

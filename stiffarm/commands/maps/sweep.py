@@ -1,4 +1,4 @@
-"""A stiffness map over joint coordinates: its .vtu and the pictures from both viewpoints."""
+"""A map of the stiffness over joint coordinates, from a surrogate: its file and the pictures from both viewpoints."""
 
 from __future__ import annotations
 
@@ -6,98 +6,92 @@ from typing import Any
 
 import numpy as np
 
-from robots import ModelDescription, Robot
+from fem import ArmModel, directional_stiffness
+from fem.arm import Arm
+from robots import content_hash
 from robots.arrays import Array
-from stiffarm.pages.rendering import render_map
-from stiffarm.pages.robot_drawing import draw_robot
+from robots.progress import Progress
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from surrogate import StiffnessMap, write_vtu
+from surrogate import Surrogate
+from surrogate.maps.assembled import computed_map, figures, number_true
+from surrogate.maps.blocks import Engine
+from surrogate.maps.cells import cell_grid
 from surrogate.maps.data import MapData
-from surrogate.maps.vtk_files import STIFFNESS_ARRAY, grid_cells
-
-VIEWS = ("oblique", "side")
-
-
-def middle_pose(robot: Robot) -> Array:
-    """A pose to draw the robot in: mid-range, moved towards zero until it can be taken."""
-    zero = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
-    middle = robot.limits.mean(axis=1)
-    trials = middle + np.linspace(0.0, 1.0, 21)[:, None] * (zero - middle)
-    reachable = np.flatnonzero(robot.reachable(trials))
-    return np.asarray(trials[reachable[0] if reachable.size else 0])
+from surrogate.maps.layouts import sweep_layout
+from surrogate.maps.quantities import STIFFNESS_ARRAY, Kind, Poses, Quantities, Quantity
+from surrogate.maps.vtk_stream import write_vtu
+from surrogate.model import predict_compliance
 
 
-def write(
-    made: StiffnessMap,
-    description: ModelDescription,
-    robot: Robot,
-    folder: OutputFolder,
-    pictures: bool = True,
-) -> dict[str, Any]:
-    """Write ``stiffness_map.vtu`` and the PNGs; returns file names and figures."""
+def learned_rows(learned: Surrogate, model: ArmModel) -> tuple[Quantity, ...]:
+    """Rows of the stiffness (N/mm) by a surrogate, and by the model under the same load beside it."""
+    columns = [model.robot.coordinate_index(name) for name in learned.inputs]
+
+    def from_surrogate(p: Poses) -> list[Array]:
+        return [1e-3 / predict_compliance(learned, p.q[:, columns])]
+
+    def exact(p: Poses) -> list[Array]:
+        return [1e-3 * directional_stiffness(p.model, p.q, p.direction)]
+
+    return (
+        Quantity("learned", (Kind(STIFFNESS_ARRAY, "N/mm", "stiffness along the load"),), from_surrogate),
+        Quantity("model", (Kind("model_stiffness_N_per_mm", "N/mm", "stiffness by the model"),), exact),
+    )
+
+
+def learned_map(
+    arm: Arm, learned: Surrogate, points: int, layers_deg: tuple[float, ...] | None = None,
+    progress: Progress | None = None,
+) -> MapData:  # fmt: skip
+    """The stiffness under the surrogate's load over the joints, ``points`` values of each.
+
+    Raises
+    ------
+    InputError
+        As :func:`surrogate.maps.layouts.sweep_layout`.
+    """
+    model, direction = arm.model, learned.load_direction
+    metadata = {
+        "robot": arm.robot.name,
+        "model_hash": content_hash(arm.description),
+        "load_direction": " ".join(f"{v + 0.0:.6g}" for v in direction),
+        "stiffness_from": f"surrogate ({learned.basis})",
+        "links": model.link_kind,
+        "load_path": model.load_path,
+    }
+    quantities = Quantities(model, np.array(direction), learned_rows(learned, model))
+    return computed_map(Engine(sweep_layout(arm.robot, points, layers_deg), quantities), metadata, progress)
+
+
+def write(made: MapData, arm: Arm, folder: OutputFolder, pictures: bool = True) -> dict[str, Any]:
+    """Write ``stiffness_map.vtu`` and the PNGs; returns file names and figures.
+
+    Raises
+    ------
+    InputError
+        No pose can be taken.
+    """
+    made.require_reached("use other values of --layers")
     write_vtu(made, folder.path("stiffness_map.vtu"))
     files, messages = ["stiffness_map.vtu"], list[str]()
     if pictures:
-        files += draw(made, description, robot, folder, messages)
+        from stiffarm.commands.maps.figures.whole import draw_stiffness
+
+        files += draw_stiffness(made, arm, folder, messages)
     return {"files": files, **figures_of(made), "messages": messages}
 
 
-def draw(
-    made: StiffnessMap, description: ModelDescription, robot: Robot, folder: OutputFolder, messages: list[str]
-) -> list[str]:
-    """Draw a map from both viewpoints; returns names of files, remarks join ``messages``."""
-    pose = middle_pose(robot)
-    bodies = draw_robot(description, robot, pose)
-    shown = ", ".join(
-        f"{n.removesuffix('_deg')} {v:g}" for n, v in zip(robot.coordinates, np.degrees(pose), strict=True)
-    )
-    origin = made.metadata.get("stiffness_from", "the model")
-    load = made.metadata.get("load", "vertical load")
-    files = []
-    for view in VIEWS:
-        name = f"stiffness_map_{view}.png"
-        picture = render_map(
-            made,
-            bodies,
-            folder.path(name),
-            view=view,
-            title=f"Structural stiffness of the {description.title.split(' (')[0]}",
-            subtitle=f"{load}; stiffness from {origin}; robot drawn at {shown} deg",
-        )
-        files.append(name)
-        if picture.message and picture.message not in messages and picture.renderer != "pyvista":
-            messages.append(picture.message)
-    return files
-
-
-def figures_of(made: StiffnessMap) -> dict[str, Any]:
-    """Number of poses and cells, and the range of the stiffness."""
-    stiffness = made.stiffness * 1e-3
+def figures_of(made: MapData) -> dict[str, Any]:
+    """Number of poses and cells, and the range of the stiffness, of a sweep of joints."""
+    stiffness = figures(made.fields[STIFFNESS_ARRAY].values)
+    assert stiffness is not None  # noqa: S101 - the map has poses
     return {
-        "points": len(stiffness),
-        "cells": 0 if made.cells is None else len(made.cells),
+        "points": number_true(made.reached),
+        "cells": int(np.count_nonzero(cell_grid(made.layout, made.reached).first)),
         "stiffness_N_per_mm": {
-            "min": number(float(stiffness.min())),
-            "median": number(float(np.median(stiffness))),
-            "max": number(float(stiffness.max())),
+            "min": number(stiffness.least),
+            "median": number(stiffness.median),
+            "max": number(stiffness.greatest),
         },
     }
-
-
-def swept(data: MapData) -> StiffnessMap:
-    """Those poses of a joint sweep that can be taken, with the cells between them; it has a stiffness."""
-    reached = np.asarray(data.reached)
-    # Coordinates that sweep have cells between their values, a layer has none to the next.
-    shape = data.layout.shape[data.layout.layers :]
-    cells, count = [], 0
-    for keep in reached.reshape(-1, int(np.prod(shape))):
-        cells.append(grid_cells(shape, keep) + count)
-        count += int(keep.sum())
-    return StiffnessMap(
-        positions=np.asarray(data.points)[reached],
-        stiffness=np.asarray(data.fields[STIFFNESS_ARRAY].values)[reached] * 1e3,
-        joints={name: np.degrees(np.asarray(data.q[:, i])[reached]) for i, name in enumerate(data.coordinates)},
-        metadata=data.metadata,
-        cells=np.vstack(cells),
-    )

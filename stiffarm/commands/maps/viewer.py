@@ -14,9 +14,8 @@ from robots import InputError, ModelDescription, content_hash, singularity_dista
 from robots.arrays import Array, Bools, Integers
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR
-from robots.robot import Robot
+from robots.robot import Robot, middle_pose
 from stiffarm import __version__
-from stiffarm.commands.maps.sweep import middle_pose
 from stiffarm.pages.figure_parts import joint_colour, paler
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_bodies import framed_bodies

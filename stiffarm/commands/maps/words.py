@@ -25,8 +25,6 @@ def show_map(content: Mapping[str, Any]) -> None:
         say(line)
     count = content["grid_points"]
     say(f"{count} {'point' if count == 1 else 'points'}, {content['points']} with a pose")
-    for found in content["findings"]:
-        say(f"published finding, {found['claim']}: {found['verdict']}")
     check = content.get("search_check", {})
     if check.get("points"):
         say(

@@ -24,7 +24,8 @@ from stiffarm.session.console import emit_json, progress, say, show_table, user_
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.task_options import GammaOpt, parse_gammas, parse_joint_figures
+from stiffarm.session.parsing import parse_joint_figures
+from stiffarm.session.task_options import GammaOpt, parse_gammas
 from stiffarm.session.task_setup import MillingOpt, read_cut, require_springs
 
 

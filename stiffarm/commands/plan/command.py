@@ -16,7 +16,7 @@ from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
 from stiffarm.commands.plan.step import Planned, Request, make_plan
-from stiffarm.session import inputs
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import emit_json, progress, say, user_errors
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -30,9 +30,9 @@ from stiffarm.session.options import (
     Seed,
     folder_if,
     model_hash,
-    open_table,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.readings import open_table
 
 TABLE, PAGE, RESULT, FIGURE = "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png"
 
@@ -207,12 +207,12 @@ def plan(
             return
         _refuse({"--pose": pose, "--rated-N": rated}, False)
         wanted = Request(
-            poses=design_only or poses or 0, plain=design_only is not None, free=inputs.parse_parameters(free),
-            criterion=_criterion(criterion), forces=inputs.parse_loads(loads) or None,
+            poses=design_only or poses or 0, plain=design_only is not None, free=parsing.parse_parameters(free),
+            criterion=_criterion(criterion), forces=parsing.parse_loads(loads) or None,
             directions=None if directions is None else plan_options.parse_directions(directions),
             components=None if read is None else plan_options.parse_read(read), repeats=repeats, unloading=unloading,
             candidates=candidates, design=_design(design), levels=levels,
-            vary=inputs.parse_names(vary, given.robot.coordinates, "--vary"), hold_deg=_held(given.robot, hold),
+            vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"), hold_deg=_held(given.robot, hold),
             zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
         )  # fmt: skip
         table = None if without_data else _readings(given, model, data, files, confirm_units)
@@ -265,7 +265,7 @@ def _iso_sheet(
 ) -> None:  # fmt: skip
     load = plan_options.rated_load(given.description, rated, "--rated-N", "give the rated load, as in --rated-N 1300")
     if pose:
-        q = np.array([inputs.parse_pose(given.robot, text) for text in pose])
+        q = np.array([parsing.parse_pose(given.robot, text) for text in pose])
     else:
         q = iso9283.middle_pose(given.robot, zone)[None]
     sheet = iso9283.sheet(given.robot, plan_results.robot_title(given), q, load, usual=not pose)
@@ -321,7 +321,7 @@ def _design(text: str) -> Any:
 
 
 def _held(robot: Robot, text: str | None) -> dict[str, float]:
-    return {} if text is None else inputs.parse_pairs(text, "--hold", robot.coordinates)
+    return {} if text is None else parsing.parse_pairs(text, "--hold", robot.coordinates)
 
 
 def _gauges(length: float, turn: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY
-from stiffarm.session.inputs import LARGEST_LOAD
+from stiffarm.session.parsing import LARGEST_LOAD
 
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.
 PAYLOAD_SHARES = (0.25, 0.5, 1.0)

@@ -174,8 +174,8 @@ def _free(
     free = [parameter(given.model, name) for name in names]
     check_plannable(free)
     for p in free:
-        if p.kind == "stiffness" and p.place in given.robot.joint_names and p.index == (5,):
-            joint = given.model.joints[given.robot.joint_names.index(p.place)]
+        if p.spring_of is not None:
+            joint = given.model.joints[given.robot.joint_names.index(p.spring_of)]
             if not isinstance(joint.axial, ConstantSpring):
                 notes.append(f"{p.name}: the model's spring depends on joint angles; the plan takes it as constant")
     return free, notes

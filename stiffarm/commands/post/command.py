@@ -25,7 +25,8 @@ from stiffarm.commands.post.step import PostRequest, PostRun, parse_targets, run
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
-from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas, parse_numbers
+from stiffarm.session.parsing import parse_numbers
+from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
     CellOpt,
     ForceAxesOpt,

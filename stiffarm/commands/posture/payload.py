@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from machining import Course, Objective, limit_distance, singular_distance
+from machining.stiffness.units import shown
 from robots.arrays import Array
-from stiffarm.commands.index.units import shown
 from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.session.json_text import number
-from stiffarm.session.task_options import frame_words
+from stiffarm.session.parsing import frame_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
 

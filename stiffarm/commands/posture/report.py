@@ -16,7 +16,7 @@ from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remark
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.task_options import frame_words
+from stiffarm.session.parsing import frame_words
 
 MEANINGS = {
     CHOSEN: "gamma, branch and turns of the joints chosen for the whole path at once, so that it can be driven",

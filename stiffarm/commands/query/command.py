@@ -8,12 +8,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from robots import InputError, content_hash, load_description
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, say, user_errors
-from stiffarm.session.options import Debug, Json, Out, output_folder, say_notes
-from surrogate import Surrogate
+from stiffarm.commands.fit.payload import surrogate_errors
+from stiffarm.commands.query import answers
+from stiffarm.session import parsing
+from stiffarm.session.console import emit_json, say, say_notes, user_errors
+from stiffarm.session.options import Debug, Json, Out, output_folder
+from surrogate import Surrogate, load_surrogate
+from surrogate import query as ask
 from surrogate.model import COMPLIANCE
 
 
@@ -66,17 +70,11 @@ def query(
     Poses outside the fitted domain, out of reach or close to a singularity are flagged.
     """
     with user_errors(debug):
-        from stiffarm.commands.fit.payload import surrogate_errors
-        from stiffarm.commands.query import answers
-        from stiffarm.session.pose_tables import query_poses
-        from surrogate import load_surrogate
-        from surrogate import query as ask
-
         learned = load_surrogate(surrogate_file)
         if of is not None:
-            inputs.require_same_model(learned, of, surrogate_file)
-        along = None if direction is None else np.array(inputs.parse_direction(direction))
-        degrees, labels, remarks = query_poses(learned, pose, table)
+            _require_same_model(learned, of, surrogate_file)
+        along = None if direction is None else np.array(parsing.parse_direction(direction))
+        degrees, labels, remarks = _poses(learned, pose, table)
         say_notes(tuple(remarks))
         result = ask(learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
         rows = answers.query_rows(learned, degrees, labels, result, matrix=matrix)
@@ -108,3 +106,47 @@ def _load_direction(learned: Surrogate, along: Array | None) -> list[float] | No
     if learned.quantity.name != COMPLIANCE:
         return None
     return list(learned.load_direction) if along is None else [float(v) for v in along]
+
+
+def _require_same_model(learned: Surrogate, name: str, file: Path) -> None:
+    """Refuse a surrogate that was fitted to another robot, or to another model of it, than ``name``.
+
+    Raises
+    ------
+    InputError
+        It was.
+    """
+    description = load_description(name)
+    refit = "fit one for it (`stiffarm fit`)"
+    if learned.robot != description.name:
+        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=description.name, remedy=refit)
+    own = content_hash(description)
+    if learned.model_hash != own:
+        raise InputError(
+            f"surrogate {file} was fitted to a model with hash",
+            value=learned.model_hash[:12],
+            allowed=own[:12],
+            remedy=refit,
+        )
+
+
+def _poses(learned: Surrogate, pose: list[str] | None, table: Path | None) -> tuple[Array, list[str], list[str]]:
+    """Poses (n, k) in deg for a query, from ``--pose`` or a table, with labels and remarks."""
+    if (table is None) == (not pose):
+        raise InputError(
+            "query needs poses",
+            allowed="either --pose (one or more) or a table of poses",
+            remedy=f"give one of the two, as in --pose {learned.inputs[0]}=5",
+        )
+    if table is not None:
+        from stiffarm.session.pose_tables import read_pose_table
+
+        return read_pose_table(learned.inputs, learned.fixed_deg, table)
+    values = [parsing.parse_pairs(text, "--pose", learned.inputs) for text in pose or ()]
+    remarks = [
+        f"{'pose' if len(rows) == 1 else 'poses'} {', '.join(rows)}: {name} is not given and taken as 0"
+        for name in learned.inputs
+        if (rows := [str(i + 1) for i, v in enumerate(values) if name not in v])
+    ]
+    degrees = np.array([[v.get(name, 0.0) for name in learned.inputs] for v in values])
+    return degrees, [str(i + 1) for i in range(len(values))], remarks

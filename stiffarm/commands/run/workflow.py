@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +18,17 @@ from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.payload import trained as trained_payload
-from stiffarm.commands.maps import sweep as maps
+from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
-from stiffarm.session.options import open_measured
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.readings import open_measured
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained, save_surrogate
 
@@ -85,7 +85,7 @@ def run_all(
     given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
-    scheme = inputs.read_scheme(given.robot, scheme_file)
+    scheme = readings.read_scheme(given.robot, scheme_file)
     if scheme_file is not None:
         files["scheme"] = scheme_file
     kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
@@ -97,22 +97,16 @@ def run_all(
         judged = None if kept is None else held_out.judge(compared.own.variants, kept)
         findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder, judged)
         with folder.timed("map"), progress("stiffness map") as bar:
-            made = steps.stiffness_map(
-                findings.best.description, findings.best.model, points, findings.surrogate, progress=bar
-            )
-            drawn = maps.write(made, findings.best.description, given.robot, folder)
+            arm = replace(given, description=findings.best.description, model=findings.best.model)
+            drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, points, progress=bar), arm, folder)
         for message in drawn["messages"]:
             say(f"note: {message}")
-        from stiffarm.commands.run.story.findings import check, json_of
         from stiffarm.commands.run.story.story import write_report
 
-        with folder.timed("findings"):
-            checked = check(findings)
-            drawn["findings"] = json_of(checked)
         content = _write_results(findings, drawn, folder)
         with folder.timed("report"):
             say("report")
-            write_report(findings, drawn, checked, folder)
+            write_report(findings, drawn, folder)
     say(f"done: open {out / 'report.html'}")
     return content
 

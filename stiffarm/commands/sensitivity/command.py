@@ -16,7 +16,7 @@ from robots import InputError
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
 from stiffarm.commands.sensitivity.screening import Method, Study
-from stiffarm.session import inputs, steps
+from stiffarm.session import parsing, steps
 from stiffarm.session.console import emit_json, say, show_table, user_errors
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import (
@@ -31,9 +31,9 @@ from stiffarm.session.options import (
     Out,
     Seed,
     folder_if,
-    open_measured,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.readings import open_measured
 
 _METHODS: tuple[Method, ...] = ("morris", "sobol", "derivative")
 _SAMPLES, _TRAJECTORIES = 512, 40
@@ -111,7 +111,7 @@ def sensitivity(
         options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
-        names = inputs.parse_parameters(free)
+        names = parsing.parse_parameters(free)
         given, table, files = open_measured(
             model, data, links, load_path, without="the sensitivities", confirm_units=confirm_units
         )
@@ -119,7 +119,7 @@ def sensitivity(
             files["campaign"] = campaign
         bundled = bundled_campaign(given.robot.name)
         scheme = None if bundled is None else bundled.compare
-        springs = inputs.parse_names(joints, given.robot.joint_names, "--joints")
+        springs = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         springs = springs or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
         labels = _labels(poses, table, scheme)
         with folder_if(out, files, None if chosen is None else seed) as folder:
@@ -171,7 +171,7 @@ _NAMING = ("--joints", "--free", "--campaign")
 def _labels(poses: str | None, table: Measurements, scheme: Comparison | None) -> tuple[str, ...]:
     """The poses named, else those of the scheme if they were measured, else all."""
     every = tuple(dict.fromkeys(table.pose))
-    labels = inputs.parse_names(poses, every, "--poses")
+    labels = parsing.parse_names(poses, every, "--poses")
     if labels is not None:
         return labels
     planned = scheme.sensitivity.poses if scheme and set(scheme.sensitivity.poses) <= set(every) else ()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
@@ -19,7 +18,7 @@ from fem.free.parameters import Parameter, parameter
 from fem.statics.loads import as_loaded
 from robots import InputError
 from robots.arrays import Array, Indices
-from stiffarm.commands.calibrate.words import names_joint_spring, spoken_unit
+from stiffarm.commands.calibrate.words import spoken_unit
 from stiffarm.session.direction_words import direction_words
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
@@ -27,14 +26,6 @@ from stiffarm.session.json_text import number
 Method = Literal["morris", "sobol", "derivative"]
 
 COMPONENTS: Final = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
-# Ranges of numbers other than joint springs, where no calibration file gives one. A stiffness that the model has is
-# varied by this factor to either side; one that it holds rigid, over magnitudes of the field (assumed).
-FACTOR: Final = math.sqrt(10.0)
-TILT, BASE_TILT, SHIFT = (5e5, 5e6), (1e7, 1e8), (1e8, 1e9)
-SHARE: Final = 1.1
-SPANS: Final = {"zero": math.radians(1.0), "load": 0.03, "tilt": math.radians(3.0), "point": 0.03}
-# A coupling's widest range is that of the softest parts there are; parts of arms are ten thousand times stiffer.
-COUPLING: Final = 1e-4
 
 
 @dataclass(frozen=True)
@@ -90,7 +81,7 @@ def study(
         raise InputError("calibration file is for robot", value=numbers.robot, allowed=given.robot.name)
     rows, directions = _cases(data)
     at = as_loaded(given.model, data.q[rows], data.wrench[rows], loaded_points(given.model, data)[rows])
-    walls = wall_flexibilities(given.description, given.model, [p.place for p in parameters if p.kind == "wall"])
+    walls = wall_flexibilities(given.description, given.model, parameters)
     free = FreeModel(given.model, parameters, at, laws, walls)
     methods = () if method == "derivative" else (method,)
     found = screen(free, COMPONENTS[component], samples=samples, trajectories=trajectories, seed=seed, methods=methods)
@@ -110,25 +101,7 @@ def _free(
 
 def _ranged(p: Parameter, springs: tuple[float, float]) -> Parameter:
     """The parameter over its usual range."""
-    if p.kind == "law":
-        low, high = np.log(springs) if p.prior is None else (-p.prior[1], p.prior[1])
-        return p.between(float(low), float(high))
-    if p.kind == "stiffness":
-        return p.between(*_stiffness_range(p, springs))
-    if p.kind in ("modulus", "wall"):
-        return p.between(p.value / SHARE, p.value * SHARE)
-    reach = SPANS.get(p.kind, COUPLING * p.upper)
-    return p.between(p.value - reach, p.value + reach)
-
-
-def _stiffness_range(p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
-    if names_joint_spring(p.name):
-        return springs
-    if math.isfinite(p.value):
-        return p.value / FACTOR, p.value * FACTOR
-    if p.unit == "N/m":
-        return SHIFT
-    return BASE_TILT if p.place == "base" else TILT
+    return p.between(*p.kind.screened(p, springs))
 
 
 def _cases(data: Measurements) -> tuple[Indices, tuple[str, ...]]:

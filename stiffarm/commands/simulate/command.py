@@ -1,4 +1,4 @@
-"""Commands about models: `robots`, `simulate`."""
+"""The command `simulate`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from stiffarm.session import inputs
+from stiffarm.commands.simulate import step as simulation
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import emit_json, user_errors
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -20,7 +21,6 @@ from stiffarm.session.options import (
     Out,
     folder_if,
     model_hash,
-    open_table,
 )
 from stiffarm.session.own_effects import own_effects, own_files
 
@@ -79,22 +79,22 @@ def simulate(
     At one pose under one load, or for every reading of a measurement table.
     """
     with user_errors(debug):
-        from stiffarm.commands.simulate import field_results
-        from stiffarm.commands.simulate import step as simulation
-
         simulation.check_request(pose, data, load, out, field, scale, unload_from)
         own, files = own_effects(effect), own_files(effect)
-        asked = field_results.field_links(model, links) if field else links
+        asked = simulation.field_links(model, links) if field else links
         given = inputs.read_model(model, asked, load_path, own=own, without="the fields" if field else None)
         files["model"] = model_hash(given)
         if pose is not None:
-            q, wrench = inputs.parse_pose(given.robot, pose), inputs.parse_load("fz_N=-650" if load is None else load)
-            before = None if unload_from is None else inputs.parse_load(unload_from, "--unload-from")
+            q, wrench = parsing.parse_pose(given.robot, pose), parsing.parse_load("fz_N=-650" if load is None else load)
+            before = None if unload_from is None else parsing.parse_load(unload_from, "--unload-from")
         else:
+            from stiffarm.commands.simulate.readings import of_table
+            from stiffarm.session.readings import open_table
+
             table = open_table(given, model, data, files, confirm_units=confirm_units)
         with folder_if(out, files) as folder:
             result = (
-                simulation.of_table(given, table, rigid_joints)
+                of_table(given, table, rigid_joints)
                 if pose is None
                 else simulation.of_pose(given, q, wrench, rigid_joints, before)
             )

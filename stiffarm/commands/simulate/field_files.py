@@ -15,7 +15,7 @@ from meshes import ShellMesh
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
-from surrogate.maps.vtk_files import write_grid
+from surrogate.maps.whole_file import whole_file
 
 # Share of the arm's size that the largest displacement is drawn as.
 DRAWN_SHARE: Final = 0.08
@@ -188,7 +188,21 @@ def write_field(
     texts |= {name: (text,) for name, text in (metadata or {}).items()}
     for name, lines in texts.items():
         out.GetFieldData().AddArray(_texts(name, lines))
-    write_grid(out, path)
+    _write(out, path)
+
+
+def _write(grid: Any, path: Path) -> None:
+    """Write a ``vtkUnstructuredGrid``: binary, compressed, whole or not at all."""
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    with whole_file(path, ".vtu") as draft:
+        writer = vtkXMLUnstructuredGridWriter()
+        writer.SetInputData(grid)
+        writer.SetFileName(str(draft))
+        writer.SetDataModeToBinary()
+        writer.SetCompressorTypeToZLib()
+        if writer.Write() != 1 or writer.GetErrorCode() != 0:
+            raise InputError(f"file {path} could not be written", remedy="check the free space of the disk")
 
 
 def _vtk_grid(grid: FieldGrid, scale: float) -> Any:

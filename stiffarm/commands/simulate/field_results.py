@@ -10,42 +10,16 @@ import numpy as np
 
 from fem import ArmModel, arm_fields
 from fem.statics.budget import whole_joints
-from robots import InputError, ModelDescription, Robot, content_hash, load_description
+from robots import ModelDescription, Robot, content_hash
 from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import pose_budget
 from stiffarm.commands.simulate.field_files import checked_scale, field_grid, write_field
 from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, render_field
 from stiffarm.commands.simulate.figures import energy_share_figure
 from stiffarm.pages.style import save_png
-from stiffarm.session.inputs import WRENCH_NAMES
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-
-
-def field_links(model: str, links: str | None) -> str:
-    """The kind of links for fields: shells, unless the calibration used others.
-
-    Raises
-    ------
-    InputError
-        Another kind was asked for, or the model was calibrated with another kind and none was asked for.
-    """
-    if links not in (None, "shell"):
-        raise InputError(
-            "--links with --field",
-            value=links,
-            allowed="shell: only shells have displacements, stresses and energies to show",
-            remedy="leave --links out, or give --links shell",
-        )
-    calibration = load_description(model).calibration
-    if links is None and calibration is not None and calibration.links != "shell":
-        raise InputError(
-            f"--field: model {model} was calibrated with links",
-            value=calibration.links,
-            allowed="shell",
-            remedy="give --links shell to keep its springs with shell links, or calibrate with --links shell",
-        )
-    return "shell"
+from stiffarm.session.parsing import WRENCH_NAMES
 
 
 def deformed_arm(

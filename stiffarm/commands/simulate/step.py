@@ -7,20 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements
-from doe.tables.load_history import history_of
 from fem import ArmModel, deflection_by_part
 from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.statics.loads import LoadedPoses
-from robots import InputError
+from robots import InputError, load_description
 from robots.arrays import Array
-from stiffarm.session import steps
 from stiffarm.session.console import say, show_table
-from stiffarm.session.effect_words import history_notes
-from stiffarm.session.inputs import WRENCH_NAMES, ModelInput
+from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import WRENCH_NAMES
 from stiffarm.session.softness import flagged
 
 NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
@@ -28,7 +25,8 @@ NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 NO_LINKS = "no links described: all bodies rigid"
 
 
-def _head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
+def head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
+    """What the results of a pose and of a table begin with."""
     codes = [table.code for table in given.description.effect]
     effects = {"effects": [] if rigid_joints else codes} if codes else {}
     rigid = [j.name for j in model.joints if not j.axial.compliance(np.zeros((1, model.robot.dof))).any()]
@@ -57,7 +55,7 @@ def of_pose(
     flagged(model.robot, d[None], "--pose under --load")
     force = wrench[:3]
     along = float(d[:3] @ force) / float(force @ force) if force.any() else float("nan")
-    return _head(given, model, rigid_joints) | {
+    return head(given, model, rigid_joints) | {
         "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
         "displacement": {n: number(v * 1e3) for n, v in zip(NAMES, d, strict=True)},
@@ -123,6 +121,32 @@ def check_request(
         raise InputError("--unload-from", value=unload_from, allowed="only with --pose: a table says its own phases")
 
 
+def field_links(model: str, links: str | None) -> str:
+    """The kind of links for fields: shells, unless the calibration used others.
+
+    Raises
+    ------
+    InputError
+        Another kind was asked for, or the model was calibrated with another kind and none was asked for.
+    """
+    if links not in (None, "shell"):
+        raise InputError(
+            "--links with --field",
+            value=links,
+            allowed="shell: only shells have displacements, stresses and energies to show",
+            remedy="leave --links out, or give --links shell",
+        )
+    calibration = load_description(model).calibration
+    if links is None and calibration is not None and calibration.links != "shell":
+        raise InputError(
+            f"--field: model {model} was calibrated with links",
+            value=calibration.links,
+            allowed="shell",
+            remedy="give --links shell to keep its springs with shell links, or calibrate with --links shell",
+        )
+    return "shell"
+
+
 def field_of_pose(
     given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, scale: float | None, folder: OutputFolder
 ) -> dict[str, Any]:
@@ -134,39 +158,6 @@ def field_of_pose(
     with folder.timed("fields"):
         arm = field_results.deformed_arm(given.description, model, q, wrench, scale=scale)
         return field_results.write(arm, model, folder, rigid_joints)
-
-
-def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
-    """Simulated against measured for every reading."""
-    model = given.model.with_rigid_joints() if rigid_joints else given.model
-    history = history_of(data)
-    d = steps.simulate(model, data, () if rigid_joints else given.effects, history)
-    notes = [] if rigid_joints else history_notes(given.effects, history)
-    for note in notes:
-        say(f"note: {note}")
-    marks = flagged(model.robot, d, "simulated readings")
-    rows: list[dict[str, Any]] = []
-    for i in range(data.n):
-        row: dict[str, Any] = {
-            "line": data.row_numbers[i],
-            "pose": data.pose[i],
-            "load_N": number(float(data.loads_N[i])),
-        }
-        for k in np.flatnonzero(data.used[i]):
-            row[f"{NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
-            row[f"{NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
-        rows.append(row | marks[i])
-    error = (d - data.displacement) * 1e3
-    return _head(given, model, rigid_joints) | {
-        "notes": [*data.notes, *notes],
-        "rms_mm": _rms(error[:, :3][data.used[:, :3]]),
-        "rms_mrad": _rms(error[:, 3:][data.used[:, 3:]]),
-        "readings": rows,
-    }
-
-
-def _rms(error: Array) -> float | None:
-    return number(float(np.sqrt(np.mean(error**2)))) if error.size else None
 
 
 def show(result: dict[str, Any]) -> None:

@@ -16,6 +16,7 @@ from doe.estimation.estimate import Estimate, estimate, estimate_at
 from doe.estimation.least_squares import minimise
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
+from fem.free.kinds import LAW
 from fem.free.parameters import Parameter
 from tests.doe.plain_problems import PlainModel, linear, problem_of
 
@@ -115,7 +116,7 @@ def test_curved_predictions_are_stepped_or_fitted_anew() -> None:
     def work(u: Array) -> tuple[Array, Array]:
         return np.exp(u[0] * x) + u[1], np.stack([x * np.exp(u[0] * x), np.ones_like(x)], axis=1)
 
-    parameters = [Parameter(f"x{k}", "zero", "base", (k,), "", 0.0, -9.0, 9.0, "linear") for k in range(2)]
+    parameters = [Parameter(f"x{k}", LAW, "base", (k,), "", 0.0, -9.0, 9.0, "linear") for k in range(2)]
     model = PlainModel(parameters, np.zeros(2), work)
     model.is_linear = False
 

@@ -13,6 +13,7 @@ from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import Estimate, estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
+from fem.free.kinds import LAW
 from fem.free.parameters import Parameter
 
 QUANTILE = 2.0
@@ -83,7 +84,7 @@ def test_a_range_shorter_than_the_interval_is_its_end() -> None:
 
 def test_a_logarithm_has_the_interval_of_its_value() -> None:
     y = np.array([3.1, 2.4, 3.6, 2.9])
-    p = Parameter("wall", "wall", "link", (), "m", 1.0, 1e-3, 1e3, "log")
+    p = Parameter("wall", LAW, "link", (), "m", 1.0, 1e-3, 1e3, "log")
 
     def work(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.full(4, np.exp(u[0])), np.full((4, 1), np.exp(u[0]))

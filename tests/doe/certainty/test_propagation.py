@@ -76,7 +76,7 @@ def test_derivatives_are_those_of_a_model_built_anew(kuka: ModelDescription, rng
             u = numbers.u.copy()
             u[column] += step
             p = numbers.parameters[column]
-            law = laws.get(p.place) if p.kind == "law" else None
+            law = laws.get(p.place) if p.kind.of_law else None
             moved = range(law.first, law.first + law.basis.size) if law else [int(column)]
             estimates = [
                 ParameterEstimate(numbers.parameters[m], numbers.parameters[m].outer(u[m]), (math.nan, math.nan),

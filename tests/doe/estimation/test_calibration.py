@@ -19,6 +19,7 @@ from doe.estimation.problem import problem
 from doe.model_file.applied import apply_estimates
 from fem import ArmModel, build_model, deflection
 from fem.elements.walls import wall_flexibilities
+from fem.free.parameters import parameter
 from fem.model import link_part
 from fem.statics.loads import as_loaded
 from meshes.array_cache import ArrayCache
@@ -98,7 +99,7 @@ def test_a_written_model_is_the_calibrated_one(kuka: ModelDescription) -> None:
     model = build_model(kuka)
     data = _made_up(kuka)
     parameters, laws = campaign.free(model)
-    walls = wall_flexibilities(kuka, model, ["forearm"])
+    walls = wall_flexibilities(kuka, model, [parameter(model, "forearm.wall")])
     p = problem(model, data, parameters, laws, walls)
     values = {
         "j2.stiffness": 7e5, "j3.rx": 2e6, "j3.tx": 3e8, "j4.rx-rz": 1e-6, "base.ry": 2e7, "tool.ty": 4e6,
@@ -294,7 +295,7 @@ def _with_walls(description: ModelDescription, name: str, ratio: float) -> Model
 
 def test_a_wall_is_interpolated_to_a_millionth(kuka: ModelDescription) -> None:
     model = build_model(kuka)
-    wall = wall_flexibilities(kuka, model, ["forearm"])["forearm"]
+    wall = wall_flexibilities(kuka, model, [parameter(model, "forearm.wall")])["forearm"]
     link = next(one for one in kuka.link if one.name == "forearm")
     for ratio in (0.6, 1.0, 1.7):
         changed = _with_walls(kuka, "forearm", ratio)

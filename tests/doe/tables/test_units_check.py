@@ -9,10 +9,10 @@ import pytest
 from unit_arms import MISTYPED, made_up, scaled
 
 from doe import Measurements, bundled_data, read_measurements
-from doe.tables import arm_class, units_check
+from doe.tables import units_check
 from doe.tables.units_check import check_units, suspicions
 from fem import ArmModel, build_model, deflection
-from robots import InputError, ModelDescription, load_description
+from robots import InputError, ModelDescription, arm_class, load_description
 
 SPRINGS = {"j1": 2.2e6, "j2": 9e5, "j3": 1.1e6, "j4": 6.4e4, "j5": 2.5e4, "j6": 2e4}
 

@@ -109,7 +109,7 @@ def test_derivatives_by_what_bends(
     model = free(arm, at, (name, "j2.stiffness"), effects)
     u, J = model.start, model.evaluate(model.start)[1][:, :, 0]
     p = model.parameters[0]
-    h = {"log": 1e-3, "compliance": 3e-3 * abs(u[0])}.get(p.scale, 3e-3 * abs(u[0]) if p.kind == "effect" else 3e-5)
+    h = {"log": 1e-3, "compliance": 3e-3 * abs(u[0])}.get(p.scale, 3e-3 * abs(u[0]) if p.kind.of_effect else 3e-5)
     step = np.array([h, 0.0])
     up, down = model.displacement(u + step), model.displacement(u - step)
     assert np.abs(J).max() > 0.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fem import ArmModel, build_model, deflection
+from fem.free.kinds import KINDS
 from fem.free.laws import FourierBasis, FreeLaw, TableBasis, law_parameters, polynomial_basis
 from fem.free.model import FreeModel, LoadedPoses
 from fem.free.named_numbers import named_numbers
@@ -63,7 +64,7 @@ def test_bearing_laws_are_free_by_name_and_change_the_model_they_stand_in(soft: 
     np.testing.assert_allclose(free.displacement(u), deflection(other, *_parts(free.at)), rtol=1e-9, atol=1e-15)
     _, J = free.evaluate(u)
     for k in range(len(u)):
-        expected = _differences(free, u, k, 1e-2 * abs(u[k]) if named.parameters[k].kind == "stiffness" else 1e-5)
+        expected = _differences(free, u, k, 1e-2 * abs(u[k]) if named.parameters[k].kind.name == "stiffness" else 1e-5)
         assert np.abs(J[:, :, k] - expected).max() <= DIFFERENCES * np.abs(expected).max(), named.parameters[k].name
     with pytest.raises(InputError, match="joints with a law: j2"):
         named_numbers(arm, ("j3.rx.law[0]",))
@@ -80,11 +81,11 @@ def test_derivatives_are_those_of_the_displacement(soft: ArmModel) -> None:
     free = FreeModel(soft, (*given, *laws), _loaded(soft), (FreeLaw("j3", basis, len(given)),))
     # Away from the model's own values, so that products of changes count.
     u = free.start + np.array(
-        [1e-7 if p.kind == "stiffness" else 0.01 * STEPS.get(p.kind, 0.0) for p in free.parameters]
+        [1e-7 if p.kind.name == "stiffness" else 0.01 * STEPS.get(p.kind.name, 0.0) for p in free.parameters]
     )
     _, J = free.evaluate(u)
     for k, p in enumerate(free.parameters):
-        h = STEPS.get(p.kind, 1e-2 * abs(u[k]))
+        h = STEPS.get(p.kind.name, 1e-2 * abs(u[k]))
         expected = _differences(free, u, k, h)
         assert np.abs(J[:, :, k] - expected).max() <= DIFFERENCES * np.abs(expected).max(), p.name
 
@@ -169,7 +170,7 @@ def test_a_number_cannot_be_free_twice(soft: ArmModel) -> None:
 
 
 def test_ranges_are_checked() -> None:
-    p = Parameter("x", "stiffness", "j1", (5,), "N m/rad", 1e6, 1e3, 1e9, "compliance")
+    p = Parameter("x", KINDS[0], "j1", (5,), "N m/rad", 1e6, 1e3, 1e9, "compliance")
     assert p.between(1e5, 1e6).inner_bounds == (1e-6, 1e-5)
     for low, high in ((0.0, 1.0), (2.0, 1.0), (1.0, np.inf), (np.nan, 1.0)):
         with pytest.raises(InputError, match="range"):

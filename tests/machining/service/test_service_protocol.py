@@ -66,12 +66,12 @@ def test_ten_thousand_requests_keep_their_order(session: Session) -> None:
         (b"null", "a JSON NoneType"),
         (b'"ping"', "a JSON str"),
         (b'{"do": "ping"} {"do": "ping"}', "Extra data"),
-        (b'{"do": "ping", "do": "ping"}', "key given twice"),
+        (b'{"do": "ping", "do": "ping"}', "stands twice"),
         (b'{"do": "fk", "q_deg": [NaN, 0, 0, 0, 0, 0]}', "NaN"),
         (b'{"do": "fk", "q_deg": [Infinity, 0, 0, 0, 0, 0]}', "Infinity"),
-        (b'{"do": "fk", "q_deg": [1e999, 0, 0, 0, 0, 0]}', "6 numbers"),
-        (b'{"do": "fk", "q_deg": [' + b"9" * 400 + b", 0, 0, 0, 0, 0]}", "6 numbers"),
-        (b'{"do": "fk", "q_deg": [' + b"9" * 9000 + b", 0, 0, 0, 0, 0]}", "digits"),
+        (b'{"do": "fk", "q_deg": [1e999, 0, 0, 0, 0, 0]}', "beyond the largest number"),
+        (b'{"do": "fk", "q_deg": [' + b"9" * 400 + b", 0, 0, 0, 0, 0]}", "beyond 64 bits"),
+        (b'{"do": "fk", "q_deg": [' + b"9" * 9000 + b", 0, 0, 0, 0, 0]}", "beyond 64 bits"),
         (b'{"do": "fk", "q_deg": [true, 0, 0, 0, 0, 0]}', "6 numbers"),
         (b'{"do": "fk", "q_deg": ["1", 0, 0, 0, 0, 0]}', "6 numbers"),
         (b'{"do": "fk", "q_deg": [0, 0, 0, 0, 0]}', "6 numbers"),
@@ -100,8 +100,8 @@ def test_ten_thousand_requests_keep_their_order(session: Session) -> None:
         (b'{"do": "clearance", "q_deg": [0, -90, 0, 0, 0, 0]}', "--cell"),
         (b'\xff{"do": "ping"}', "UTF-8"),
         (b'{"do": "' + b"\xed\xa0\x80" + b'"}', "UTF-8"),
-        (b"[" * 100_000, "nested too deep"),
-        (b'{"a":' * 100_000, "nested too deep"),
+        (b"[" * 100_000, "nested more than 64 deep"),
+        (b'{"a":' * 100_000, "nested more than 64 deep"),
     ],
 )
 def test_faults_are_answered_and_the_session_lives(session: Session, line: bytes, words: str) -> None:
@@ -272,5 +272,5 @@ def test_no_bytes_break_the_session(session: Session, text: bytes) -> None:
 
 
 def test_numbers_of_thousands_of_digits_are_refused_in_our_words() -> None:
-    with pytest.raises(InputError, match=r"JSON number: got '9{20}\.\.\. \(5000 digits\)'"):
+    with pytest.raises(InputError, match=r"the whole number 9{20}\.\.\. is beyond 64 bits"):
         read_line(b'{"id": ' + b"9" * 5000 + b', "do": "ping"}')

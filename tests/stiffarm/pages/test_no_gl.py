@@ -77,7 +77,7 @@ def test_vtk_crashes_there_so_the_simulation_is_true() -> None:
 
 @pytest.mark.slow
 def test_map_is_drawn_by_the_fallback_and_names_the_package_once(tmp_path: Path) -> None:
-    outcome = without_gl("-m", "stiffarm", "map", "kr60-3", "--points", "5", "--out", tmp_path / "out")
+    outcome = without_gl("-m", "stiffarm", "map", "joints", "kr60-3", "--points", "5", "--out", tmp_path / "out")
     assert outcome.returncode == 0, outcome.stderr
     assert said(outcome) == 1
     pictures = sorted((tmp_path / "out").glob("*.png"))
@@ -90,9 +90,7 @@ def test_map_is_drawn_by_the_fallback_and_names_the_package_once(tmp_path: Path)
 def test_map_of_a_box_with_surfaces(tmp_path: Path) -> None:
     ranges = ("--x", "600:1600:200", "--y", "-400:400:200", "--z", "200:1000:200")
     values = ("--values", "stiffness,softest", "--pose", "fixed", "--tool-axis", "0,0,1")
-    outcome = without_gl(
-        "-m", "stiffarm", "map", "kr60-3", "--grid", "box", *ranges, *values, "--out", tmp_path / "out"
-    )
+    outcome = without_gl("-m", "stiffarm", "map", "box", "kr60-3", *ranges, *values, "--out", tmp_path / "out")
     assert outcome.returncode == 0, outcome.stderr
     assert said(outcome) == 1
     assert painted(tmp_path / "out" / "map_stiffness_N_per_mm_surfaces.png") > 0.05

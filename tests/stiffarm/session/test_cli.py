@@ -28,6 +28,9 @@ def test_each_command_has_help(cli: Command, command: str) -> None:
     outcome = cli(command, "--help")
     assert outcome.code == 0
     assert f"stiffarm {command}" in outcome.out
+    if command == "map":  # a command of commands
+        assert all(kind in outcome.out for kind in ("joints", "slice", "box", "cylinder", "index"))
+        outcome = cli(command, "slice", "--help")
     assert "--debug" in outcome.out
     assert outcome.err == ""
 
@@ -386,7 +389,7 @@ def test_the_map_is_readable_by_plain_vtk_with_the_documented_arrays(
     cli: Command, calibrated: Path, fitted: Path, tmp_path: Path
 ) -> None:
     options = ("--surrogate", fitted / "surrogate.json", "--points", "4", "--no-pictures", "--json")
-    outcome = cli("map", calibrated / "model.toml", *options, "--out", "out")
+    outcome = cli("map", "joints", calibrated / "model.toml", *options, "--out", "out")
     assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "run.json"}
     assert "another model" not in outcome.err
     reader = vtkXMLUnstructuredGridReader()
@@ -419,15 +422,15 @@ def test_the_map_is_readable_by_plain_vtk_with_the_documented_arrays(
 
 def test_a_map_from_another_models_surrogate_says_so(cli: Command, fitted: Path) -> None:
     options = ("--surrogate", fitted / "surrogate.json", "--points", "3", "--no-pictures", "--out", "out")
-    outcome = cli("map", "xr701", *options)
+    outcome = cli("map", "joints", "xr701", *options)
     assert (outcome.code, outcome.out) == (0, "")
     assert "fitted to another model" in outcome.err
 
 
 def test_map_layers_are_the_ones_asked_for(cli: Command) -> None:
     options = ("--points", "3", "--no-pictures", "--out", "out", "--json")
-    one = cli("map", "kr60-3", "--layers", "-30", *options).json["points"]
-    assert cli("map", "kr60-3", "--layers", "-30,0,30", *options).json["points"] == 3 * one
+    one = cli("map", "joints", "kr60-3", "--layers", "-30", *options).json["points"]
+    assert cli("map", "joints", "kr60-3", "--layers", "-30,0,30", *options).json["points"] == 3 * one
 
 
 # --- where things go ---------------------------------------------------------------------------------------
@@ -444,7 +447,7 @@ def test_map_layers_are_the_ones_asked_for(cli: Command) -> None:
         ("calibrate", "xr701", "--scheme", "global"),
         ("calibrate", "xr701", "--scheme", "staged", "--out", "out"),
         ("fit", "xr701", "--runs", "300", "--degree", "2", "--basis", "polynomial", "--out", "out"),
-        ("map", "xr701", "--points", "2", "--no-pictures", "--out", "out"),
+        ("map", "joints", "xr701", "--points", "2", "--no-pictures", "--out", "out"),
     ],
 )
 def test_without_json_stdout_stays_empty(cli: Command, arguments: tuple[str, ...]) -> None:

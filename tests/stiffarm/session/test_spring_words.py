@@ -8,6 +8,7 @@ from matplotlib.text import Annotation
 
 from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate as estimated
+from fem.free.kinds import KINDS
 from fem.free.parameters import Parameter
 from stiffarm.commands.calibrate.figures.springs import springs_figure
 from stiffarm.commands.calibrate.payload import spring as estimate
@@ -47,7 +48,7 @@ def test_the_bound_is_the_one_the_fit_stands_at(deflection_mm: float, bound: str
     n = 3 if spare else 1
     # Scatter of a micrometre, so that there is an interval.
     value = 1e-3 * (deflection_mm + 1e-3 * np.array([1.0, -1.0, 0.0])[:n])
-    free = Parameter("j1.stiffness", "stiffness", "j1", (5,), "N m/rad", 1e6, 1e3, 1e9, "compliance")
+    free = Parameter("j1.stiffness", KINDS[0], "j1", (5,), "N m/rad", 1e6, 1e3, 1e9, "compliance")
     lever = np.full((n, 1), 650.0)
     model = PlainModel([free], np.array([1e-6]), lambda u: (1e-3 + lever @ u, lever))
     (found,) = certainty(estimated(problem_of(model, value), (1e-5, 1e-5))).estimates

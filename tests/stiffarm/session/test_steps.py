@@ -7,6 +7,7 @@ import pytest
 
 from fem import directional_stiffness
 from stiffarm.commands.fit import learning
+from stiffarm.commands.maps import sweep
 from stiffarm.session import inputs, steps
 from surrogate import Surrogate, train
 
@@ -21,13 +22,11 @@ def learned(given: inputs.ModelInput, direction: tuple[float, float, float]) -> 
 
 def test_a_map_names_the_load_it_was_made_with() -> None:
     given = inputs.read_model("kr60-3", "rigid", None)
-    assert steps.stiffness_map(given.description, given.model, 2, None).metadata["load_direction"] == "0 0 -1"
-    sideways = learned(given, (0.6, 0.0, 0.8))
-    made = steps.stiffness_map(given.description, given.model, 2, sideways)
+    made = sweep.learned_map(given, learned(given, (0.6, 0.0, 0.8)), 2)
     assert made.metadata["load_direction"] == "0.6 0 0.8"
     # The model's own stiffness beside it is that of the same load.
-    name = "model_stiffness_N_per_mm"
-    q = np.radians(np.stack([made.joints[coordinate] for coordinate in given.robot.coordinates], axis=1))
+    model = np.asarray(made.fields["model_stiffness_N_per_mm"].values)[made.reached]
+    q = np.asarray(made.q)[made.reached]
     exact = directional_stiffness(given.model, q, np.array([0.6, 0.0, 0.8])) * 1e-3
-    assert made.scalars[name] == pytest.approx(exact, rel=1e-9)  # round-off of degrees and back
-    assert not np.allclose(made.scalars[name], directional_stiffness(given.model, q) * 1e-3, rtol=0.01)
+    assert model == pytest.approx(exact, rel=1e-12)
+    assert not np.allclose(model, directional_stiffness(given.model, q) * 1e-3, rtol=0.01)

@@ -14,7 +14,7 @@ from surrogate.maps.blocks import Engine
 from surrogate.maps.candidates import Arm
 from surrogate.maps.layouts import MapGrid
 from surrogate.maps.poses import PoseRule, last_joint_is_free
-from surrogate.maps.quantities import Quantities
+from surrogate.maps.quantities import TABLE, Quantities, named
 
 L1, L2, K1, K2 = 0.5, 0.4, 2e5, 1e5
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -66,10 +66,8 @@ def engine(
 ) -> Engine:
     """An engine by the model's own tool, the best pose by stiffness."""
     T = model.robot.T_flange_tool if tool is None else tool
-    quantities = Quantities(
-        model, direction, wanted, k_fs=lambda C: 1.0 / np.linalg.norm(C[:, :, 2], axis=1), shares=shares, point=T[:3, 3]
-    )
+    quantities = Quantities(model, direction, named(TABLE, wanted), shares=shares, point=T[:3, 3])
     if rule is None:
         return Engine(grid, quantities)
-    free = last_joint_is_free(model.robot, T, lambda q: quantities.compliance(q)[:, :3, :3])
-    return Engine(grid, quantities, rule, Arm(model.robot, T, quantities.merit("stiffness"), free))
+    free = last_joint_is_free(model.robot, T, lambda q: quantities.poses(q).translational)
+    return Engine(grid, quantities, rule, Arm(model.robot, T, quantities.merit(named(TABLE, ["stiffness"])[0]), free))

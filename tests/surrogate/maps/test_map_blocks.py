@@ -11,7 +11,7 @@ import pytest
 from map_arms import engine, kr60
 
 from robots import InputError
-from surrogate.maps.assembled import counts, figures, map_data, number_true
+from surrogate.maps.assembled import counts, figures, map_of_store, number_true
 from surrogate.maps.blocks import Engine, run_blocks
 from surrogate.maps.layouts import joint_layout, slice_layout
 from surrogate.maps.poses import FixedOrientation
@@ -58,7 +58,7 @@ def test_a_map_of_a_store_has_all_it_needs(tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
     run_blocks(made, store, lambda done, total: seen.append((done, total)))
     assert seen[-1] == (store.n, store.n)
-    data = map_data(made, store, {"robot": "kr60-3"})
+    data = map_of_store(made, store, {"robot": "kr60-3"})
     assert isinstance(data.points.base, np.memmap) or isinstance(data.points, np.memmap)
     assert list(data.fields) == [
         "stiffness_N_per_mm", "isotropy", "softest_part", "softest_part_share",

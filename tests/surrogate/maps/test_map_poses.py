@@ -231,7 +231,7 @@ def test_points_out_of_reach_have_no_pose() -> None:
 
 
 def test_what_is_refused() -> None:
-    with pytest.raises(InputError, match=r"2 joints.*six joints or more.*--grid joints"):
+    with pytest.raises(InputError, match=r"2 joints.*six joints or more.*map joints"):
         check_robot(planar().robot, any_orientation=False)
     assert check_robot(kr60().robot, any_orientation=False) is None
     assert "may have been missed" in str(check_robot(planar().robot, any_orientation=True))

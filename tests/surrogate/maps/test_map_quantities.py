@@ -12,10 +12,11 @@ from map_arms import DOWN, K1, K2, L1, L2, engine, kr60, one_spring, planar
 import fem
 from machining import INDICES
 from machining.stiffness.indices import evaluate
+from machining.stiffness.map_rows import ON_MAPS, index_rows
 from robots import InputError, load_description
 from robots.arrays import Array
 from surrogate.maps.layouts import joint_layout, poses_of
-from surrogate.maps.quantities import MERITS, NEAR_SINGULAR, SHORTS, Quantities, available, field_of
+from surrogate.maps.quantities import NEAR_SINGULAR, TABLE, Kind, Poses, Quantities, Quantity, named, uncertainty
 
 ALL = slice(None)
 
@@ -25,8 +26,12 @@ def poses(model: fem.ArmModel, n: int, rng: np.random.Generator) -> Array:
     return q[model.robot.reachable(q)][:n]
 
 
+ROWS = (*TABLE, *index_rows(np.array([0.0, 0.0, 1.0])))
+MERITS = [row.short for row in ROWS if row.merit is not None]
+
+
 def of(model: fem.ArmModel, *wanted: str, **more: object) -> Quantities:
-    return Quantities(model, DOWN, wanted, k_fs=lambda C: evaluate("k_fs", C, np.array([0.0, 0.0, 1.0])), **more)  # type: ignore[arg-type]
+    return Quantities(model, DOWN, named(ROWS, wanted), **more)  # type: ignore[arg-type]
 
 
 def test_a_planar_arm_over_its_joints_in_closed_form() -> None:
@@ -112,7 +117,7 @@ def test_near_singular_poses_are_told() -> None:
 
 def test_uncertainty_comes_from_what_is_given(rng: np.random.Generator) -> None:
     q = poses(kr60(), 5, rng)
-    made = of(kr60(), "uncertainty", uncertainty=lambda q: 0.01 * np.abs(q[:, 0]))
+    made = Quantities(kr60(), DOWN, (uncertainty(lambda q: 0.01 * np.abs(q[:, 0])),))
     np.testing.assert_allclose(made.values(q)["uncertainty_percent"], np.abs(q[:, 0]))
 
 
@@ -126,23 +131,45 @@ def test_the_tool_point_moves_with_the_tool(rng: np.random.Generator) -> None:
 def test_merits_are_the_fields_themselves(short: str, rng: np.random.Generator) -> None:
     q = poses(kr60(), 10, rng)
     made = of(kr60(), short)
-    np.testing.assert_allclose(made.merit(short)(q), made.values(q)[made.kinds[0].name], rtol=1e-12)
+    np.testing.assert_allclose(made.merit(made.rows[0])(q), made.values(q)[made.kinds[0].name], rtol=1e-12)
 
 
 def test_many_poses_at_once_are_the_same_as_few(rng: np.random.Generator) -> None:
     model = fem.build_model(load_description("xr701"))
     q = poses(model, 5000, rng)
-    made = of(model, *available(model, k_fs=True, uncertainty=False))
+    made = of(model, *(row.short for row in ROWS if row.common))
     whole, part = made.values(q), made.values(q[:50])
     for name, values in part.items():
         # Above some number of poses compiled loops take over: the same to rounding.
         np.testing.assert_allclose(whole[name][:50], values, rtol=1e-8, atol=1e-12, err_msg=name)
 
 
-def test_names_carry_units() -> None:
-    shorts = {field_of(name).short for name in ("stiffness_N_per_mm", "softest_part", "uncertainty_percent")}
-    assert shorts == {"stiffness", "softest", "uncertainty"}
-    assert set(available(kr60(), k_fs=True, uncertainty=True)) == set(SHORTS) - {"directions", "compliance"}
+def test_names_are_used_once_and_carry_units() -> None:
+    kinds = [kind for row in ROWS for kind in row.kinds]
+    for names in ([row.short for row in ROWS], [kind.name for kind in kinds]):
+        assert len(set(names)) == len(names)
+    assert all(kind.name.endswith("_N_per_mm") for kind in kinds if kind.unit == "N/mm")
+
+
+@pytest.mark.parametrize("name", ON_MAPS)
+def test_indices_of_machining_are_rows_like_any_other(name: str, rng: np.random.Generator) -> None:
+    q, normal = poses(kr60(), 20, rng), np.array([0.0, 0.0, 1.0])
+    made = of(kr60(), name)
+    C = fem.compliance(kr60(), q)[:, :3, :3]
+    # The force is along the load; no index depends on its size.
+    np.testing.assert_allclose(
+        made.values(q)[made.kinds[0].name], 1e-3 * evaluate(name, C, normal, 7.0 * DOWN), rtol=1e-9
+    )
+
+
+def test_a_row_of_ones_own_is_mapped_like_the_others(rng: np.random.Generator) -> None:
+    def vertical(p: Poses) -> list[Array]:
+        return [1e3 * p.translational[:, 2, 2]]
+
+    q = poses(kr60(), 10, rng)
+    own = Quantity("dip", (Kind("dip_mm_per_N", "mm/N", "dip under a vertical newton"),), vertical)
+    made = Quantities(kr60(), DOWN, (*named(TABLE, ["stiffness"]), own)).values(q)
+    np.testing.assert_allclose(made["dip_mm_per_N"], 1.0 / made["stiffness_N_per_mm"], rtol=1e-9)
 
 
 def test_the_matrix_is_that_of_the_model_entry_by_entry(rng: np.random.Generator) -> None:
@@ -158,13 +185,13 @@ def test_the_matrix_is_that_of_the_model_entry_by_entry(rng: np.random.Generator
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda q: replace(q, wanted=("stifness",)), "quantities of a map"),
-        (lambda q: replace(q, wanted=()), "none"),
+        (lambda q: named(TABLE, ("stifness",)), "quantities of a map"),
+        (lambda q: named(TABLE, ()), "none"),
+        (lambda q: replace(q, rows=()), "none"),
         (lambda q: replace(q, direction=np.zeros(3)), "load direction"),
         (lambda q: replace(q, direction=np.array([0.0, np.nan, 1.0])), "load direction"),
-        (lambda q: replace(q, wanted=("uncertainty",)), "nothing to compute it with"),
-        (lambda q: replace(q, wanted=("softest",), model=kr60().with_rigid_joints()), "nothing gives way"),
-        (lambda q: q.merit("softest"), "chosen by"),
+        (lambda q: replace(q, rows=named(TABLE, ["softest"]), model=kr60().with_rigid_joints()), "nothing gives way"),
+        (lambda q: q.merit(named(TABLE, ["softest"])[0]), "chosen by"),
     ],
 )
 def test_what_is_refused(change: Callable[[Quantities], object], words: str) -> None:

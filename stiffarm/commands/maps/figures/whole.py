@@ -9,6 +9,7 @@ from typing import Final
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from fem.arm import Arm
 from robots import InputError, ModelDescription, Robot
 from robots.files.written import written_whole
 from stiffarm.commands.maps.figures.effects import swept_effects_figure
@@ -17,9 +18,10 @@ from stiffarm.commands.maps.figures.space import cloud_figure, iso_figure
 from stiffarm.commands.maps.looks import Look, look_of
 from stiffarm.commands.maps.planes import planes_of
 from stiffarm.pages import style
-from stiffarm.pages.rendering import chosen
+from stiffarm.pages.rendering import VIEWS, chosen
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.data import MapData
+from surrogate.maps.quantities import STIFFNESS_ARRAY
 
 FORMATS: Final = ("png", "svg")
 _SVG_DPI: Final = 200
@@ -77,13 +79,33 @@ def draw_map_figures(
     return files
 
 
+def draw_stiffness(data: MapData, arm: Arm, folder: OutputFolder, messages: list[str]) -> list[str]:
+    """Draw the stiffness of a joint sweep from both viewpoints; returns names of files, remarks join ``messages``."""
+    works, message = chosen(None)
+    look = look_of(STIFFNESS_ARRAY, data.fields[STIFFNESS_ARRAY])
+    heading = f"Structural stiffness of the {arm.description.title.split(' (')[0]}"
+    facts = "; ".join((data.metadata.get("load", "vertical load"), f"stiffness from {_origin(data)}"))
+    files: list[str] = []
+    for view in VIEWS:
+        figure = cloud_figure(data, look, arm.description, arm.robot, heading, facts, works, view)
+        files += save_figure(figure, folder, f"stiffness_map_{view}", ("png",))
+    if not works and message not in messages:
+        messages.append(message)
+    return files
+
+
+def _origin(data: MapData) -> str:
+    origin = data.metadata.get("stiffness_from", "model")
+    return "the model" if origin == "model" else f"the {origin}"
+
+
 def _figures(
     data: MapData, look: Look, description: ModelDescription, robot: Robot, heading: str, facts: str, works: bool
 ) -> Iterator[tuple[str, Figure]]:
     """Endings of the files' names and the figures of one quantity."""
     of_robot = (description, robot, heading, facts)
     if data.layout.kind == "joints":
-        for view in ("oblique", "side"):
+        for view in VIEWS:
             yield f"_{view}", cloud_figure(data, look, *of_robot, works, view)
         if look.kind != "category":
             yield "_effects", swept_effects_figure(data, look, heading, facts)

@@ -16,9 +16,9 @@ from matplotlib.patches import Patch
 
 from machining.stiffness.distribution import Distribution, GammaChoice
 from machining.stiffness.grid import Grid
+from machining.stiffness.units import Shown, shown
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.commands.index.units import Shown, shown
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, colour_scale, house_style, new_figure
 

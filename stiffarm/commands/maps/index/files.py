@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from machining.stiffness.distribution import Distribution, GammaChoice, Statistics
 from machining.stiffness.grid import Grid
+from machining.stiffness.units import Shown, shown
 from robots.arrays import Array, Bools
 from robots.constants import M_TO_MM
 from robots.files.csv_text import columns_text
-from stiffarm.commands.index.units import Shown, shown
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from surrogate.maps.vtk_files import grid_cells, write_grid
+from surrogate.maps.data import Axis, Field, Layout, MapData
+from surrogate.maps.vtk_stream import write_vtu
 
 # Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.
 DRAWN: Final = 5
@@ -72,7 +72,7 @@ def write(made: IndexMap, folder: OutputFolder, pictures: bool = True) -> dict[s
     Returns what the JSON file holds, with the names of all files.
     """
     files = ["index_map.vtu", "index_map.csv", "gamma_statistics.csv", "index_map.json"]
-    write_index_vtu(made, folder.path(files[0]))
+    write_vtu(map_data(made), folder.path(files[0]))
     folder.write_text(files[1], _point_table(made))
     folder.write_text(files[2], _statistics_table(made))
     if pictures:
@@ -173,56 +173,30 @@ def _point_table(made: IndexMap) -> str:
     return columns_text(table, digits=9)
 
 
-def write_index_vtu(made: IndexMap, path: Path) -> None:
-    """Write the grid as a .vtu: points in mm, base axes; values NaN where no posture is.
+def map_data(made: IndexMap) -> MapData:
+    """The map as all maps are.
 
-    Point arrays: ``best_<quantity>`` and ``best_gamma_deg``, the quantity at each gamma drawn, ``share_of_gamma``
-    reached, ``workpiece`` 0 or 1. Texts of the metadata as field data.
-
-    Raises
-    ------
-    InputError
-        The name does not end in .vtu, or the folder does not exist or cannot be written.
+    Fields: ``best_<quantity>`` and ``best_gamma_deg``, the quantity at each gamma drawn, ``share_of_gamma`` reached,
+    ``workpiece`` 0 or 1. Every point of the grid counts as reached, NaN where no posture is.
     """
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
-    from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON, VTK_QUAD, vtkCellArray, vtkUnstructuredGrid
-
-    grid = vtkUnstructuredGrid()
-    points = vtkPoints()
-    points.SetData(numpy_to_vtk(np.ascontiguousarray(made.points * M_TO_MM), deep=True))
-    grid.SetPoints(points)
-    cells = grid_cells(made.grid.counts, np.ones(made.grid.n, dtype=np.bool_))
-    count, corners = cells.shape
-    array = vtkCellArray()
-    array.SetData(
-        numpy_to_vtkIdTypeArray(np.arange(count + 1, dtype=np.int64) * corners, deep=True),
-        numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells.ravel()), deep=True),
-    )
-    grid.SetCells(VTK_QUAD if corners == 4 else VTK_HEXAHEDRON, array)
-    for name, values in _arrays(made).items():
-        column = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-        column.SetName(name)
-        grid.GetPointData().AddArray(column)
-    grid.GetPointData().SetActiveScalars(f"best_{made.shown.column}")
-    for name, text in made.metadata.items():
-        strings = vtkStringArray()
-        strings.SetName(name)
-        strings.InsertNextValue(text)
-        grid.GetFieldData().AddArray(strings)
-    write_grid(grid, path)
-
-
-def _arrays(made: IndexMap) -> dict[str, Array]:
-    what, found = made.shown, made.found
+    what, found, grid = made.shown, made.found, made.grid
     best = found.best_at_points()
-    return {
-        f"best_{what.column}": what.factor * best.value,
-        "best_gamma_deg": np.degrees(best.gamma),
-        **{f"{what.column}_{angle_name(found.gamma[c])}": what.factor * found.value[:, c] for c in made.drawn},
-        "share_of_gamma": found.reached.mean(axis=1),
-        "workpiece": np.ones(made.grid.n) if made.inside is None else made.inside.astype(np.float64),
+    unit = what.unit or "1"
+    inside = np.ones(grid.n) if made.inside is None else made.inside.astype(np.float64)
+    fields = {
+        f"best_{what.column}": Field(what.factor * best.value, unit, f"best {what.quantity}"),
+        "best_gamma_deg": Field(np.degrees(best.gamma), "deg", "best gamma"),
+        **{
+            f"{what.column}_{angle_name(found.gamma[c])}": Field(what.factor * found.value[:, c], unit, what.quantity)
+            for c in made.drawn
+        },
+        "share_of_gamma": Field(found.reached.mean(axis=1), "", "share of the angles gamma that reach the point"),
+        "workpiece": Field(inside, "", "point of the workpiece"),
     }
+    axes = tuple(Axis(f"axis_{k}", "mm", np.arange(count, dtype=np.float64)) for k, count in enumerate(grid.counts))
+    layout = Layout("box" if len(axes) == 3 else "slice", axes)
+    every, none = np.ones(grid.n, dtype=np.bool_), np.zeros((grid.n, 0))
+    return MapData(layout, made.points, none, every, (), fields, metadata=made.metadata)
 
 
 def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:

@@ -18,7 +18,8 @@ from robots.arrays import Array, Bools
 from robots.progress import Progress
 from stiffarm.commands.maps.index.files import IndexMap, drawn_columns
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.task_options import frame_words, parse_frame, parse_gammas, parse_vector, tool_of
+from stiffarm.session.parsing import frame_words, parse_frame, parse_vector, tool_of
+from stiffarm.session.task_options import parse_gammas
 
 GAMMA = "-180:180:5"
 # Share of a step by which a range may miss a whole number of steps: rounding of decimals.
@@ -118,7 +119,6 @@ def map_of(
         "tool_axis": _words(asked.axis),
         "gamma_counts_from": _words(R @ np.asarray(task.reference)),
         "force_N": "none" if asked.objective.force is None else _words(asked.objective.force),
-        "units": "points mm, angles deg, base axes",
         "not_looked_at": "collisions; the way from point to point",
     }
     drawn = asked.drawn or drawn_columns(asked.gamma, choice)

@@ -17,9 +17,9 @@ from matplotlib.patheffects import Normal, Stroke
 from machining import Course
 from machining.posture.axes_map import AxesMap, Zone
 from machining.posture.path import PathPosture
+from machining.stiffness.units import shown
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.commands.index.units import shown
 from stiffarm.commands.maps.index.figures import angle_ticks, stiffness_colours, value_bar
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, OKABE_ITO, colour_scale, house_style, new_figure

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,16 +11,13 @@ from stiffarm import __version__
 from stiffarm.commands.run.story import calibration as story_calibration
 from stiffarm.commands.run.story import links as story_links
 from stiffarm.commands.run.story import results as story_results
-from stiffarm.commands.run.story.findings import Checked, findings_section
 from stiffarm.commands.run.workflow import Findings
 from stiffarm.pages.blocks import Pictures, percent, short_title
 from stiffarm.pages.report import KeyFigure, render
 from stiffarm.session.outputs import OutputFolder
 
 
-def write_report(
-    findings: Findings, drawn: dict[str, Any], checked: Mapping[str, Checked], folder: OutputFolder
-) -> None:
+def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     sections = [
@@ -35,7 +31,6 @@ def write_report(
         story_results.effects_section(findings, pictures),
         story_results.surrogate_section(findings, pictures),
         story_results.map_section(findings, drawn, pictures),
-        findings_section(findings, checked, pictures),
         story_results.assumptions_section(findings),
     ]
     lede = (

@@ -161,7 +161,7 @@ def test_commands_of_the_linear_arm_say_what_they_leave_out(
     cli: Command, model: Callable[..., Path], tmp_path: Path
 ) -> None:
     file = model(FRICTION.format(friction=100))
-    outcome = cli("map", file, "--points", "2", "--no-pictures", "--out", tmp_path / "map")
+    outcome = cli("map", "joints", file, "--points", "2", "--no-pictures", "--out", tmp_path / "map")
     assert outcome.code == 0, outcome.err
     assert "not in the map: friction:j3\n" in outcome.err
     assert "base-tilt" not in outcome.err

@@ -112,7 +112,7 @@ def test_an_index_is_learned_and_answered_in_its_own_unit(cli: Command) -> None:
     assert row["k_fs_N_per_mm"] == pytest.approx(exact, rel=2.0 * stated + 1e-5)
     assert row["low95"] < row["k_fs_N_per_mm"] < row["high95"]
     assert "stiffness_N_per_mm" not in row
-    refused = cli("map", "kr60-3", "--surrogate", "out/surrogate.json", "--points", "2", "--out", "map")
+    refused = cli("map", "joints", "kr60-3", "--surrogate", "out/surrogate.json", "--points", "2", "--out", "map")
     assert refused.code == 2
     assert "stiffarm: " in refused.err
 

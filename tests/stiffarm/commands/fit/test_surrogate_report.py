@@ -180,7 +180,7 @@ def test_where_it_holds_and_what_was_fixed(trained: Trained, page: str) -> None:
 
 def test_the_example_can_be_asked(trained: Trained, page: str) -> None:
     commands = [r[1] for r in rows(page, "<caption>Commands")]
-    assert "stiffarm map 'my arm.toml' --surrogate surrogate.json --out map" in commands
+    assert "stiffarm map joints 'my arm.toml' --surrogate surrogate.json --out map" in commands
     assert "stiffarm query surrogate.json poses.csv --matrix" in commands
     found = re.search(r"--pose q2_deg=(\S+),q3_deg=(\S+)$", commands[0])
     assert found is not None

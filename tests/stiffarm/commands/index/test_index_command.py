@@ -14,7 +14,8 @@ import fem
 from machining import INDICES, evaluate, translational
 from robots import load_description
 from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
-from stiffarm.session.task_options import frame_words, parse_frame, parse_gammas
+from stiffarm.session.parsing import frame_words, parse_frame
+from stiffarm.session.task_options import parse_gammas
 
 POSE = "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40"
 TOOL = "80,0,200,0,90,0"

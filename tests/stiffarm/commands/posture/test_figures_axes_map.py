@@ -16,9 +16,9 @@ from machining import Objective
 from machining.posture.axes_map import AxesMap, Zone
 from machining.stiffness.distribution import Distribution, best_gamma
 from machining.stiffness.grid import box_grid, plane_grid
+from machining.stiffness.units import shown
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.index.units import shown
 from stiffarm.commands.maps.index.figures import angle_ticks, axis_of, draw_gamma_statistics, draw_index_maps, where_is
 from stiffarm.commands.posture.figures.axes_map import TONES, CourseLine, _breaks, draw_axes_map
 

@@ -14,7 +14,7 @@ import fem
 from machining import stiffness_index
 from machining.cell import arm_of, clearance, read_cell, scene_of
 from robots import forward_kinematics, load_description
-from stiffarm.session.task_options import parse_frame
+from stiffarm.session.parsing import parse_frame
 
 TOOL, PART = "200,0,80,0,90,0", "1200,200,600"
 SPEED = "128,102,128,260,245,322"

@@ -24,7 +24,7 @@ from machining.task import Task
 from robots import InputError, forward_kinematics, load_description
 from robots.library.models import to_toml
 from robots.schema.quantities import RotationalStiffness
-from stiffarm.session.task_options import parse_frame
+from stiffarm.session.parsing import parse_frame
 
 Array = NDArray[np.float64]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from map_findings import LARGE_SHARE, NEIGHBOURHOOD_M, local_ranges, middle_of_reach, spread_ratio
+from map_samples import PoseSample, Samples, influences
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -14,8 +16,6 @@ from matplotlib.ticker import FuncFormatter
 from robots.arrays import Array
 from stiffarm.commands.maps.figures.slices import headings
 from stiffarm.commands.maps.looks import COLOURS
-from stiffarm.commands.run.findings import LARGE_SHARE, NEIGHBOURHOOD_M, local_ranges, middle_of_reach, spread_ratio
-from stiffarm.commands.run.samples import PoseSample, Samples, influences
 from stiffarm.pages.figure_parts import log_ticks, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 

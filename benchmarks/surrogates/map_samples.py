@@ -12,7 +12,7 @@ from fem import ArmModel, directional_stiffness
 from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.progress import Progress
-from surrogate.maps.sweep import default_sweep
+from surrogate import default_sweep
 
 POSES: Final = 20_000
 # Poses at which the other coordinates are kept while one moves, and its values.
@@ -64,8 +64,7 @@ class Samples:
 def sample_model(model: ArmModel, n: int = POSES, seed: int = 0, progress: Progress | None = None) -> Samples:
     """Evaluate a model at poses spread by a Sobol sequence over its joint ranges, under a vertical load.
 
-    The coordinates of :func:`surrogate.maps.sweep.default_sweep` vary, the others stand at 0 or at the limit nearest to
-    it.
+    The coordinates of :func:`surrogate.default_sweep` vary, the others stand at 0 or at the limit nearest to it.
 
     Raises
     ------

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
+from map_samples import POSES, PoseSample, Samples, influences, sample_model
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
@@ -18,7 +19,6 @@ from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
 from robots.progress import Progress
-from stiffarm.commands.run.samples import POSES, PoseSample, Samples, influences, sample_model
 
 Verdict = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 

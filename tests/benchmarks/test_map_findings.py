@@ -7,13 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
-
-from fem import build_model
-from robots import load_description, load_robot
-from robots.arrays import Array
-from stiffarm.commands.run.figures.findings import findings_figure
-from stiffarm.commands.run.findings import (
+from map_findings import (
     Finding,
     distance_finding,
     findings,
@@ -23,7 +17,13 @@ from stiffarm.commands.run.findings import (
     neighbour_finding,
     payload,
 )
-from stiffarm.commands.run.samples import LEVELS, LayerSample, PoseSample, Samples, influence, influences, sample_model
+from map_findings_figure import findings_figure
+from map_samples import LEVELS, LayerSample, PoseSample, Samples, influence, influences, sample_model
+from matplotlib.image import imread
+
+from fem import build_model
+from robots import load_description, load_robot
+from robots.arrays import Array
 from stiffarm.pages.style import save_png
 
 

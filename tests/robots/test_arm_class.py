@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from doe.tables.arm_class import MAIN_Nm_per_rad, WRIST_Nm_per_rad, arm_class, reach_of, usual_load
 from robots import load_description
+from robots.arm_class import MAIN_Nm_per_rad, WRIST_Nm_per_rad, arm_class, reach_of, usual_load
 from robots.robot import robot_from
 
 

@@ -1,0 +1,236 @@
+"""From what a user types to numbers and arrays: lists, pairs, poses, loads, directions, frames."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+import numpy as np
+
+from robots import InputError, InputErrors, Robot
+from robots.arrays import Array
+from robots.robot import rotation_rpy, rpy_of
+
+WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+# Far above any load; beyond about 1e150 squares overflow.
+LARGEST_LOAD = 1e9
+FRAME_FORM = "x,y,z in mm, or x,y,z,a,b,c with a, b, c in deg about the fixed axes x, then y, then z"
+
+Word = TypeVar("Word", bound=str)
+
+
+def parse_word(text: str, allowed: tuple[Word, ...], option: str) -> Word:
+    """One of some words."""
+    for word in allowed:
+        if word == text:
+            return word
+    raise InputError(option, value=text, allowed=", ".join(allowed), remedy="choose one of them")
+
+
+def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:
+    """Finite numbers between commas, None if any is not."""
+    try:
+        values = tuple(float(part) for part in text.split(between))
+    except ValueError:
+        return None
+    return values if all(map(math.isfinite, values)) else None
+
+
+def parse_names(text: str | None, allowed: tuple[str, ...], option: str) -> tuple[str, ...] | None:
+    """A comma-separated list of known names, or None."""
+    if text is None:
+        return None
+    names = tuple(part.strip() for part in text.split(",") if part.strip())
+    for name in names:
+        if name not in allowed:
+            raise InputError(
+                option, value=name, allowed=", ".join(allowed), remedy="choose from these, separated by commas"
+            )
+    if not names or len(set(names)) != len(names):
+        raise InputError(
+            option, value=text, allowed=", ".join(allowed), remedy="name at least one, each once, separated by commas"
+        )
+    return names
+
+
+def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, float]:
+    """Read ``name=value,name=value`` with known names and finite numbers; all faults at once."""
+    out: dict[str, float] = {}
+    faults = []
+    for item in text.split(","):
+        name, _, number = (part.strip() for part in item.partition("="))
+        if name not in allowed:
+            faults.append(
+                InputError(
+                    f"{option}: name",
+                    value=name,
+                    allowed=", ".join(allowed),
+                    remedy=f"write name=value pairs separated by commas, as in {allowed[0]}=5",
+                )
+            )
+            continue
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            faults.append(
+                InputError(
+                    f"{option}: {name}",
+                    value=number,
+                    allowed="a finite number",
+                    remedy=f"write it with a decimal point and without a unit, as in {name}=5",
+                )
+            )
+        elif name in out:
+            faults.append(InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one"))
+        else:
+            out[name] = value
+    if faults:
+        raise faults[0] if len(faults) == 1 else InputErrors(option, faults)
+    return out
+
+
+def parse_pose(robot: Robot, text: str) -> Array:
+    """One pose (dof,) rad from ``q2_deg=5,q3real_deg=77.5``; the rest is 0. Limits are checked."""
+    values = parse_pairs(text, "--pose", robot.coordinates)
+    q = np.radians([values.get(name, 0.0) for name in robot.coordinates])
+    wrong = robot.violations(q)
+    if wrong:
+        raise InputError(
+            f"--pose {text}: {robot.name} cannot take it: {'; '.join(wrong)}",
+            remedy="keep the ranges named (a coordinate that is not given stands at 0)",
+        )
+    return np.asarray(q)
+
+
+def parse_load(text: str, option: str = "--load") -> Array:
+    """A wrench (6,) from ``fz_N=-650,mx_Nm=10``."""
+    values = parse_pairs(text, option, WRENCH_NAMES)
+    wrench = np.array([values.get(name, 0.0) for name in WRENCH_NAMES])
+    if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
+        raise InputError(
+            option,
+            value=text,
+            allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
+            remedy="give the load in N and N m, as in fz_N=-650",
+        )
+    return wrench
+
+
+def parse_loads(text: str | None) -> tuple[float, ...] | None:
+    """``--loads 150,650`` or ``--loads all`` (an empty tuple), or None if not given."""
+    if text is None:
+        return None
+    if text.strip() == "all":
+        return ()
+    loads = parse_numbers(text)
+    if loads is None or not all(0.0 < v <= LARGEST_LOAD for v in loads):
+        raise InputError(
+            "--loads",
+            value=text,
+            allowed="'all', or force magnitudes greater than 0 N",
+            remedy="separate them by commas, as in 150,650",
+        )
+    return loads
+
+
+def parse_vector(text: str, option: str, unit: str) -> Array:
+    """Three finite numbers (3,), not all zero.
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    values = parse_numbers(text)
+    if values is None or len(values) != 3 or not any(values):
+        allowed = f"three finite numbers x,y,z, not all zero: {unit}"
+        raise InputError(option, value=text, allowed=allowed, remedy=f"write it as in {option} 0,0,1")
+    return np.array(values)
+
+
+def parse_direction(text: str, option: str = "--direction") -> tuple[float, float, float]:
+    """A direction in base axes from ``0,0,-1``; its length does not matter."""
+    vector = parse_vector(text, option, "a direction in base axes")
+    x, y, z = (vector / np.abs(vector).max()).tolist()  # so that no square overflows later
+    return x, y, z
+
+
+def parse_frame(text: str, option: str) -> Array:
+    """A frame (4, 4), m, from :data:`FRAME_FORM`.
+
+    Raises
+    ------
+    InputError
+        Neither three nor six finite numbers.
+    """
+    values = parse_numbers(text)
+    if values is None or len(values) not in (3, 6):
+        raise InputError(option, value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0")
+    T = np.eye(4)
+    T[:3, 3] = np.array(values[:3]) * 1e-3
+    if len(values) == 6:
+        T[:3, :3] = rotation_rpy(np.radians(values[3:]))
+    return T
+
+
+def tool_of(robot: Robot, text: str | None) -> Array:
+    """Tool frame on the flange (4, 4): that of ``--tool``, or the robot's own."""
+    return robot.T_flange_tool if text is None else parse_frame(text, "--tool")
+
+
+def frame_words(T: Array) -> str:
+    """A frame as a user would type it."""
+    xyz, turn = T[:3, 3] * 1e3, np.degrees(rpy_of(T[:3, :3]))
+    return ", ".join(f"{v:.6g}" for v in xyz) + " mm; " + ", ".join(f"{v + 0.0:.6g}" for v in turn.round(9)) + " deg"
+
+
+def parse_joint_figures(robot: Robot, text: str, option: str) -> Array:
+    """Positive numbers (dof,), one for all joints or one each.
+
+    Raises
+    ------
+    InputError
+        Another count, or a number that is not positive.
+    """
+    values = parse_numbers(text)
+    if values is None or len(values) not in (1, robot.dof) or not all(v > 0.0 for v in values):
+        raise InputError(
+            option, value=text, allowed=f"one number above 0, or {robot.dof} separated by commas", remedy="correct it"
+        )
+    return np.broadcast_to(np.array(values), (robot.dof,)).copy()
+
+
+def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) -> dict[str, float]:
+    """Where the coordinates that are no input of a surrogate stand: ``q5_deg=0``; deg, 0 if not given."""
+    others = tuple(n for n in robot.coordinates if n not in names)
+    if text is not None and not others:
+        raise InputError("--fixed", value=text, allowed="nothing: every coordinate is one of --inputs")
+    given = {} if text is None else parse_pairs(text, "--fixed", others)
+    fixed = {name: given.get(name, 0.0) for name in others}
+    for name, value in fixed.items():
+        low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
+        if not low <= value <= high:
+            raise InputError(
+                f"--fixed: {name}" + ("" if name in given else ", which is not given and taken as 0"),
+                value=value,
+                allowed=f"{low:g} to {high:g} deg",
+                remedy=f"give --fixed {name}=..., or make it one of --inputs",
+            )
+    return fixed
+
+
+def parse_parameters(text: str | None) -> tuple[str, ...] | None:
+    """Names of parameters separated by commas; the model knows which there are."""
+    if text is None:
+        return None
+    names = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not names or len(set(names)) < len(names):
+        raise InputError(
+            "--free",
+            value=text,
+            allowed="names of parameters, each once, separated by commas",
+            remedy="as in --free j2.stiffness,j3.stiffness",
+        )
+    return names
