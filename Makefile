@@ -15,7 +15,7 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --max
 # The stamps below share one environment: two pips at once would spoil it.
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help run test test-all fuzz lint bench clean .make-venv
+.PHONY: help run test test-all fuzz lint docs bench clean .make-venv
 
 help:
 	@echo "make run       calibrate the xr701 from its measurements; results in out/"
@@ -23,6 +23,7 @@ help:
 	@echo "make test-all  all tests"
 	@echo "make fuzz      mutated files through every reader, and kills: FUZZ_COUNT=100000 FUZZ_SECONDS=600 FUZZ_SEED=... FUZZ_KILLS=100"
 	@echo "make lint      ruff, mypy and the import contract"
+	@echo "make docs      the site, in build/site/index.html; a warning is an error"
 	@echo "make bench     benchmarks"
 	@echo "make clean     remove the environment and caches (results in out/ stay)"
 
@@ -45,6 +46,10 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx -q -n -W --keep-going -b html docs build/site
+	@echo "open build/site/index.html"
+
 bench: $(VENV)/.installed-test
 	for file in benchmarks/*.py benchmarks/*/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
@@ -62,6 +67,11 @@ $(VENV)/.installed-test: $(VENV)/.made $(INPUTS)
 $(VENV)/.installed-dev: $(VENV)/.made $(INPUTS)
 	@echo "Installing stiffarm and the development tools into $(VENV) ..."
 	@$(PIP_INSTALL) -e '.[test,dev]'
+	@touch $@
+
+$(VENV)/.installed-docs: $(VENV)/.made $(INPUTS)
+	@echo "Installing stiffarm and what its site needs into $(VENV) ..."
+	@$(PIP_INSTALL) -e '.[docs]'
 	@touch $@
 
 # Not the folder itself: a venv that failed half-way leaves it behind. One that works already is kept.

@@ -178,6 +178,8 @@ def build_model(
 ) -> ArmModel:
     """Build the mechanical model of a described robot.
 
+    Shell links condensed before come from the user's cache (:mod:`fem.elements.link_cache`).
+
     Parameters
     ----------
     links : "beam" or "shell" for flexible links, "rigid" for joints alone
@@ -185,8 +187,6 @@ def build_model(
     flanges : couples all interfaces of shell links and of the crank so, "rigid" (upper bound of the stiffness) or
         "distributing" (lower bound), see :mod:`fem.elements.couplings`; None: as the description says of each link,
         and rigid where it says nothing
-
-    Shell links condensed before come from the user's cache (:mod:`fem.elements.link_cache`).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Use: Cartesian stiffness and stiffness indices, posture; placement, NC programs (still to come)."""
+"""Use: Cartesian stiffness and its indices, posture along a path, placement, programs, verification."""
 
 from typing import TYPE_CHECKING
 
@@ -8,7 +8,9 @@ if TYPE_CHECKING:
     from machining.posture.drive import Drive, Smoothness, limit_distance, singular_distance
     from machining.posture.path import PathPosture, course_at, optimise_path
     from machining.posture.points import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
+    from machining.posture.posing import Posed, PostureRequest, pose_along
     from machining.posture.problem import Course
+    from machining.setup import Setup
     from machining.stiffness.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
     from machining.stiffness.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid
     from machining.stiffness.indices import (
@@ -45,7 +47,10 @@ __all__ = [
     "Index",
     "Objective",
     "PathPosture",
+    "Posed",
+    "PostureRequest",
     "Postures",
+    "Setup",
     "Smoothness",
     "StiffnessEllipsoid",
     "Sweep",
@@ -69,6 +74,7 @@ __all__ = [
     "normal_stiffness_index",
     "nspi",
     "optimise_path",
+    "pose_along",
     "postures_at",
     "rayleigh_of_force",
     "rayleigh_quotient",

@@ -10,7 +10,11 @@ if TYPE_CHECKING:
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
+    from stiffarm.face.indices import Indices, index
+    from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
+    from stiffarm.face.plans import Plan, plan
     from stiffarm.face.readings import Readings, bundled, read_readings
+    from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
 
     __version__: str
@@ -22,18 +26,31 @@ __all__ = [
     "Arm",
     "Calibration",
     "Diagnosis",
+    "Indices",
     "InputError",
     "InputErrors",
+    "Map",
+    "Plan",
     "Readings",
+    "Replayed",
+    "Simulation",
     "Surrogate",
     "bundled",
     "calibrate",
     "diagnose",
     "fit",
+    "index",
     "load",
     "load_surrogate",
+    "map_box",
+    "map_cylinder",
+    "map_joints",
+    "map_slice",
+    "plan",
     "read_readings",
+    "replay",
     "robots_bundled",
+    "simulate",
 ]
 
 

@@ -188,3 +188,18 @@ def test_test_files_have_names_of_their_own() -> None:
     """Test folders are no packages, so pytest would take two files of one name for the same module."""
     names = Counter(path.name for path in (ROOT / "tests").rglob("test_*.py"))
     assert [name for name, count in names.items() if count > 1] == []
+
+
+# What has one home: a pattern of it, and the file where it stands.
+ONE_HOME = {
+    r"NDArray\[np\.(?:float64|bool_|int64|intp)\]": "robots/arrays.py",
+    r"Callable\[\[int, int\], None\]": "robots/progress.py",
+    r"= 1\.96\d*\b|= 9\.8\d*\b": "robots/constants.py",
+}
+
+
+@pytest.mark.parametrize("pattern", ONE_HOME)
+def test_small_things_have_one_home(pattern: str) -> None:
+    word = re.compile(pattern, re.MULTILINE)
+    found = [p.relative_to(ROOT).as_posix() for p in sources() if word.search(p.read_text(encoding="utf-8"))]
+    assert found == [ONE_HOME[pattern]], "import it from there"

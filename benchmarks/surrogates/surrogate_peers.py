@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from peer_comparison import Errors, PeerResult, compare_with_peers
+from peer_estimators import OwnCandidate
 
 import fem
 from fem.free.law_bases import FourierBasis
@@ -31,8 +33,6 @@ from surrogate.expansion import Expansion
 from surrogate.factored import fit_factored
 from surrogate.fast import evaluate
 from surrogate.fit import fit
-from surrogate.peer_comparison import Errors, PeerResult, compare_with_peers
-from surrogate.peer_estimators import OwnCandidate
 from surrogate.scope import Scope
 
 HERE = Path(__file__).resolve().parent

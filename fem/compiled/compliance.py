@@ -115,11 +115,11 @@ def deflection(
 ) -> Array:
     """Displacement (n, 6) of the tool point under a wrench, from the unloaded arm: m and rad, base axes.
 
+    The other arguments and the errors are those of :func:`compliance`.
+
     Parameters
     ----------
     wrench : (6,) or (n, 6), force N and moment N m in base axes at the tool point
-
-    The rest and errors as of :func:`compliance`.
     """
     q = as_poses(model.robot, q)
     if not _is_compiled(model, q, threads, often=often):

@@ -21,6 +21,8 @@ Flexibility = Callable[[float], tuple[Array, Array]]
 
 # Wider than anything plausible: an estimate that ends there is reported as standing at a bound.
 TURN, SHIFT = (1e3, 1e9), (1e4, 1e12)
+# The widest range is often that of the softest parts there are; parts of arms are ten thousand times stiffer.
+OF_WIDEST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ class Kind:
 
     def screened(self, p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
         """Usual range of the value; ``springs``: of joints' springs, N m/rad."""
-        raise NotImplementedError
+        return p.value - OF_WIDEST * p.upper, p.value + OF_WIDEST * p.upper
 
     def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
         """Write a value into the tables of a model file."""

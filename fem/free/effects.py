@@ -1,8 +1,8 @@
 """Effects in a model with numbers set free: the arm as the numbers say, with its effects, and what is then read.
 
-Effects hang on the springs (friction holds back a share of a spring's turn) and on one another, so the arm is built
+Effects depend on the springs (friction holds back a share of a spring's turn) and on one another, so the arm is built
 anew for each set of numbers, and derivatives are differences. Those by stiffnesses are exact: an arm is statically
-determinate, so that loads and torques do not hang on its compliances, and every effect of the catalogue is linear in
+determinate, so that loads and torques do not depend on its compliances, and every effect of the catalogue is linear in
 them.
 """
 

@@ -12,7 +12,7 @@ import numpy as np
 from fem.effects.base import EffectParameter, PlacedEffect
 from fem.free.base import SHIFT, TURN, Flexibility, Given, Kind, Parameter, Scale, Shifts
 from fem.free.model_tables import Figure, Tables
-from fem.model import ArmModel
+from fem.model import ArmModel, LinkPart
 from fem.springs import RIGID, SpringLaw, SumSpring
 from fem.statics.ports import BASE, ROWS, TOOL, Port
 from robots import InputError, ModelDescription
@@ -30,8 +30,6 @@ BEYOND = 10.0
 # either side, a link by its share; one that the model holds rigid over magnitudes of the field, N m/rad and N/m.
 FACTOR, SHARE = math.sqrt(10.0), 1.1
 TILTS, BASE_TILTS, SHIFTS = (5e5, 5e6), (1e7, 1e8), (1e8, 1e9)
-# A coupling's widest range is that of the softest parts there are; parts of arms are ten thousand times stiffer.
-COUPLING = 1e-4
 
 
 @dataclass(frozen=True)
@@ -128,9 +126,6 @@ class _Coupling(_Entry):
         unit = ENTRY_UNITS[int(a >= 3) + int(b >= 3)]
         return Parameter("", self, place, (a, b), unit, float(own[0]), -most, most, "linear")
 
-    def screened(self, p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
-        return p.value - COUPLING * p.upper, p.value + COUPLING * p.upper
-
     def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
         place, rows = tables.place(p.place), tuple(ROWS[k] for k in p.index)
         place["entry"] = [one for one in place["entry"] if set(one["rows"]) != set(rows)]
@@ -140,6 +135,13 @@ class _Coupling(_Entry):
 @dataclass(frozen=True)
 class _OfLink(Kind):
     """What one number changes of a link."""
+
+    def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
+        link = next((link for link in model.links if link.name == place), None)
+        return self.of_link(link) if link is not None and what == self.name else None
+
+    def of_link(self, link: LinkPart) -> Parameter:
+        raise NotImplementedError
 
     def known(self, model: ArmModel) -> Iterator[str]:
         if model.links:
@@ -156,12 +158,9 @@ class _Modulus(_OfLink):
     name: ClassVar[str] = "modulus"
     is_linear = True
 
-    def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
-        link = next((link for link in model.links if link.name == place), None)
-        if link is None or what != self.name:
-            return None
+    def of_link(self, link: LinkPart) -> Parameter:
         E = link.mesh.youngs_modulus
-        return Parameter("", self, place, (), "Pa", E, 0.1 * E, 10.0 * E, "compliance")
+        return Parameter("", self, link.name, (), "Pa", E, 0.1 * E, 10.0 * E, "compliance")
 
     def changed(self, p: Parameter, v: float, model: ArmModel, walls: Mapping[str, Flexibility]) -> ArmModel:
         own = next(link for link in model.links if link.name == p.place).element.flexibility
@@ -184,12 +183,9 @@ class _Wall(_OfLink):
     name: ClassVar[str] = "wall"
     has_sections = True
 
-    def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
-        link = next((link for link in model.links if link.name == place), None)
-        if link is None or what != self.name:
-            return None
+    def of_link(self, link: LinkPart) -> Parameter:
         t = float(link.mesh.dimensions[0, 0, -1])
-        return Parameter("", self, place, (), "m", t, t / 2.0, t * 2.0, "log")
+        return Parameter("", self, link.name, (), "m", t, t / 2.0, t * 2.0, "log")
 
     def check(self, p: Parameter, among: Sequence[Parameter], given: Given) -> None:
         if p.place not in given.walls:
@@ -230,6 +226,7 @@ class _Shift(Kind):
     usual: ClassVar[float]
     place: ClassVar[str]
     names: ClassVar[tuple[str, ...]] = AXES
+    triples: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         if place != self.place or what not in self.names:
@@ -244,6 +241,11 @@ class _Shift(Kind):
 
     def screened(self, p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
         return p.value - self.usual, p.value + self.usual
+
+    def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
+        # Where the points of readings are, the tables know.
+        for table, key in self.triples or tables.points:
+            tables.shift(table, key, p.index[0], p.name, figure(value, self.unit))
 
 
 @dataclass(frozen=True)
@@ -280,11 +282,8 @@ class _Load(_Shift):
 
     name: ClassVar[str] = "load"
     shifts: ClassVar[Shifts | None] = "load"
-    place = "load"
+    place, triples = "load", (("load", "offset"),)
     most, usual = 0.2, 0.03
-
-    def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
-        tables.shift("load", "offset", p.index[0], p.name, figure(value, self.unit))
 
 
 @dataclass(frozen=True)
@@ -293,11 +292,8 @@ class _Tilt(_Shift):
 
     name: ClassVar[str] = "tilt"
     shifts: ClassVar[Shifts | None] = "tilt"
-    place, names, unit = "load", ("tilt_x", "tilt_y"), "rad"
+    place, names, unit, triples = "load", ("tilt_x", "tilt_y"), "rad", (("load", "tilt"),)
     most, usual = math.radians(10.0), math.radians(3.0)
-
-    def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
-        tables.shift("load", "tilt", p.index[0], p.name, figure(value, self.unit))
 
 
 @dataclass(frozen=True)
@@ -308,10 +304,6 @@ class _Point(_Shift):
     shifts: ClassVar[Shifts | None] = "point"
     place = "point"
     most, usual = 0.5, 0.03
-
-    def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
-        for table, key in tables.points:
-            tables.shift(table, key, p.index[0], p.name, figure(value, self.unit))
 
 
 @dataclass(frozen=True)
@@ -338,9 +330,6 @@ class _OfEffect(Kind):
             raise InputError(
                 "parameter", value=p.name, allowed=f"effects here: {', '.join(sorted(given.codes)) or 'none'}"
             )
-
-    def screened(self, p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
-        return p.value - COUPLING * p.upper, p.value + COUPLING * p.upper
 
     def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
         # In the unit that the file has it in.

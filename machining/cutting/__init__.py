@@ -6,7 +6,7 @@ from machining.cutting.drawn_stiffness import Drawn, drawn_objective, drawn_stif
 from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
 from machining.cutting.equilibrium import Balance, Balanced
 from machining.cutting.force import ConstantForce, CuttingForce, ForceAlong, MillingForce
-from machining.cutting.milling_file import MillingCut, read_milling
+from machining.cutting.milling_file import Cut, read_milling
 from machining.cutting.process_axes import ProcessAxes, process_axes
 from machining.cutting.spread import Estimated
 from machining.cutting.stiffness_uncertainty import (
@@ -29,6 +29,7 @@ __all__ = [
     "Change",
     "Comparison",
     "ConstantForce",
+    "Cut",
     "CuttingCoefficients",
     "CuttingForce",
     "Drawn",
@@ -36,7 +37,6 @@ __all__ = [
     "Engagement",
     "Estimated",
     "ForceAlong",
-    "MillingCut",
     "MillingForce",
     "PartShares",
     "ProcessAxes",

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from machining.cutting.spread import Estimated, interval
@@ -19,7 +18,7 @@ from machining.cutting.stiffness_uncertainty import StiffnessUncertainty
 from machining.stiffness.cartesian import translational
 from machining.stiffness.objective import Objective
 from machining.task import Task
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 
 # An end of a 95 % interval from so many draws is good to some 6 % of its half-width.
 DRAWS = 1000
@@ -62,7 +61,7 @@ def drawn_stiffness(
     task: Task,
     q: Array,
     stiffness: StiffnessUncertainty,
-    of: Callable[[Array, NDArray[np.int64]], Array],
+    of: Callable[[Array, Integers], Array],
     generator: np.random.Generator,
     draws: int = DRAWS,
 ) -> Drawn:
@@ -104,7 +103,7 @@ def drawn_objective(
     """What courses of postures (n, dof) rad along one path are judged by, for the same drawn arms."""
     force = objective.forces(task.path.n)
 
-    def of(C: Array, point: NDArray[np.int64]) -> Array:
+    def of(C: Array, point: Integers) -> Array:
         return objective.of_compliance(C, task.normals[point], None if force is None else force[point])
 
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
@@ -274,3 +275,23 @@ def _covariance(value: Array, sd: float, given: Array | None, of: str) -> tuple[
         return np.zeros((len(value), len(value))), f"{of}: taken as exact"
     said = ", assumed" if sd == ASSUMED_SD else ""
     return np.diag((sd * value) ** 2), f"{of}: standard deviation {100 * sd:g} % each, independent{said}"
+
+
+def along_cuts(force: CuttingForce, task: Task, cuts: Sequence[slice], *, at_start: bool) -> ForceAlong:
+    """The force of each cut by itself, zero at points of the path that are in none: what joins two cuts is no feed.
+
+    ``at_start``: also at the point that a cut starts from, which the move before leads to.
+
+    Raises
+    ------
+    InputError
+        No cuts; else as the force.
+    """
+    if not cuts:
+        raise InputError("cutting force of a path", value="no move mills sideways", allowed="moves at feed")
+    parts = [force.along(task.at(cut)) for cut in cuts]
+    basis = np.zeros((task.path.n, *parts[0].basis.shape[1:]))
+    skipped = 0 if at_start else 1
+    for cut, found in zip(cuts, parts, strict=True):
+        basis[cut.start + skipped : cut.stop] = found.basis[skipped:]
+    return replace(parts[0], basis=basis)

@@ -12,7 +12,7 @@ from pydantic import Field
 from machining.cell.schema import Positive, Strict
 from machining.cutting.coefficients import CuttingCoefficients, published, shop_coefficients
 from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
-from machining.cutting.force import ASSUMED_SD, MillingForce
+from machining.cutting.force import ASSUMED_SD, CuttingForce, MillingForce
 from machining.cutting.tool_bending import ToolBending
 from robots import InputError
 from robots.files.reading import parse_toml, read_text
@@ -24,11 +24,11 @@ MOST_TEETH, STEEPEST_DEG = 1000, 85.0
 
 
 @dataclass(frozen=True, eq=False)
-class MillingCut:
-    """What a milling file says: the force, and the tool's own bending (None: not given, taken as rigid)."""
+class Cut:
+    """The cutting force, and the tool's own bending (None: not given, taken as rigid)."""
 
-    force: MillingForce
-    tool: ToolBending | None
+    force: CuttingForce
+    tool: ToolBending | None = None
 
 
 class _Mill(Strict):
@@ -73,7 +73,7 @@ class _File(Strict):
     tool: _Bending | None = None
 
 
-def read_milling(path: str | Path) -> MillingCut:
+def read_milling(path: str | Path) -> Cut:
     """Read a milling file.
 
     Raises
@@ -94,7 +94,7 @@ def read_milling(path: str | Path) -> MillingCut:
         )
     read = validated(_File, table, f"milling file {file}", remedy="correct, add or remove it")
     mill = EndMill(read.mill.diameter_mm * 1e-3, read.mill.teeth, float(np.radians(read.mill.helix_deg)))
-    return MillingCut(_force(read, mill), _bending(read.tool))
+    return Cut(_force(read, mill), _bending(read.tool))
 
 
 def _force(read: _File, mill: EndMill) -> MillingForce:

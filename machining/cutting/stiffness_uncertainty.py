@@ -17,13 +17,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 import fem
 from doe.certainty.propagation import ParameterUncertainty, compliance_gradients, drawn_variables, parameter_uncertainty
 from fem.effects import Maker
 from robots import InputError, ModelDescription
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 
 Source = Literal["calibration", "assumed"]
 
@@ -49,7 +48,7 @@ class Influence:
     D: Array
     open_names: tuple[str, ...]
     open_change: Array
-    is_rough: NDArray[np.bool_]
+    is_rough: Bools
 
 
 class StiffnessUncertainty(Protocol):

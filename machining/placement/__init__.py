@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from machining.placement.search import Found, Look, Survey, find_fixed, survey
     from machining.placement.space import Space, space_of, start_of
     from machining.placement.steps import find_steps
+    from machining.placement.study import PlacedStep, PlaceRequest, place_along, scene_for
 else:
     __getattr__ = lazily(__name__)
 
@@ -27,7 +28,9 @@ __all__ = [
     "Goal",
     "How",
     "Look",
+    "PlaceRequest",
     "Placed",
+    "PlacedStep",
     "Placement",
     "Problem",
     "Space",
@@ -39,8 +42,10 @@ __all__ = [
     "follow",
     "on_axes",
     "place",
+    "place_along",
     "placement_content",
     "read_placement",
+    "scene_for",
     "space_of",
     "start_of",
     "survey",

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell, Scene
-from machining.cutting.force import CuttingForce, ForceAlong
+from machining.cutting.force import CuttingForce, ForceAlong, along_cuts
 from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
 from machining.placement.goals import Goal
 from machining.placement.space import Space
@@ -167,9 +167,9 @@ class ByRuns:
 
     def along(self, task: Task) -> ForceAlong:
         """See :class:`machining.cutting.force.CuttingForce`."""
-        runs = np.split(np.arange(task.path.n), np.flatnonzero(self.free) + 1)
-        parts = [self.force.along(task.at(run)) for run in runs]
-        return replace(parts[0], basis=np.concatenate([part.basis for part in parts]))
+        ends = np.flatnonzero(self.free) + 1
+        runs = [slice(int(a), int(b)) for a, b in zip([0, *ends], [*ends, task.path.n], strict=True)]
+        return along_cuts(self.force, task, runs, at_start=True)
 
 
 def on_axes(model: fem.ArmModel, cell: Cell) -> fem.ArmModel:

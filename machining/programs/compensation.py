@@ -14,6 +14,7 @@ import numpy as np
 
 import fem
 from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, ToolBending, surface_error
+from machining.cutting.force import along_cuts
 from machining.programs.posting import Posted, repost
 from machining.task import REPEATED, Task
 from robots import InputError
@@ -121,15 +122,7 @@ def milling_force(force: CuttingForce, task: Task, cutting: Bools) -> ForceAlong
     InputError
         Nothing is milled; else as the force.
     """
-    cuts = cuts_of(task, cutting)
-    if not cuts:
-        raise InputError("cutting force of a path", value="no move mills sideways", allowed="moves at feed")
-    parts = [(cut, force.along(task.at(cut))) for cut in cuts]
-    first = parts[0][1]
-    basis = np.zeros((task.path.n, *first.basis.shape[1:]))
-    for cut, found in parts:
-        basis[cut.start + 1 : cut.stop] = found.basis[1:]
-    return ForceAlong(basis, first.value, first.covariance, first.names, first.note)
+    return along_cuts(force, task, cuts_of(task, cutting), at_start=False)
 
 
 def cuts_of(task: Task, cutting: Bools) -> list[slice]:

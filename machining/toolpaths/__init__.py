@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from machining.toolpaths.conversion import CuttingPath, cutting_runs, to_tool_path
     from machining.toolpaths.cycles import Cycle, Stroke
     from machining.toolpaths.gcode.reader import read_gcode
+    from machining.toolpaths.given import GivenPath, read_given_path
     from machining.toolpaths.motions import Event, Motions, Note, Tool
     from machining.toolpaths.neutral import read_motions, write_motions
     from machining.toolpaths.options import ReadOptions
@@ -23,6 +24,7 @@ __all__ = [
     "CuttingPath",
     "Cycle",
     "Event",
+    "GivenPath",
     "Motions",
     "Note",
     "ReadOptions",
@@ -32,6 +34,7 @@ __all__ = [
     "cutting_runs",
     "read_apt",
     "read_gcode",
+    "read_given_path",
     "read_motions",
     "read_toolpath",
     "to_tool_path",

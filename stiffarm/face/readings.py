@@ -93,6 +93,12 @@ def read_readings(
     ------
     InputError
         A table that cannot be read, or readings that no arm like this gives: each fault with row and column.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> len(sa.read_readings(sa.bundled("xr701"), sa.load("xr701")))
+    27
     """
     several = [source] if isinstance(source, str | Path) or not isinstance(source, Sequence) else list(source)
     if not several:

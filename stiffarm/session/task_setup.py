@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,10 +10,10 @@ import numpy as np
 import typer
 
 from fem import compliance
-from machining import Drive, Task, ToolPath, read_path
-from machining.cell import ArmBodies, Cell, Tool, arm_of, clearance, clearance_of, middle_pose, read_cell, scene_of
-from machining.cutting import ConstantForce, CuttingForce, ToolBending, read_milling
-from machining.toolpaths import Motions, ReadOptions, read_toolpath, to_tool_path
+from machining.cell import Cell, Tool, arm_of, middle_pose, read_cell
+from machining.cutting import ConstantForce, Cut, read_milling
+from machining.setup import Setup
+from machining.toolpaths.motions import Note
 from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
@@ -64,40 +63,6 @@ TcpOpt = Annotated[
 ]
 # Remarks of a reader on the screen.
 NOTES_SHOWN = 10
-# Clearance is weighed from this many times the safety distance on, and from this far at least, m.
-ZONE = 3.0
-LEAST_ZONE = 0.02
-
-
-@dataclass(frozen=True, eq=False)
-class Setup:
-    """A cell, and the arm's bodies in it; ``arm`` is None where no surfaces are known, so nothing can collide."""
-
-    cell: Cell
-    arm: ArmBodies | None
-
-    def drive(self, drive: Drive, *, clear: bool = True) -> Drive:
-        """The drive with the cell's joint speeds and, if ``clear``, the arm's clearance with all axes at 0."""
-        if drive.speed is None and self.cell.joint_speed is not None:
-            drive = replace(drive, speed=self.cell.joint_speed)
-        if self.arm is None:
-            return drive
-        drive = replace(drive, clearance_zone=self.zone, clearance_least=self.cell.safety)
-        if not clear:
-            return drive
-        return replace(drive, clearance_of=clearance_of(self.cell, self.arm, within=self.zone))
-
-    @property
-    def zone(self) -> float:
-        """Distance (m) from which on clearance is weighed."""
-        return max(ZONE * self.cell.safety, LEAST_ZONE)
-
-    def clearance(self, table: float = 0.0) -> Callable[[Array, Array], Array] | None:
-        """Clearance (k,) m of poses (k, dof) rad with the linear axes at (k, axes) m; None without surfaces."""
-        if self.arm is None:
-            return None
-        scene, zone = scene_of(self.cell, self.arm), self.zone
-        return lambda q, e: clearance(scene, q, e, np.array([table]), within=zone).distance
 
 
 def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, part: str | None) -> Setup:
@@ -111,52 +76,24 @@ def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, pa
     if cell is None:
         T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
         T_part = np.eye(4) if part is None else parse_frame(part, "--part")
-        return Setup(Cell(T_world_part0=T_part, tool=Tool(T_tool)), None)
+        return Setup(Cell(T_world_part0=T_part, tool=Tool(T_tool)))
     for option, value in (("--tool", tool), ("--part", part)):
         if value is not None:
             raise InputError(
                 f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
             )
-    read = read_cell(cell)
-    arm = arm_of(model)
-    for note in scene_of(read, arm).notes:
+    setup = Setup(read_cell(cell), arm_of(model))
+    for note in setup.notes:
         say(f"note: {note}")
-    return Setup(read, arm)
+    return setup
 
 
-@dataclass(frozen=True)
-class PathOptions:
-    """How a tool path file is read: what the file itself may leave open."""
-
-    kind: str | None = None
-    units: str | None = None
-    rotary: str = "none"
-    tcp: bool = False
-
-
-def read_moves(file: Path, options: PathOptions | None = None) -> Motions:
-    """The moves of a tool path file; what was odd about it is said."""
-    asked = options or PathOptions()
-    read = ReadOptions(units=asked.units, rotary=asked.rotary, tcp=asked.tcp)
-    motions = read_toolpath(file, kind=asked.kind, options=read)
-    for note in motions.notes[:NOTES_SHOWN]:
+def say_notes(notes: Sequence[Note], file: Path) -> None:
+    """Say what was odd about a tool path file."""
+    for note in notes[:NOTES_SHOWN]:
         say(f"note: {note}")
-    if len(motions.notes) > NOTES_SHOWN:
-        say(f"note: {len(motions.notes) - NOTES_SHOWN} more remarks on {file.name}")
-    return motions
-
-
-def read_tool_path(file: Path, options: PathOptions | None = None) -> ToolPath:
-    """The cutting moves of a tool path file; surface normals are the tool axes where the file has none."""
-    if file.suffix.lower() == ".csv" and (options is None or options.kind in (None, "csv")):
-        return read_path(file)
-    return to_tool_path(read_moves(file, options)).path
-
-
-def task_in(setup: Setup, path: ToolPath, reference: Array | None = None) -> Task:
-    """The path on the part where the cell has it, linear axes and turntable at 0; gamma counts from ``reference``."""
-    T = setup.cell.T_base_part()[0]
-    return Task(path, setup.cell.tool.T_flange_tool, T, reference)
+    if len(notes) > NOTES_SHOWN:
+        say(f"note: {len(notes) - NOTES_SHOWN} more remarks on {file.name}")
 
 
 def parse_reference(text: str | None) -> Array | None:
@@ -190,14 +127,6 @@ def parse_speed(robot: Robot, text: str | None) -> Array | None:
     return None if text is None else np.radians(parse_joint_figures(robot, text, "--speed"))
 
 
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """The cutting force, and the tool's own bending where it is given."""
-
-    force: CuttingForce
-    tool: ToolBending | None = None
-
-
 def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
     """The cutting force of ``--force`` or ``--milling``, None without either.
 
@@ -209,8 +138,7 @@ def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
     if force is not None and milling is not None:
         raise InputError("--force and --milling", value="both", allowed="one of the two")
     if milling is not None:
-        read = read_milling(milling)
-        return Cut(read.force, read.tool)
+        return read_milling(milling)
     if force is None:
         return None
     known: dict[str, Literal["base", "part", "process"]] = {"base": "base", "part": "part", "process": "process"}

@@ -10,7 +10,7 @@ import typer
 
 from robots import InputError
 from stiffarm.session import inputs, parsing, steps
-from stiffarm.session.console import emit_json, progress, say, user_errors
+from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.options import (
     Debug,
     Json,
@@ -96,9 +96,6 @@ def fit(
             "--matrix", help="With --format: write the 6 x 6 compliance instead of the compliance along the load."
         ),
     ] = False,
-    against: Annotated[
-        bool, typer.Option("--compare", help="Also fit the usual alternatives (scikit-learn, SMT) on the same runs.")
-    ] = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
     seed: Seed = 0,
@@ -163,13 +160,6 @@ def fit(
             save_surrogate(trained.best, folder.path("surrogate.json"))
             content = payload.trained(trained)
             content["files"] = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
-            if against:
-                from stiffarm.commands.fit import comparison as surrogate_comparison
-
-                with progress("other methods") as bar:
-                    content["comparison"] = surrogate_comparison.compare(trained, bar)
-                folder.write_text("surrogate_comparison.csv", surrogate_comparison.table(content["comparison"]))
-                content["files"].append("surrogate_comparison.csv")
             with folder.timed("report"):
                 title = given.description.title.split(" (")[0]
                 content["files"] += surrogate_report.write_report(trained, content, folder, title=title, model=model)
@@ -178,8 +168,6 @@ def fit(
             emit_json(content)
             return
         tables.surrogates(content)
-        if against:
-            tables.peers(content["comparison"])
         say(f"written: {', '.join(str(out / name) for name in content['files'])} ({content['best']})")
 
 

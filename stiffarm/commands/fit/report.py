@@ -19,7 +19,7 @@ from stiffarm.commands.fit.figures.bars import (
     parts,
 )
 from stiffarm.commands.fit.figures.effects import HeldOut, surrogate_quality_figure
-from stiffarm.commands.fit.sections import answer_section, comparison_section, known_by, usage_section
+from stiffarm.commands.fit.sections import answer_section, known_by, usage_section
 from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words, size_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.blocks import Pictures
@@ -37,7 +37,7 @@ def write_report(
 
     Parameters
     ----------
-    content : what ``surrogate_errors.json`` says (`payload.trained`, with ``files`` and maybe ``comparison``)
+    content : what ``surrogate_errors.json`` says (`payload.trained`, with ``files``)
     title, model : of the robot, and as the command was given it
     stem : of the surrogates' files ``<stem>_<basis>.json``, which are in the folder already
     """
@@ -50,7 +50,6 @@ def write_report(
         _honesty(trained, bars, pictures),
         _where(trained, bars, pictures),
         answer_section(trained, known),
-        *([comparison_section(content["comparison"])] if content.get("comparison") else []),
         usage_section(trained, content["files"], model),
     ]
     best = trained.best

@@ -5,13 +5,12 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from stiffarm.commands.fit.words import relative, share_words, size_words
+from stiffarm.commands.fit.words import relative
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from surrogate import Surrogate, Trained, predict, query
@@ -26,7 +25,6 @@ _FILES = {
     "surrogate.onnx": "as ONNX, for onnxruntime",
     "surrogate.h": "as a C header without dependencies",
     "surrogate_snippet.py": "as Python without packages",
-    "surrogate_comparison.csv": "the comparison with other methods",
 }
 
 
@@ -160,52 +158,6 @@ def _flags(trained: Trained) -> str:
     sigma = singularity_distance(best.kinematics, full_poses(best.kinematics, best, Q)).sigma_min
     near = float(np.mean(sigma < NEAR_SINGULAR))
     return f"{text}, and where it is near singular: {relative(near)} of the uniform poses."
-
-
-def comparison_section(rows: Sequence[dict[str, Any]]) -> Section:
-    """Other methods on the same runs."""
-    columns = ("method", "RMS", "worst", "worst, limits", "in 95 % bars", "fit, s", "1e5 queries, s", "size")
-    table = tuple(_method(row) for row in rows)
-    ours = [r for r in rows if r["ours"] and not r["refused"]]
-    others = [r for r in rows if not r["ours"] and not r["refused"] and r["interior_rms"] is not None]
-    blocks: list[Block] = []
-    if ours and others:
-        near = min(others, key=lambda r: float(r["interior_rms"]))
-        blocks.append(
-            Text(
-                f"Fitted on the same runs, {near['method']} comes nearest of the other methods: RMS error "
-                f"{_share(near['interior_rms'])} on uniform runs, against {_share(ours[0]['interior_rms'])} of "
-                f"{ours[0]['method']}."
-            )
-        )
-    blocks.append(Table("The same runs by other methods", columns, table, best=0))
-    blocks.append(
-        Text(
-            "RMS and worst: relative error of the compliance on uniform runs; “worst, limits”: on runs on the limits "
-            "of the joints. In bars: share of the uniform runs inside the method's own 95 % intervals, where it has "
-            "any. Size: of its numbers."
-        )
-    )
-    refused = tuple(f"{r['method']}: {r['refused']}" for r in rows if r["refused"])
-    said = tuple(f"{r['method']}: {'; '.join(r['messages'])}" for r in rows if r["messages"] and not r["refused"])
-    if refused or said:
-        blocks.append(Bullets(refused + said))
-    return Section("Beside other methods", tuple(blocks))
-
-
-def _method(r: dict[str, Any]) -> tuple[str, ...]:
-    if r["refused"]:
-        return (r["method"], "not\u00a0fitted", *("–",) * 6)
-    return (
-        r["method"],
-        _share(r["interior_rms"]),
-        _share(r["interior_worst"]),
-        _share(r["boundary_worst"]),
-        "–" if r["interior_coverage"] is None else share_words(r["interior_coverage"]),
-        "–" if r["fit_s"] is None else f"{r['fit_s']:.2g}",
-        "–" if r["seconds_for_1e5_queries"] is None else f"{r['seconds_for_1e5_queries']:.2g}",
-        "–" if r["bytes"] is None else size_words(r["bytes"]),
-    )
 
 
 def _share(value: float | None) -> str:

@@ -50,7 +50,7 @@ def make_map(
         else:
             address = files.dask
             store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
-    data = map_of_store(engine, store, _metadata(given, asked))
+    data = map_of_store(engine, store, metadata(given, asked))
     if not number_true(data.reached):
         raise _out_of_reach(given, asked)
     content = statistics(engine, store, data, asked)
@@ -140,7 +140,8 @@ def _place(data: MapData, row: int) -> dict[str, Any]:
     }
 
 
-def _metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
+def metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
+    """What the map is of, in words by name, as its files say it."""
     request = asked.request
     words = " ".join(f"{v + 0.0:.6g}" for v in request.direction)
     out = {

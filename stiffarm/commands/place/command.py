@@ -13,11 +13,12 @@ from machining import Drive
 from machining.cell import Cell, read_cell
 from machining.cutting import CuttingForce, stiffness_uncertainty
 from machining.placement import AIMS, MODES, Goal, How
+from machining.placement.study import PlacedStep, PlaceRequest, place_along, scene_for
 from machining.stiffness.criterion import Criterion
+from machining.toolpaths import read_given_path
 from robots import InputError
 from robots.files.csv_text import records_text
 from stiffarm.commands.place import payload as placement_payload
-from stiffarm.commands.place.step import PlacedStep, PlaceRequest, path_from, place_along, scene_for
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
@@ -158,7 +159,7 @@ def place(
         described = read_cell(cell)
         request = PlaceRequest(
             cell=described,
-            given=path_from(path),
+            given=read_given_path(path),
             goal=Goal(_aim(aim), cutting, _criterion(alpha, beta), by_length),
             gamma=parse_gammas(gamma),
             drive=Drive(speed=_speed(given, described, speed), jump=float(np.radians(jump))),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from machining.placement import Along, Placement, axis_rates, placement_content
-from stiffarm.commands.place.step import PlacedStep
+from machining.placement.study import PlacedStep
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.session.json_text import number

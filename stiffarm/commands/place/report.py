@@ -7,10 +7,10 @@ import datetime as dt
 import numpy as np
 
 from machining.placement import Along, Look
+from machining.placement.study import PlacedStep
 from stiffarm import __version__
 from stiffarm.commands.place.figures import along_figure, axes_figure, curve_figure, map_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
-from stiffarm.commands.place.step import PlacedStep
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures

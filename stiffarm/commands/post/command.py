@@ -16,12 +16,13 @@ from machining.placement import Placement, read_placement
 from machining.programs.formats import FORMATS, read_options
 from machining.programs.posting import PostSettings
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
+from machining.programs.run import PostRequest, PostRun, run_post
 from machining.programs.write_options import WriteOptions
-from machining.toolpaths import Motions
+from machining.toolpaths import Motions, ReadOptions, read_toolpath
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.post import report as post_report
-from stiffarm.commands.post.step import PostRequest, PostRun, parse_targets, run_post
+from stiffarm.commands.post.targets import parse_targets
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
@@ -33,7 +34,6 @@ from stiffarm.session.task_setup import (
     ForceOpt,
     KindOpt,
     MillingOpt,
-    PathOptions,
     RotaryOpt,
     TcpOpt,
     UnitsOpt,
@@ -41,8 +41,8 @@ from stiffarm.session.task_setup import (
     parse_reference,
     parse_speed,
     read_cut,
-    read_moves,
     read_setup,
+    say_notes,
 )
 
 # Tool frames (m, rad) that a placement and the program made with it may differ by, and joint angles (rad).
@@ -145,7 +145,8 @@ def post(
                 "--force or --milling without --compensate",
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
             )
-        motions = read_moves(path, PathOptions(kind, units, rotary, tcp))
+        motions = read_toolpath(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
+        say_notes(motions.notes, path)
         place = _place(setup.cell, placement, motions, travel, table, gamma)
         written = WriteOptions() if options is None else read_options(options)
         if rapid not in ("linear", "joint"):
@@ -179,7 +180,7 @@ def post(
         files |= {name: file for name, file in named if file is not None}
         with output_folder(out, files) as folder:
             with progress("posture along the path") as bar:
-                run = run_post(given.model, request, folder, bar)
+                run = run_post(given.model, request, folder.path, bar)
             if place.found is not None:
                 place.check(run.posted.program)
             content = post_report.payload(run) | {"effects_left_out": effects_left_out(given)}

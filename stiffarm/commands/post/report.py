@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from machining import singular_distance
 from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
+from machining.programs.run import PostRun
 from machining.stiffness.units import shown
 from robots.arrays import Array
 from stiffarm import __version__
-from stiffarm.commands.post.step import PostRun
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures

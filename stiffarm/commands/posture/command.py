@@ -10,12 +10,13 @@ import typer
 
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.cutting import stiffness_uncertainty
+from machining.posture.posing import CHOSEN, Posed, PostureRequest, pose_along
 from machining.stiffness.objective import DISPLACEMENTS
+from machining.toolpaths import ReadOptions, read_given_path
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
-from stiffarm.commands.posture.step import CHOSEN, Posed, PostureRequest, pose_along
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session import inputs
 from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
@@ -35,7 +36,6 @@ from stiffarm.session.task_setup import (
     ForceOpt,
     KindOpt,
     MillingOpt,
-    PathOptions,
     RotaryOpt,
     TcpOpt,
     UnitsOpt,
@@ -44,9 +44,8 @@ from stiffarm.session.task_setup import (
     parse_speed,
     read_cut,
     read_setup,
-    read_tool_path,
     require_springs,
-    task_in,
+    say_notes,
 )
 
 # A range so narrow (rad) is one angle.
@@ -137,8 +136,9 @@ def posture(
         setup = read_setup(model, given.robot, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
-        tool_path = read_tool_path(path, PathOptions(kind, units, rotary, tcp))
-        task = task_in(setup, tool_path, parse_reference(reference))
+        tool_path = read_given_path(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
+        say_notes(tool_path.notes, path)
+        task = setup.task(tool_path.path, parse_reference(reference))
         drive = Drive(
             speed=parse_speed(given.robot, speed),
             jump=float(np.radians(jump)),

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from machining import Course, Objective, limit_distance, singular_distance
+from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from machining.stiffness.units import shown
 from robots.arrays import Array
-from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.session.json_text import number

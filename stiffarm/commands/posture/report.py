@@ -6,12 +6,12 @@ import datetime as dt
 
 import numpy as np
 
+from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
 from stiffarm import __version__
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.commands.posture.figures.milling_error import milling_error_figure
 from stiffarm.commands.posture.payload import quantity
-from stiffarm.commands.posture.step import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render

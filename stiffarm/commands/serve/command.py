@@ -12,6 +12,7 @@ import typer
 
 from machining.service import Session, serve
 from machining.service.wire import LONGEST_LINE
+from machining.setup import Setup
 from robots import InputError
 from stiffarm import __version__
 from stiffarm.session import inputs
@@ -20,7 +21,7 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, model_hash
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import PartOpt, ToolOpt
-from stiffarm.session.task_setup import CellOpt, Setup, read_setup
+from stiffarm.session.task_setup import CellOpt, read_setup
 
 MIB = 1024 * 1024
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from doe.certainty import left_out
 from doe.certainty.left_out import leave_one_pose_out
@@ -18,9 +17,8 @@ from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
 from fem.free.kinds import LAW
 from fem.free.parameters import Parameter
+from robots.arrays import Array
 from tests.doe.plain_problems import PlainModel, linear, problem_of
-
-Array = NDArray[np.float64]
 
 
 def _refitted(e: Estimate, k: int) -> Array:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from doe import bundled_data, read_measurements, select_loads
 from doe.certainty.uncertainty import certainty
@@ -17,8 +16,6 @@ from doe.estimation.problem import Problem, problem
 from fem import ArmModel, build_model
 from robots import load_description
 from tests.doe.plain_problems import linear
-
-Array = NDArray[np.float64]
 
 GAUGE = (1e-5, 1e-5)  # m, rad
 

@@ -191,7 +191,7 @@ needs_ccx = oracles.needs("ccx")
 @pytest.mark.parametrize(
     ("name", "joints", "tolerance"),
     [
-        # Discretisation, and shear in thick walls: twice what was measured (docs/how-to/calculix.md).
+        # Discretisation, and shear in thick walls: twice what was measured (docs/validation/calculix.md).
         ("xr701", "springs", 1e-4),
         ("kr60-3", "own", 1e-3),
         ("tx200", "rigid", 1.5e-3),

@@ -140,3 +140,42 @@ def test_a_folder_of_our_name_gives_one_clear_message(tmp_path: Path, name: str,
         assert f"ImportError: stiffarm's own package '{name}' is hidden by {tmp_path}" in done.stderr
     else:  # a package further down goes before a plain folder
         assert done.returncode == 0, done.stderr
+
+
+def test_a_pose_is_simulated_as_on_the_command_line(arm: sa.Arm) -> None:
+    found = sa.simulate(arm, {"q2_deg": 5, "q3real_deg": 77.5}, {"fz_N": -650})
+    total = found.to_frame().set_index("part").loc["total", "dz_mm"]
+    # Each part is rounded to six digits.
+    assert sum(part["dz_mm"] for part in found.by_part.values()) == pytest.approx(total, rel=1e-5)
+    with pytest.raises(sa.InputError, match="load: name"):
+        sa.simulate(arm, {"q3real_deg": 77.5}, {"fz_n": -650})
+
+
+def test_calibrated_readings_are_replayed_at_their_rms(calibration: sa.Calibration, readings: sa.Readings) -> None:
+    assert sa.replay(calibration.arm, readings).rms_mm == pytest.approx(calibration.rms_mm, rel=1e-5)  # six digits
+
+
+def test_a_plan_is_a_sheet_that_can_be_filled_in(arm: sa.Arm, readings: sa.Readings, tmp_path: Path) -> None:
+    plan = sa.plan(arm, readings, poses=2, free=["j2.stiffness", "j3.stiffness"])
+    assert len(plan.to_frame()) == 2
+    assert plan.sentences
+    assert "dz_mm" in plan.save(tmp_path / "sheet.csv").read_text(encoding="utf-8").splitlines()[0]
+
+
+def test_indices_are_found_by_name() -> None:
+    arm = sa.load("kr60-3")
+    pose = {"q2_deg": -60, "q3_deg": 40, "q5_deg": 40}
+    found = sa.index(arm, [pose, pose], force_N=[200, 200, 200])
+    assert found["k_fs"][0] == found["k_fs"][1] > 0
+    with pytest.raises(sa.InputError, match="k_fs"):
+        found["stiffness"]
+
+
+def test_a_map_is_saved_drawn_and_framed(tmp_path: Path) -> None:
+    m = sa.map_slice(sa.load("kr60-3", links="rigid"), step_mm=500, pose="best-gamma")
+    assert m.points().shape[0] == m.data.layout.n == len(m["stiffness_N_per_mm"])
+    for ending in ("vti", "csv"):
+        assert m.save(tmp_path / f"map.{ending}").stat().st_size > 0
+    assert m.plot(tmp_path / "map.png").png.startswith(b"\x89PNG")
+    with pytest.raises(sa.InputError, match=r"\.vti"):
+        m.save(tmp_path / "map.stl")

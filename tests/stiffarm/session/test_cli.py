@@ -402,7 +402,7 @@ def test_the_map_is_readable_by_plain_vtk_with_the_documented_arrays(
     }
     joints = {"q1_deg", "q2_deg", "q3real_deg", "q4_deg", "q5_deg", "q6_deg"}
     assert arrays.keys() == {"stiffness_N_per_mm", "model_stiffness_N_per_mm", *joints}
-    documented = (ROOT / "README.md").read_text(encoding="utf-8")
+    documented = (ROOT / "docs" / "reference" / "stiffness_map.md").read_text(encoding="utf-8")
     assert "`stiffness_N_per_mm`" in documented
     assert "`model_stiffness_N_per_mm`" in documented
     assert grid.GetNumberOfPoints() == outcome.json["points"] == len(arrays["q2_deg"])

@@ -79,6 +79,17 @@ def draw_map_figures(
     return files
 
 
+def one_figure(data: MapData, name: str, arm: Arm) -> Figure:
+    """The figure of one quantity: the slice, the planes of a box or a cylinder, a joint sweep from oblique."""
+    if name not in data.fields:
+        raise InputError("quantity of the map", value=name, allowed=", ".join(data.fields))
+    look = look_of(name, data.fields[name])
+    heading = f"{arm.description.title.split(' (')[0]}: {look.label}"
+    works = data.layout.kind == "slice" or chosen(None)[0]
+    _, figure = next(_figures(data, look, arm.description, arm.robot, heading, _facts(data), works))
+    return figure
+
+
 def draw_stiffness(data: MapData, arm: Arm, folder: OutputFolder, messages: list[str]) -> list[str]:
     """Draw the stiffness of a joint sweep from both viewpoints; returns names of files, remarks join ``messages``."""
     works, message = chosen(None)

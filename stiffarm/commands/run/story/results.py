@@ -159,7 +159,9 @@ def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Secti
         if name.endswith(".png"):
             view = name.removesuffix(".png").rsplit("_", 1)[-1]
             blocks.append(Picture(pictures.folder.path(name), captions[view], f"stiffness map, {view} view"))
-    blocks.append(Text("stiffness_map.vtu opens in ParaView; the README documents its arrays and their units."))
+    blocks.append(
+        Text("stiffness_map.vtu opens in ParaView; docs/reference/stiffness_map.md lists its arrays and their units.")
+    )
     return Section("The stiffness map", tuple(blocks))
 
 

@@ -27,7 +27,6 @@ from stiffarm.commands.fit.figures.bars import (
     parts,
 )
 from stiffarm.commands.fit.report import write_report
-from stiffarm.commands.fit.sections import comparison_section
 from stiffarm.commands.fit.words import choice_words, doubts, relative
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Quantity, Trained, factored, query, save_surrogate, scope_of, task_of, train, training
@@ -211,31 +210,6 @@ def test_an_index_has_its_own_name_and_unit(tmp_path: Path) -> None:
     assert re.search(r"The answer to the first: isotropy \d", said)
     assert "stiffarm map" not in said
     assert "N/mm" not in said
-
-
-ROW = {
-    "method": "ours, factored", "what": "", "ours": True, "chosen": "", "runs_fitted": 80, "fit_s": 0.1,
-    "seconds_for_1e5_queries": 0.01, "interior_rms": 1e-5, "interior_worst": 1e-4, "interior_coverage": 0.95,
-    "boundary_rms": 1e-5, "boundary_worst": 2e-4, "boundary_coverage": None, "bytes": 1500, "messages": [],
-    "refused": None,
-}  # fmt: skip
-
-
-def test_other_methods(trained: Trained) -> None:
-    others = [
-        ROW | {"method": "kriging", "ours": False, "interior_rms": 0.02, "interior_coverage": None},
-        ROW | {"method": "boosting", "ours": False, "interior_rms": 0.3, "messages": ["slow"]},
-        ROW | {"method": "network", "ours": False, "refused": "not installed"},
-    ]
-    near, table, _, remarks = comparison_section([ROW, *others]).blocks
-    assert (
-        "kriging comes nearest of the other methods: RMS error 2\u00a0% on uniform runs, against 0.001\u00a0%"
-        in near.text
-    )
-    assert table.rows[0][:5] == ("ours, factored", "0.001\u00a0%", "0.01\u00a0%", "0.02\u00a0%", "95.0\u00a0%")
-    assert table.rows[1][4] == "–"
-    assert table.rows[3][1] == "not\u00a0fitted"
-    assert remarks.entries == ("network: not installed", "boosting: slow")
 
 
 def test_parts_and_widths_of_a_known_error() -> None:

@@ -15,7 +15,7 @@ from machining.placement import Placement, placement_content
 from machining.programs.neutral_reading import program_from_json
 from robots import load_description
 from robots.robot import robot_from
-from stiffarm.commands.post.step import parse_targets
+from stiffarm.commands.post.targets import parse_targets
 
 CELL = """
 schema = "stiffarm-cell/1"

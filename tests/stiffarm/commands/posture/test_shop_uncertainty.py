@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runs import run_here
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
 import fem
@@ -22,11 +21,10 @@ from machining.cutting import ConstantForce, assumed_uncertainty, calibrated_unc
 from machining.placement.problem import on_axes
 from machining.task import Task
 from robots import InputError, forward_kinematics, load_description
+from robots.arrays import Array
 from robots.library.models import to_toml
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.session.parsing import parse_frame
-
-Array = NDArray[np.float64]
 
 TRUTH = {"j1": 1.5e6, "j2": 9e5, "j3": 1.1e6, "j4": 2.4e5, "j5": 1.5e5, "j6": 1e5}
 FREE = ",".join(f"{joint}.stiffness" for joint in TRUTH)

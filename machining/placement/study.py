@@ -1,41 +1,28 @@
-"""The step `place`: from a cell, a path and a force to where the robot's base should stand, or how it should move."""
+"""A placement study: from a cell, a path and a force to where the base should stand, and a map of other positions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 import fem
-from machining import Drive, GammaRange, read_path
 from machining.cell import Cell, Scene, arm_of, scene_of
 from machining.cutting import StiffnessUncertainty
-from machining.placement import Goal, How, Placed, Problem, Survey, place, space_of, survey
-from machining.task import ToolPath
-from machining.toolpaths import read_toolpath, to_tool_path
-from machining.toolpaths.neutral import MARK
-from machining.toolpaths.source import content
+from machining.placement.goals import Goal
+from machining.placement.placing import How, Placed, place
+from machining.placement.problem import Problem
+from machining.placement.search import Survey, survey
+from machining.placement.space import space_of
+from machining.posture.drive import Drive
+from machining.posture.points import GammaRange
+from machining.toolpaths.given import GivenPath
 from robots import InputError
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}
-
-
-@dataclass(frozen=True, eq=False)
-class GivenPath:
-    """A path and where it comes from.
-
-    ``free`` (n - 1,): rapid moves between its runs; ``moves`` (n,) of the source that end at its points, ``count`` of
-    them in all.
-    """
-
-    path: ToolPath
-    free: Bools
-    moves: Integers
-    count: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,23 +55,6 @@ class PlacedStep:
     def arc_mm(self) -> Array:
         """Length (n,) mm of the path up to each point."""
         return np.concatenate([[0.0], np.cumsum(self.request.given.path.lengths)]) * 1e3
-
-
-def path_from(file: Path) -> GivenPath:
-    """A path from CSV (with its normals), or the cutting moves of a CLS, APT or G-code file.
-
-    Raises
-    ------
-    InputError
-        As :func:`machining.read_path`, :func:`machining.toolpaths.read_toolpath` and
-        :func:`machining.toolpaths.to_tool_path`.
-    """
-    if file.suffix.lower() == ".csv" and not _is_motions(file):
-        path = read_path(file)
-        return GivenPath(path, np.zeros(path.n - 1, dtype=np.bool_), np.arange(path.n), path.n)
-    motions = read_toolpath(file)
-    cutting = to_tool_path(motions)
-    return GivenPath(cutting.path, np.diff(cutting.moves) > 1, cutting.moves, motions.n)
 
 
 def scene_for(cell: Cell, model: str) -> tuple[Scene | None, tuple[str, ...]]:
@@ -133,7 +103,3 @@ def place_along(
             said("map", 0, 1)
         grid = survey(replace(problem, goal=placed.problem.goal), MAP[problem.space.d])
     return PlacedStep(request, model, placed, grid, notes)
-
-
-def _is_motions(file: Path) -> bool:
-    return content(file).startswith(MARK.encode())

@@ -3,13 +3,14 @@ import warnings
 
 import numpy as np
 import oracles
+import peer_comparison
+import peers
 import pytest
+from peer_comparison import PeerResult, compare_with_peers, errors_of
+from peer_estimators import OwnCandidate, PeerEstimator
+from peers import PEERS, Peer, Size, Variant
 
 from robots.errors import InputError
-from surrogate import peer_comparison, peers
-from surrogate.peer_comparison import PeerResult, compare_with_peers, errors_of
-from surrogate.peer_estimators import OwnCandidate, PeerEstimator
-from surrogate.peers import PEERS, Peer, Size, Variant
 
 LOWER, UPPER = np.radians([-35.0, 40.0]), np.radians([45.0, 115.0])
 PLAIN = Variant("compliance", "angles")

@@ -1,7 +1,7 @@
 """What a user would take instead of our surrogate: ready-made regressors, set up as their manuals advise.
 
 Each learns compliance from joint angles. All get angles scaled to -1..1 over the fitted runs (or their cosines and
-sines) and a target of mean 0 and standard deviation 1. How they compare: :mod:`surrogate.peer_comparison`.
+sines) and a target of mean 0 and standard deviation 1. How they compare: :mod:`peer_comparison`.
 """
 
 from __future__ import annotations

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from peer_estimators import Estimator, OwnCandidate, OwnEstimator, PeerEstimator
+from peers import PEERS, Peer, Size, Variant
 
 from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
-from surrogate.peer_estimators import Estimator, OwnCandidate, OwnEstimator, PeerEstimator
-from surrogate.peers import PEERS, Peer, Size, Variant
 
 Progress = Callable[[int, int, str], None]
 Clock = Callable[[], float]
@@ -118,7 +118,7 @@ def compare_with_peers(
     Q_test, y_test : (p, k), (p,) held-out runs
     boundary : (p,) which of these lie on the boundary; they are judged apart. None: none does
     own : name -> candidate of ours
-    peers : names out of :data:`surrogate.peers.PEERS`; None: all, those without their package as refused rows
+    peers : names out of :data:`peers.PEERS`; None: all, those without their package as refused rows
     most_runs : other limits than the peers' own on the runs they are fitted on
     seed : order in which runs are capped and set aside
     progress : called with rows done, rows in all, and the name of the row that comes next (empty at the end)

@@ -1,30 +1,29 @@
-"""The step `post`: from a tool path to programs for the robot's controller, read back and compared."""
+"""From a tool path to programs for the robot's controller, written, read back and compared."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 import fem
-from machining import GammaRange
 from machining.cell import middle_pose
-from machining.cutting import Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
+from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
+from machining.posture.points import GammaRange
 from machining.programs.compensation import CAP, Compensated, compensate
 from machining.programs.formats import FORMATS, round_trip, write_program
+from machining.programs.job import Kind
 from machining.programs.posting import Posted, PostSettings, post
 from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import WriteOptions
 from machining.programs.written import Written
+from machining.setup import Setup
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.progress import Progress
-from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.task_setup import Cut, Setup
 
-Kind = Literal["cartesian", "joint"]
 # A controller cannot hold the path better than this, m and rad: a program that is farther off is refused.
 WRITTEN_TO = 1e-6
 # Moves, evenly along the program, that the interval of its stiffness is taken from.
@@ -81,43 +80,15 @@ class PostRun:
     drawn: Drawn | None = None
 
 
-def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
-    """Formats ``krl,json`` and ``cartesian``, ``joint`` or ``both``: the targets.
-
-    Raises
-    ------
-    InputError
-        An unknown format or kind, or a format named twice.
-    """
-    both: tuple[Kind, ...] = ("cartesian", "joint")
-    kinds = tuple(k for k in both if kind in (k, "both"))
-    if not kinds:
-        raise InputError("--coordinates", value=kind, allowed="cartesian, joint, both", remedy="choose one of them")
-    names = [part.strip() for part in text.split(",") if part.strip()]
-    for name in names:
-        if name not in FORMATS:
-            raise InputError("--format", value=name, allowed=", ".join(FORMATS), remedy="choose from these")
-    if not names or len(set(names)) != len(names):
-        raise InputError("--format", value=text, allowed=", ".join(FORMATS), remedy="name each once, with commas")
-    out: list[Target] = []
-    for name in names:
-        if FORMATS[name].neutral:
-            out.append(Target(name, "joint"))
-            continue
-        wanted = [k for k in kinds if k in FORMATS[name].kinds]
-        if not wanted:
-            raise InputError(f"--coordinates of {name}", value=kind, allowed=", ".join(FORMATS[name].kinds))
-        out += [Target(name, k) for k in wanted]
-    return tuple(out)
-
-
 def run_post(
     model: fem.ArmModel,
     request: PostRequest,
-    folder: OutputFolder,
+    place_of: Callable[[str], Path],
     progress: Progress | None = None,
 ) -> PostRun:
-    """Make the programs, write them into the folder, read them back and compare.
+    """Make the programs, write them, read them back and compare.
+
+    ``place_of``: where a file goes, by its name with the target's folder in front.
 
     Raises
     ------
@@ -142,7 +113,7 @@ def run_post(
     run = PostRun(request, model, posted, found, flexible=flexible, stiffness=stiffness, drawn=drawn)
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
-        texts = _save(written, target, folder)
+        texts = _save(written, target, place_of)
         trip = round_trip(program, texts, target.name, target.kind, request.options)
         wrong = trip.difference(WRITTEN_TO)
         if wrong is not None:
@@ -167,9 +138,9 @@ def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty)
     return drawn_objective(model, task.at(rows), {"": posted.program.q[kept][rows]}, there, stiffness)[""]
 
 
-def _save(written: Written, target: Target, folder: OutputFolder) -> dict[str, str]:
+def _save(written: Written, target: Target, place_of: Callable[[str], Path]) -> dict[str, str]:
     """Write the files; their texts as they stand on the disk."""
-    places = {file.name: folder.path(f"{target.folder}/{file.name}") for file in written.files}
+    places = {file.name: place_of(f"{target.folder}/{file.name}") for file in written.files}
     written.save(places.__getitem__)
     return {name: place.read_text(encoding="utf-8") for name, place in places.items()}
 
@@ -186,7 +157,7 @@ def _with_some_springs(model: fem.ArmModel, settings: PostSettings) -> tuple[boo
         return True, model
     if isinstance(settings.gamma, GammaRange):
         raise InputError(
-            f"--gamma: a range, and nothing in the model of {model.robot.name} gives way",
+            f"range of gamma, and nothing in the model of {model.robot.name} gives way",
             allowed="one angle, or a model with joint springs or flexible links",
             remedy="give one angle, or the joints a stiffness",
         )

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from peers import REAL, Features, Peer, Size, Variant
 
 from robots.arrays import Array
 from robots.constants import NORMAL_95
-from surrogate.peers import REAL, Features, Peer, Size, Variant
 
 
 class Estimator(Protocol):

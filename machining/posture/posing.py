@@ -1,4 +1,4 @@
-"""The step `posture`: from a part's path to the posture that the arm should take along it."""
+"""A posture study: from a part's path to the posture along it, beside other choices, and how sure that is."""
 
 from __future__ import annotations
 
@@ -7,18 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import fem
-from machining import (
-    Course,
-    Drive,
-    GammaRange,
-    Objective,
-    PathPosture,
-    Task,
-    course_at,
-    optimise_path,
-)
 from machining.cutting import (
     Comparison,
+    Cut,
     Drawn,
     Estimated,
     StiffnessUncertainty,
@@ -29,10 +20,15 @@ from machining.cutting import (
     surface_error,
 )
 from machining.posture.axes_map import AxesMap, axes_map
+from machining.posture.drive import Drive
+from machining.posture.path import PathPosture, course_at, optimise_path
+from machining.posture.points import GammaRange
+from machining.posture.problem import Course
+from machining.stiffness.objective import Objective
+from machining.task import Task
 from robots import InputError
 from robots.arrays import Array
 from robots.progress import Progress
-from stiffarm.session.task_setup import Cut
 
 # Passes of finer grids of gamma: from 5 deg to 0.02 deg.
 PASSES = 4

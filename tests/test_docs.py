@@ -1,0 +1,105 @@
+"""The pages that users read: each is in the site, what they refer to exists, and README is short."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from test_house import LAYERS, ROOT
+
+DOCS = ROOT / "docs"
+# Written by the build (docs/conf.py).
+GENERATED = (DOCS / "reference" / "commands", DOCS / "reference" / "python")
+LONGEST_README = 90
+FENCE = re.compile(r"^(`{3,}|~{3,}).*?^\1", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
+# A file of this tree as texts name it, beginning with one of its folders.
+MENTIONED = re.compile(
+    rf"(?<![\w/.-])((?:{'|'.join([*LAYERS, 'docs', 'tests', 'benchmarks'])})/[\w/.-]*\.(?:md|py|toml|csv|png))"
+)
+
+
+def pages() -> list[Path]:
+    return sorted(page for page in DOCS.rglob("*.md") if not any(folder in page.parents for folder in GENERATED))
+
+
+def links(text: str) -> Iterator[tuple[str, str]]:
+    """File and heading that each link leads to, those to other hosts left out."""
+    for target in LINK.findall(FENCE.sub("", text)):
+        if not re.match(r"[a-z]+:", target):
+            path, _, heading = target.partition("#")
+            yield path, heading
+
+
+def anchors(page: Path) -> set[str]:
+    """Headings as links name them."""
+    titles = re.findall(r"^#+ (.+)$", FENCE.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def broken_links(page: Path) -> list[str]:
+    found = []
+    for path, heading in links(page.read_text(encoding="utf-8")):
+        target = (page.parent / path).resolve() if path else page
+        generated = any(folder in target.parents for folder in GENERATED)
+        if not (target.is_file() or generated) or (heading and heading not in anchors(target)):
+            found.append(f"{path}#{heading}" if heading else path)
+    return found
+
+
+def listed(page: Path) -> set[Path]:
+    """Pages in the tables of contents of a page."""
+    entries = [line for block in TOCTREE.findall(page.read_text(encoding="utf-8")) for line in block.splitlines()]
+    return {(page.parent / f"{entry}.md").resolve() for entry in entries if entry and not entry.startswith(":")}
+
+
+def test_readme_is_short_and_opens_with_the_two_commands() -> None:
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= LONGEST_README
+    block = lines.index("```sh")
+    assert block < 6
+    assert [line.split("#")[0].strip() for line in lines[block + 1 : block + 3]] == ["make run", "make test"]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *pages()], ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    assert broken_links(page) == []
+
+
+def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# One\n[a](gone.md) [b](page.md#one) [c](#two)\n```\n[d](code.md)\n```\n", encoding="utf-8")
+    assert broken_links(page) == ["gone.md", "#two"]
+
+
+def test_each_page_is_in_the_site() -> None:
+    reached: set[Path] = set()
+    waiting = {DOCS / "index.md"}
+    while waiting:
+        page = waiting.pop()
+        reached.add(page)
+        # What the build writes is listed before it is there.
+        waiting |= {below for below in listed(page) if below.is_file()} - reached
+    assert set(pages()) - reached == set()
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(DOCS)))
+def test_a_page_listed_exists(page: Path) -> None:
+    missing = {below for below in listed(page) if not below.is_file()}
+    assert {below for below in missing if not any(folder in below.parents for folder in GENERATED)} == set()
+
+
+def test_files_that_texts_mention_exist() -> None:
+    """Pages, README, CHANGELOG and the comments of the code name files of this tree."""
+    texts = [ROOT / "README.md", ROOT / "CHANGELOG.md", *pages()]
+    texts += [path for folder in (*LAYERS, "tests", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
+    missing = {
+        f"{path.relative_to(ROOT)}: {file}"
+        for path in texts
+        for file in MENTIONED.findall(path.read_text(encoding="utf-8"))
+        if not (ROOT / file).exists()
+    }
+    assert missing == set()
