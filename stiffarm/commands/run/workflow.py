@@ -25,10 +25,10 @@ from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
+from stiffarm.session.frame import Frame
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.readings import open_measured
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained, save_surrogate
 
@@ -65,33 +65,30 @@ class Findings:
 
 
 def run_all(
+    frame: Frame,
     model: str,
     data: Path | None,
     scheme_file: Path | None,
     links: str | None,
-    out: Path,
     points: int,
     seed: int,
-    command: list[str],
     holdout: Path | None = None,
     *,
     confirm_units: bool = False,
 ) -> dict[str, Any]:
-    """Run every step and write models, surrogates, maps, pictures and the report into ``out``.
+    """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder.
 
     ``holdout``: table of poses that no calibration sees, to judge the variants by;
     ``confirm_units``: tables are right though they look like other units.
     """
-    given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
+    given = frame.model(model, links)
+    table = frame.readings(given, data, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
     scheme = readings.read_scheme(given.robot, scheme_file)
-    if scheme_file is not None:
-        files["scheme"] = scheme_file
+    frame.reads(scheme_file=scheme_file, holdout=holdout)
     kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
-    if holdout is not None:
-        files["holdout"] = holdout
-    with OutputFolder(out, command, files, seed) as folder:
+    with frame.folder(seed) as folder:
         with folder.timed("calibration"):
             rigid, effects, compared = _calibrations(given, table, scheme)
         judged = None if kept is None else held_out.judge(compared.own.variants, kept)
@@ -107,7 +104,6 @@ def run_all(
         with folder.timed("report"):
             say("report")
             write_report(findings, drawn, folder)
-    say(f"done: open {out / 'report.html'}")
     return content
 
 
