@@ -18,6 +18,8 @@ from machining.magnitudes import FARTHEST, FEEDS, feeds
 from robots import InputError, InputErrors
 from robots.arrays import Array, Integers
 
+# Turning the tool by a radian counts as much as moving by this many m when points are spread.
+LEVER = 0.5
 # Neighbouring points nearer than this (m, and tool axes nearer than this in rad) are one point.
 REPEATED = 1e-9
 # Sine of the angle between reference direction and tool axis below which gamma = 0 is not defined well.
@@ -78,6 +80,15 @@ class ToolPath:
     def lengths(self) -> Array:
         """Length (n - 1,) m of each segment."""
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
+
+    def even_rows(self, count: int) -> Integers:
+        """About ``count`` points, evenly along the path, its ends among them; turns of the tool count as length."""
+        if count >= self.n:
+            return np.arange(self.n)
+        turn = np.linalg.norm(np.diff(self.axes, axis=0), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(self.lengths + LEVER * turn)])
+        even = np.searchsorted(way, np.linspace(0.0, way[-1], max(2, count)))
+        return np.unique(np.clip(np.concatenate([[0, self.n - 1], even]), 0, self.n - 1)).astype(np.int64)
 
     @property
     def times(self) -> Array:

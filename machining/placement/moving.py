@@ -16,8 +16,8 @@ import numpy as np
 
 from machining.placement.axis_motion import followed
 from machining.placement.problem import Problem
-from machining.placement.reach import shortfalls, unreachable
-from machining.placement.search import coarse_counts, with_weights
+from machining.placement.reach import check_reached
+from machining.placement.search import coarse_counts, grid_with, with_weights
 from machining.placement.sweeping import Sites, distances, sweep_sites
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, highest_floor
 from machining.posture.drive import FREE_STEP, limit_distance
@@ -91,21 +91,18 @@ def find_moving(
             allowed="arms with a closed form",
             remedy="use mode fixed or steps",
         )
-    x = problem.space.grid(coarse_counts(problem, POSITIONS[min(problem.space.d, 3)]))
-    x = x if also is None else np.vstack([x, also])
-    angles = problem.angles[:: -(-len(problem.angles) // ANGLES)]
-    angles = angles if gamma is None else np.append(angles, gamma)
+    x, angles = grid_with(problem, POSITIONS[min(problem.space.d, 3)], ANGLES, also, gamma)
     count, error = 0, InputError("base moving along the path")
     best: tuple[Array, Array, Course, float] | None = None
     for trial, (many, most) in enumerate(TRIALS):
-        rows = problem.even_rows(many)
+        rows = problem.path.even_rows(many)
         if problem.free is not None:
             # Both ends of a rapid move, or gamma between them would be mixed from before and after.
             ends = np.flatnonzero(problem.free)
             rows = np.unique(np.concatenate([rows, ends, ends + 1])).astype(np.int64)
         sites = sweep_sites(problem, *problem.space.sites(x), rows, angles)
         problem = with_weights(problem, sites)
-        _check_reached(problem, sites, x)
+        check_reached(problem, sites, ", moving along it")
         try:
             found, looked = _once(problem, sites, x, most, also, lambda k: _say(progress, k, 2 * PASSES))
         except InputError as raised:
@@ -156,20 +153,6 @@ def _say(progress: Progress | None, done: int, total: int) -> None:
         progress(done, total)
 
 
-def _check_reached(problem: Problem, sites: Sites, x: Array) -> None:
-    """Raise InputError where no position reaches some knot."""
-    lost = np.flatnonzero(~sites.valid.any(axis=(0, 1, 2)))
-    if not len(lost):
-        return
-    only = replace(
-        sites, rows=sites.rows[lost], q=sites.q[..., lost, :], valid=sites.valid[..., lost],
-        value=sites.value[..., lost], reason=sites.reason[..., lost],
-    )  # fmt: skip
-    lack, short = shortfalls(problem, only)
-    at = int(np.argmin(lack))
-    raise unreachable(problem, x[at], short[at], pieces=", moving along it")
-
-
 def _first_slope(problem: Problem, sites: Sites) -> float:
     if problem.goal.aim != "ksf":
         return 0.0
@@ -182,10 +165,8 @@ def _links(problem: Problem, rows: Integers, share: float) -> Links:
     robot, space = problem.model.robot, problem.space
     times = np.where(np.isnan(problem.path.times), np.inf, problem.path.times)
     speed = np.array([problem.cell.linear_axes[i].speed or np.inf for i in space.free])
-    drive = problem.drive.links(robot, problem.path)
-    joint, axis = drive.step, speed * times[:, None]
+    joint, axis = problem.drive.links(robot, problem.path, problem.free).step, speed * times[:, None]
     if problem.free is not None:
-        joint = np.where(problem.free[:, None], np.inf, joint)
         axis = np.where(problem.free[:, None], np.inf, axis)
     if len(rows) < 2:
         step = np.zeros((0, robot.dof + space.d))

@@ -23,8 +23,6 @@ from robots.arrays import Array, Bools, Integers
 
 # Directions in which a path's outermost points are always looked at: axes and diagonals.
 OUTWARD = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
-# Turning the tool by a radian counts as much as moving by this many m when knots are spread.
-LEVER = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,20 +130,10 @@ class Problem:
         path = ToolPath(p.points, (force / size[:, None]) @ R, p.axes, p.feed)
         return replace(task, path=path), Objective("directional")
 
-    def even_rows(self, count: int) -> Integers:
-        """About ``count`` points, evenly along the path, its ends among them."""
-        n = self.path.n
-        if count >= n:
-            return np.arange(n)
-        turn = np.linalg.norm(np.diff(self.path.axes, axis=0), axis=1)
-        way = np.concatenate([[0.0], np.cumsum(self.path.lengths + LEVER * turn)])
-        even = np.searchsorted(way, np.linspace(0.0, way[-1], max(2, count)))
-        return np.unique(np.clip(np.concatenate([[0, n - 1], even]), 0, n - 1)).astype(np.int64)
-
     def sure_rows(self, count: int) -> Integers:
-        """As :meth:`even_rows`, and the path's outermost points."""
+        """As :meth:`machining.ToolPath.even_rows`, and the path's outermost points."""
         outermost = (self.path.points @ OUTWARD.T).argmax(axis=0)
-        return np.union1d(self.even_rows(count), outermost).astype(np.int64)
+        return np.union1d(self.path.even_rows(count), outermost).astype(np.int64)
 
     def share_of(self, rows: Integers) -> Array:
         """Part that each of some points (ascending) stands for, its neighbours that were left out with it."""

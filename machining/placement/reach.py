@@ -103,3 +103,13 @@ def unreachable(problem: Problem, x: Array, lacking: Shortfall, *, pieces: str =
         remedy="widen the ranges of the axes or of gamma, cut the path into more pieces (steps), let the axes move "
         "along the path (moving), or move the part",
     )
+
+
+def check_reached(problem: Problem, sites: Sites, pieces: str) -> None:
+    """Raise PathError, which is an InputError, where none of the positions reaches some point of the path."""
+    lost = np.flatnonzero(~sites.valid.any(axis=(0, 1, 2)))
+    if len(lost):
+        lack, short = shortfalls(problem, sites.at_points(lost))
+        at = int(np.argmin(lack))
+        x = problem.space.coordinates(sites.e[at], float(sites.table[at]))
+        raise unreachable(problem, x, short[at], pieces=pieces)

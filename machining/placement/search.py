@@ -115,7 +115,7 @@ class Looker:
         lack = np.zeros(len(x))
         short: dict[int, Shortfall] = {}
         if len(lost) and self.lacking:
-            lack[lost], said = shortfalls(self.problem, _some(sites, lost))
+            lack[lost], said = shortfalls(self.problem, sites.at_positions(lost))
             short = dict(zip(lost.tolist(), said, strict=True))
         return [
             Look(x[i], p.merit, p.gamma, p.branch, p.why, float(lack[i]), short.get(i)) for i, p in enumerate(found)
@@ -133,7 +133,7 @@ def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
         merit = merits(problem, sites).max(axis=2)
         lost = ~np.isfinite(merit).any(axis=1)
         if lost.any() and lacking:
-            merit[lost] = -lacks(problem, _some(sites, np.flatnonzero(lost)))[0].max(axis=3).min(axis=2)
+            merit[lost] = -lacks(problem, sites.at_positions(np.flatnonzero(lost)))[0].max(axis=3).min(axis=2)
         centre = sites.gamma[p, merit.argmax(axis=1)]
         # Between the angles that are there already.
         offsets = half * (np.arange(AROUND) + 0.5 - 0.5 * AROUND) * 2.0 / AROUND
@@ -211,6 +211,13 @@ def coarse_counts(problem: Problem, most: int | None = None) -> tuple[int, ...]:
         if counts.prod() <= max(most, 3**space.d):
             return tuple(int(c) for c in counts)
         step *= 1.05
+
+
+def grid_with(problem: Problem, most: int, angles: int, also: Array | None, gamma: float | None) -> tuple[Array, Array]:
+    """Positions (p, d) and angles gamma (g,) rad of a grid of at most so many, and a known best of both with them."""
+    x = problem.space.grid(coarse_counts(problem, most))
+    some = problem.angles[:: -(-len(problem.angles) // angles)]
+    return x if also is None else np.vstack([x, also]), some if gamma is None else np.append(some, gamma)
 
 
 def _basins(grid: list[Look], counts: tuple[int, ...]) -> list[Look]:
@@ -311,10 +318,3 @@ def _no_position(problem: Problem, basins: list[Look]) -> InputError:
         allowed=f"{problem.clearance * 1e3:g} mm of clearance and no singularity",
         remedy="widen the ranges of the axes or of gamma, or move what is in the way",
     )
-
-
-def _some(sites: Sites, rows: Integers) -> Sites:
-    return replace(
-        sites, e=sites.e[rows], table=sites.table[rows], q=sites.q[rows], valid=sites.valid[rows],
-        value=sites.value[rows], reason=sites.reason[rows],
-    )  # fmt: skip

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from machining.placement.problem import Problem
-from machining.placement.search import coarse_counts, with_weights
+from machining.placement.reach import check_reached
+from machining.placement.search import grid_with, with_weights
 from machining.placement.sweeping import Sites, in_the_way, sweep_sites
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
@@ -166,13 +167,8 @@ def find_steps(
         No place to cut, or no such placement.
     """
     rows = _rows(problem, anywhere)
-    x = problem.space.grid(coarse_counts(problem, POSITIONS[min(problem.space.d, 4)]))
-    if also is not None:
-        x = np.vstack([x, also])
-    e, table = problem.space.sites(x)
-    angles = problem.angles[:: -(-len(problem.angles) // ANGLES)]
-    angles = angles if gamma is None else np.append(angles, gamma)
-    sites = sweep_sites(problem, e, table, rows, angles)
+    x, angles = grid_with(problem, POSITIONS[min(problem.space.d, 4)], ANGLES, also, gamma)
+    sites = sweep_sites(problem, *problem.space.sites(x), rows, angles)
     problem = with_weights(problem, sites)
     found = _solved(problem, sites, rows, most, anywhere, progress)
     share = problem.share_of(rows)
@@ -184,7 +180,13 @@ def find_steps(
         net = merit - j * cost * abs(merit)
         ranked.append((net, -j, pieces))
     if not ranked:
-        raise _none(problem, sites, rows, most)
+        check_reached(problem, sites, " in pieces")
+        raise InputError(
+            f"the path in {most} pieces",
+            value="no positions take all pieces",
+            allowed="limits, steps, clearance kept in each",
+            remedy="allow more pieces, allow cuts anywhere, or widen the ranges",
+        )
     out = []
     for _, _, pieces in sorted(ranked, key=lambda r: r[:2], reverse=True):
         p, g, _ = np.unravel_index(list(pieces.state), sites.valid.shape[:3])
@@ -264,8 +266,7 @@ def _take_out(problem: Problem, sites: Sites, state: int, q: Array, valid: Bools
 
 def _go(problem: Problem, q: Array, valid: Bools, rows: Integers) -> Bools:
     """Whether joints can follow from each of some points to the next; wide ranges allow for a whole turn."""
-    links = problem.drive.links(problem.model.robot, problem.path)
-    step = links.step if problem.free is None else np.where(problem.free[:, None], np.inf, links.step)
+    step = problem.drive.links(problem.model.robot, problem.path, problem.free).step
     allowed = np.add.reduceat(step, rows[:-1], axis=0) if len(rows) > 1 else step[:0]
     wide = np.ptp(problem.model.robot.limits, axis=1) >= WIDE
     go = np.zeros((len(q), len(rows) - 1), dtype=np.bool_)
@@ -288,24 +289,3 @@ def _merit(problem: Problem, sites: Sites, share: Array, pieces: Pieces) -> floa
     m = sites.valid.shape[3]
     value = sites.value.reshape(-1, m)[pieces.of_rows(m), np.arange(m)]
     return float(problem.goal.merit(value, share, problem.path.n))
-
-
-def _none(problem: Problem, sites: Sites, rows: Integers, most: int) -> InputError:
-    from machining.placement.reach import shortfalls, unreachable
-
-    lost = np.flatnonzero(~sites.valid.any(axis=(0, 1, 2)))
-    if not len(lost):
-        return InputError(
-            f"the path in {most} pieces",
-            value="no positions take all pieces",
-            allowed="limits, steps, clearance kept in each",
-            remedy="allow more pieces, allow cuts anywhere, or widen the ranges",
-        )
-    only = Sites(
-        sites.e, sites.table, rows[lost], sites.gamma, sites.q[..., lost, :], sites.valid[..., lost],
-        sites.value[..., lost], sites.reason[..., lost], sites.names,
-    )  # fmt: skip
-    lack, short = shortfalls(problem, only)
-    at = int(np.argmin(lack))
-    x = problem.space.coordinates(sites.e[at], float(sites.table[at]))
-    return unreachable(problem, x, short[at], pieces=" in pieces")

@@ -41,6 +41,16 @@ class Sites:
     reason: NDArray[np.int8]
     names: tuple[str, ...]
 
+    def at_positions(self, some: Integers) -> Sites:
+        """Some of the positions."""
+        of = {name: getattr(self, name)[some] for name in ("e", "table", "gamma", "q", "valid", "value", "reason")}
+        return replace(self, **of)
+
+    def at_points(self, some: Integers) -> Sites:
+        """Some of the points."""
+        of = {name: getattr(self, name)[..., some] for name in ("valid", "value", "reason")}
+        return replace(self, rows=self.rows[some], q=self.q[..., some, :], **of)
+
 
 @dataclass(frozen=True)
 class Pick:

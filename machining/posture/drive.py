@@ -91,11 +91,16 @@ class Drive:
             raise InputError("joint speeds", value=f"shape {speed.shape}", allowed=f"one, or {robot.dof} in rad/s")
         return np.broadcast_to(speed, (robot.dof,))
 
-    def links(self, robot: Robot, path: ToolPath) -> Links:
-        """Allowed steps of a path's segments and the costs of motion."""
+    def links(self, robot: Robot, path: ToolPath, free: Bools | None = None) -> Links:
+        """Allowed steps of a path's segments and the costs of motion; ``free`` (n - 1,): segments without bounds."""
+        if free is not None and free.shape != (path.n - 1,):
+            raise InputError("free segments", value=f"shape {free.shape}", allowed=f"({path.n - 1},)")
         times = np.where(np.isnan(path.times), np.inf, path.times)
         step = np.minimum(self.speeds(robot) * times[:, None], self.jump)
-        return Links(step, self.gamma_step, np.where(np.isfinite(step), step, FREE_STEP), self.motion)
+        unit = np.where(np.isfinite(step), step, FREE_STEP)
+        return Links(
+            step if free is None else np.where(free[:, None], np.inf, step), self.gamma_step, unit, self.motion
+        )
 
     def near_singular(self, robot: Robot, q: Array) -> tuple[Array, Bools]:
         """Cost (k,) of being near a singularity, and whether the pose is allowed."""

@@ -20,7 +20,7 @@ from machining.posture.path import refine_course
 from machining.posture.points import GammaRange, sweep_gamma
 from machining.posture.problem import Course, course_given, gap_error, problem_of, solve, states_of
 from machining.stiffness.objective import Objective
-from machining.task import Task, ToolPath
+from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
@@ -32,8 +32,6 @@ KNOTS = 300
 TRIALS = 20
 # Cells of the grid that gamma changes by from knot to knot at first.
 CELLS = 2.0
-# Turning the tool by a radian counts as much as moving by this many m when knots are spread.
-LEVER = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +70,10 @@ def optimise_long_path(
         As :func:`machining.optimise_path`.
     """
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
-    search = _Search(model, task, objective, gammas, drive, _links(model, task, drive, free), passes, generator)
-    chosen = _spread(task.path, min(knots, task.path.n))
+    search = _Search(
+        model, task, objective, gammas, drive, drive.links(model.robot, task.path, free), passes, generator
+    )
+    chosen = task.path.even_rows(min(knots, task.path.n))
     if free is not None:
         # Both ends of a rapid move: gamma may change there as it likes.
         chosen = np.union1d(chosen, _ends(free))
@@ -118,30 +118,11 @@ def follow_gamma(
     """
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    links = _links(model, task, drive, free)
+    links = drive.links(model.robot, task.path, free)
     found = course_given(model, task, angle, objective, drive, generator, links=links, near=near)
     if isinstance(found, PathError):
         raise found
     return found
-
-
-def _links(model: fem.ArmModel, task: Task, drive: Drive, free: Bools | None) -> Links:
-    links = drive.links(model.robot, task.path)
-    if free is None:
-        return links
-    if free.shape != (task.path.n - 1,):
-        raise InputError("free segments", value=f"shape {free.shape}", allowed=f"({task.path.n - 1},)")
-    return replace(links, step=np.where(free[:, None], np.inf, links.step))
-
-
-def _spread(path: ToolPath, count: int) -> Integers:
-    """Knots evenly along the path, where turning of the tool counts as length; first and last point among them."""
-    turn = np.linalg.norm(np.diff(path.axes, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(path.lengths + LEVER * turn)])
-    if count >= path.n:
-        return np.arange(path.n)
-    wanted = np.linspace(0.0, way[-1], max(2, count))
-    return np.unique(np.clip(np.searchsorted(way, wanted), 0, path.n - 1).astype(np.int64))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -30,7 +30,8 @@ class Format(ABC):
 
     ``name`` and ``title``; ``kinds`` that it writes; ``neutral``: without a controller's joint convention, and with
     both kinds of coordinates in one file. ``table``: key and model of the options of this format alone. ``words``: that
-    mean something in it, so that no program, tool or frame may be called so.
+    mean something in it, so that no program, tool or frame may be called so. ``external_axes``: whether it can
+    move them, hold them, or has none.
     """
 
     name: ClassVar[str]
@@ -39,6 +40,7 @@ class Format(ABC):
     neutral: ClassVar[bool] = False
     table: ClassVar[tuple[str, type[Strict]] | None] = None
     words: ClassVar[frozenset[str]] = frozenset()
+    external_axes: ClassVar[Literal["moving", "still", "none"]] = "moving"
 
     def folder(self, kind: Kind) -> str:
         """Where the files of a kind go."""

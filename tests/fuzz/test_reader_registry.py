@@ -43,7 +43,7 @@ ELSEWHERE = {
     "robots/files/written.py sha256_of": "hashes results",
     "doe/tables/workbook.py read": "members of a workbook in memory",
     "doe/tables/workbook.py _refuse_document_type": "members of a workbook in memory",
-    "stiffarm/commands/post/step.py _save": "programs that were just written; fuzzed as `controller program`",
+    "machining/programs/run.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
     "read_text", "read_bytes", "open", "load", "fromfile", "loadtxt", "genfromtxt", "memmap", "read_csv", "read_excel",

@@ -89,6 +89,7 @@ class Val3(Controller):
     """Staubli VAL3."""
 
     name, title = "val3", "Staubli VAL3"
+    external_axes = "still"
     words = frozenset(
         [
             "begin",

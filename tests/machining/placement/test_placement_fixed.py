@@ -12,7 +12,7 @@ from posture_cases import dome, part
 import fem
 from machining.cell import Body, Fixture, Turntable, arm_of, box, scene_of
 from machining.placement import How, find_fixed, follow, on_axes, place
-from machining.placement.reach import shortfalls
+from machining.placement.reach import shortfalls, wrist_lack
 from machining.placement.search import Looker
 from machining.placement.sweeping import merits, sweep_sites
 from machining.posture.drive import limit_distance
@@ -128,6 +128,19 @@ def test_many_positions_in_one_sweep_are_each_by_itself(kr60: fem.ArmModel) -> N
         np.testing.assert_array_equal(together.valid[i], np.moveaxis(alone.valid, 0, 2))
         np.testing.assert_allclose(together.value[i], np.moveaxis(alone.value, 0, 2), rtol=1e-9)
     assert np.isfinite(merits(problem, together)[0]).any()
+
+
+def test_positions_keep_their_own_angles_when_some_are_taken_out(kr60: fem.ArmModel) -> None:
+    """What a position lacks is worked out at the angles gamma that it was swept at, not at another's."""
+    problem = problem_of(kr60, cell_of(rail()), line(3, 0.2), "mean", GammaRange(-2.9, -1.4, 4), (30.0, 20.0, -50.0))
+    e = np.array([[-2.0], [0.0], [1.5]])
+    gamma = np.array([[0.0, 0.5], [1.0, 1.5], [-1.0, -2.0]])
+    sites = sweep_sites(problem, e, np.zeros(3), np.arange(3), gamma)
+    some = np.array([2, 0])
+    assert (np.ptp(wrist_lack(problem, sites), axis=1) > 0.0).any()
+    np.testing.assert_array_equal(wrist_lack(problem, sites.at_positions(some)), wrist_lack(problem, sites)[some])
+    points = np.array([1])
+    np.testing.assert_array_equal(wrist_lack(problem, sites.at_points(points)), wrist_lack(problem, sites)[..., points])
 
 
 def test_a_compliant_rail_adds_by_the_rigid_lever(kr60: fem.ArmModel) -> None:
