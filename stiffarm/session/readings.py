@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from doe import Measurements, Scheme, bundled_data, bundled_scheme, load_scheme, read_measurements
+from doe import Campaign, Measurements, bundled_campaign, bundled_data, load_campaign, read_measurements
 from doe.tables.joined import join
 from robots import InputError, Robot
 from stiffarm.session.console import say_notes
@@ -78,7 +78,7 @@ def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
     return read_measurements(bundled, robot)
 
 
-def read_scheme(robot: Robot, file: Path | None) -> Scheme:
+def read_scheme(robot: Robot, file: Path | None) -> Campaign:
     """The scheme given, or the one bundled with the robot.
 
     Raises
@@ -89,7 +89,7 @@ def read_scheme(robot: Robot, file: Path | None) -> Scheme:
     if file is not None:
         if not file.is_file():
             raise InputError("scheme file", value=str(file), allowed="an existing scheme TOML", remedy="check the path")
-        scheme = load_scheme(file)
+        scheme = load_campaign(file)
         scheme.check_against(robot)
         if scheme.robot != robot.name:
             raise InputError(
@@ -99,7 +99,7 @@ def read_scheme(robot: Robot, file: Path | None) -> Scheme:
                 remedy="choose the scheme of this robot, or name this robot in its 'robot' key",
             )
         return scheme
-    scheme_or_none = bundled_scheme(robot.name)
+    scheme_or_none = bundled_campaign(robot.name)
     if scheme_or_none is None:
         raise InputError(
             f"no calibration scheme is bundled for {robot.name}",

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from doe import Measurements, Scheme, bundled_scheme
+from doe import Measurements
+from doe.estimation.campaign import Campaign, bundled_campaign
 from doe.tables.load_history import history_of
-from robots import InputError, save_description
+from robots import InputError
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
-from stiffarm.commands.calibrate import variant
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.commands.plan.options import parse_parameters
 from stiffarm.session import inputs, parsing, readings, steps
 from stiffarm.session.console import emit_json, say, say_notes, user_errors
 from stiffarm.session.effect_words import history_notes
@@ -37,7 +35,6 @@ from stiffarm.session.options import (
     folder_if,
     model_hash,
 )
-from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.own_effects import own_effects, own_files
 from stiffarm.session.readings import open_tables
 
@@ -149,33 +146,32 @@ def calibrate(
                 files[name] = file if name == "scheme" else _existing(file, f"--{name}")
         names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         plan = _plan(given, table, scheme_file, staged)
-        if chosen_loads is None:
-            chosen_loads = plan.loads_N if plan is not None and campaign is None else ()
         options = Options(
             names,
-            parse_parameters(free),
+            parsing.parse_parameters(free),
             campaign,
             chosen_loads,
             low,
             high,
             holdout,
+            staged,
+            spacing or "log",
             robust,
             bootstrap,
             seed,
             confirm_units,
         )
         with folder_if(out, files, seed if bootstrap else None) as folder:
-            say(f"loads used: {', '.join(f'{v:g} N' for v in chosen_loads) or 'all'}")
-            if staged and plan is not None:
-                content, show = _by_stages(given, table, plan, chosen_loads, spacing or "log", folder)
-            else:
-                content, show = _in_general(given, table, plan, options, folder)
+            found = general_calibration.run(given, table, plan, options)
+            content = calibration_payload.calibration(found)
+            if folder is not None:
+                general_calibration.write(found, content, folder)
         if out is not None:
             say(f"written: {out / 'model.toml'}, {out / 'calibration.json'}")
         if as_json:
             emit_json(content)
         else:
-            show()
+            calibration_tables.show(found)
 
 
 def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
@@ -184,41 +180,15 @@ def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path |
         return scheme == "staged"
     if named or given.description.effect:
         return False
-    return scheme_file is not None or bundled_scheme(given.robot.name) is not None
+    return scheme_file is not None or bundled_campaign(given.robot.name) is not None
 
 
-def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Scheme | None:
+def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Campaign | None:
     """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
     if staged or scheme_file is not None:
         return readings.read_scheme(given.robot, scheme_file)
     bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
-    return bundled_scheme(given.robot.name) if bundled else None
-
-
-def _by_stages(
-    given: inputs.ModelInput,
-    table: Measurements,
-    plan: Scheme,
-    loads: tuple[float, ...],
-    spacing: str,
-    folder: OutputFolder | None,
-) -> tuple[dict[str, Any], Callable[[], None]]:
-    result = steps.calibrate_by_stages(given, table, plan, loads, spacing, progress=say)
-    content = variant.payload(result)
-    if folder is not None:
-        folder.write_json("calibration.json", content)
-        save_description(result.description, folder.path("model.toml"))
-    return content, lambda: variant.show(result)
-
-
-def _in_general(
-    given: inputs.ModelInput, table: Measurements, plan: Scheme | None, options: Options, folder: OutputFolder | None
-) -> tuple[dict[str, Any], Callable[[], None]]:
-    found = general_calibration.run(given, table, plan, options)
-    content = calibration_payload.calibration(found)
-    if folder is not None:
-        general_calibration.write(found, content, folder)
-    return content, lambda: calibration_tables.show(found)
+    return bundled_campaign(given.robot.name) if bundled else None
 
 
 def _existing(file: Path, option: str) -> Path:

@@ -11,6 +11,7 @@ from doe import Measurements, write_measurements
 from doe.diagnosis.next_readings import as_measurements, columns_to_fill
 from doe.diagnosis.scatter import SETUP
 from robots import save_description
+from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.diagnose import payload as diagnosis_payload
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
@@ -149,6 +150,8 @@ def _show(found: Diagnosed) -> None:
         say(line)
     if not found.tells:
         return
+    if found.calibrated is not None:
+        calibration_tables.show_answer(found.calibrated)
     rows = [
         [h.code, f"{100.0 * h.probability:.1f} %", f"{h.log_evidence:.1f}", f"{h.lopo_rms_mm:.4f}"]
         for h in found.found.ranking.hypotheses[:8]

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from doe import Measurements, PoseEffects, Scheme
+from doe import Measurements, PoseEffects
+from doe.estimation.campaign import Campaign
 from robots.arrays import Array
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.steps import FactorialRuns, RigidJoints, Variant
+from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained
 
 
@@ -20,12 +22,12 @@ class Findings:
 
     given: ModelInput
     data: Measurements
-    scheme: Scheme
+    scheme: Campaign
     rigid: RigidJoints
     effects: Mapping[str, list[PoseEffects]]
     link_models: LinkModels
-    best: Variant
-    published: Variant
+    best: Calibrated
+    published: Calibrated
     factorial: Mapping[str, FactorialRuns]
     trained: Mapping[str, Trained]
     budget_mm: Mapping[str, Array]
@@ -35,7 +37,7 @@ class Findings:
     held_out: HeldOut | None = None
 
     @property
-    def variants(self) -> tuple[Variant, ...]:
+    def variants(self) -> tuple[Calibrated, ...]:
         """Every load path and scheme, with the links that were asked for."""
         return self.link_models.own.variants
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from doe import Measurements, Scheme, bundled_scheme
-from doe.estimation.campaign import load_campaign
+from doe import Measurements
+from doe.estimation.campaign import bundled_campaign, load_campaign
+from doe.estimation.study_plan import Comparison
 from robots import InputError
-from stiffarm.commands.plan.options import parse_parameters
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
 from stiffarm.commands.sensitivity.screening import Method, Study
@@ -111,13 +111,14 @@ def sensitivity(
         options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
-        names = parse_parameters(free)
+        names = parsing.parse_parameters(free)
         given, table, files = open_measured(
             model, data, links, load_path, without="the sensitivities", confirm_units=confirm_units
         )
         if campaign is not None and campaign.is_file():
             files["campaign"] = campaign
-        scheme = bundled_scheme(given.robot.name)
+        bundled = bundled_campaign(given.robot.name)
+        scheme = None if bundled is None else bundled.compare
         springs = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         springs = springs or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
         labels = _labels(poses, table, scheme)
@@ -167,7 +168,7 @@ def _method(text: str | None, joints: str | None, options: dict[str, Any]) -> Me
 _NAMING = ("--joints", "--free", "--campaign")
 
 
-def _labels(poses: str | None, table: Measurements, scheme: Scheme | None) -> tuple[str, ...]:
+def _labels(poses: str | None, table: Measurements, scheme: Comparison | None) -> tuple[str, ...]:
     """The poses named, else those of the scheme if they were measured, else all."""
     every = tuple(dict.fromkeys(table.pose))
     labels = parsing.parse_names(poses, every, "--poses")

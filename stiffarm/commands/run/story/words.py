@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run.findings import Findings
 from stiffarm.session.spring_words import spring_text
-from stiffarm.session.steps import Variant, bundled_sha256
+from stiffarm.session.steps import bundled_sha256
 
 
 def short_title(findings: Findings) -> str:
@@ -17,8 +18,8 @@ def is_published_data(findings: Findings) -> bool:
     return findings.data.sha256 == bundled_sha256(findings.given.robot.name)
 
 
-def springs_text(variant: Variant) -> str:
+def springs_text(variant: Calibrated) -> str:
     """Constant springs with their intervals, in words."""
-    if variant.constant is None:
+    if variant.found.studies:
         return "depend on angle (see the figure above)"
-    return "; ".join(f"{s.joint} {spring_text(s)}" for s in variant.constant.springs)
+    return "; ".join(f"{s.joint} {spring_text(s)}" for s in variant.springs)
