@@ -114,7 +114,7 @@ def train(
 ) -> Trained:
     """Run the model on space-filling designs, fit, learn error bars, and judge both on runs kept out.
 
-    ``basis="best"`` fits the brief's polynomial (in the logarithm), the tensor trigonometric basis (in the quantity,
+    ``basis="best"`` fits the polynomial (in the logarithm), the tensor trigonometric basis (in the quantity,
     of which it is the exact form for constant springs) and, for the compliance, the factored one; for another
     quantity terms are chosen ('adaptive'). The best on held-out runs comes first, the factored one if all are exact.
     Held-out: 10 000 uniform poses and some on the boundary, seen neither by the fits nor by the error bars.

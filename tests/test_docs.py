@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -103,3 +105,17 @@ def test_files_that_texts_mention_exist() -> None:
         if not (ROOT / file).exists()
     }
     assert missing == set()
+
+
+@pytest.mark.slow
+def test_the_first_page_of_python_runs_as_it_stands(tmp_path: Path) -> None:
+    blocks = re.findall(
+        r"^```python\n(.*?)^```", (DOCS / "start" / "python.md").read_text(encoding="utf-8"), re.M | re.S
+    )
+    assert len(blocks) == 2
+    for block in blocks:
+        run = subprocess.run(  # noqa: S603 - a page of our own
+            [sys.executable, "-c", block], cwd=tmp_path, capture_output=True, encoding="utf-8", check=False
+        )
+        assert run.returncode == 0, run.stderr
+    assert (tmp_path / "calibrated.toml").is_file()

@@ -53,7 +53,7 @@ measured in nine poses first: the paper's nine of the XR701, nine Sobol points o
 three repeats, 3 % noise, Z only. Three set-ups at a time are added (each three repeats of the loads up and down), the
 tables joined and diagnosed again, until the verdict is `named` or nine set-ups were added. *Right*: the name first
 given is of the right family; a wrong name ends a set as well, and counts as not right. *Random*: set-ups drawn from
-poses of the same kind, measured in the same way. Aim: 75 % right within nine extra set-ups, and better than random.
+poses of the same kind, measured in the same way. Target: 75 % right within nine extra set-ups, and better than random.
 
 Set-ups are chosen among 200 poses for what naming the right rival gains in information by them: rivals are the
 fewest hypotheses that hold 99 % of the probability, and all effects that the readings so far cannot see, with the

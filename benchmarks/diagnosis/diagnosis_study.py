@@ -133,7 +133,7 @@ def page(results: dict[str, list[Row]], reads: str, command: str) -> str:
     """The table."""
     rows = next(iter(results.values()))
     out = [f"## Reading {'Z only' if reads == 'z' else 'X, Y and Z'}\n\n`{command}`\n\n"]
-    out.append("| | aim | " + " | ".join(results) + " |\n|---|---|" + "---|" * len(results) + "\n")
+    out.append("| | target | " + " | ".join(results) + " |\n|---|---|" + "---|" * len(results) + "\n")
     tables = [lines(some, reads) for some in results.values()]
     for line in zip(*tables, strict=True):
         out.append(f"| {line[0][0]} | {line[0][1]} | " + " | ".join(one[2] for one in line) + " |\n")

@@ -11,8 +11,10 @@ from scipy.stats import kendalltau, spearmanr
 import fem
 import machining
 from machining.stiffness.distribution import Distribution, Over, distribution
-from machining.stiffness.grid import Grid, box_grid, grid_task
+from machining.stiffness.grid import grid_task
 from robots.arrays import Array, Bools
+from surrogate.maps.data import Layout
+from surrogate.maps.layouts import plane_or_box, points_of
 
 GAMMA_DEG = np.arange(-180.0, 180.0, 1.0)
 PLANE_GAMMA_DEG = np.arange(0.0, 181.0, 15.0)
@@ -98,13 +100,13 @@ def tool_frame(reading: Reading) -> Array:
 class PlaneResult:
     """k_fs over the plane z = 486 mm at each of ``PLANE_GAMMA_DEG``; the distribution's gamma is the reading's own."""
 
-    grid: Grid
+    grid: Layout
     found: Distribution
 
     @property
     def k(self) -> Array:
-        """k_fs (gamma, x, y), N/mm, NaN where no posture."""
-        return np.asarray(1e-3 * self.found.value.T.reshape(-1, *self.grid.counts))
+        """k_fs (gamma, y, x), N/mm, NaN where no posture."""
+        return np.asarray(1e-3 * self.found.value.T.reshape(-1, *self.grid.shape))
 
     def statistics(self, over: Over = "reached") -> dict[str, Array]:
         """Mean, standard deviation and peak to valley (N/mm) by gamma, and the share of the plane reached."""
@@ -118,7 +120,7 @@ class PlaneResult:
 
     def near_the_base(self, gamma: int) -> float:
         """Rank correlation of k_fs with the distance from the base axis; -1: always stiffer when nearer."""
-        distance, k = np.hypot(*self.grid.points[:, :2].T), self.found.value[:, gamma]
+        distance, k = np.hypot(*points_of(self.grid)[:, :2].T), self.found.value[:, gamma]
         known = np.isfinite(k)
         return float(spearmanr(distance[known], k[known]).statistic)
 
@@ -136,13 +138,13 @@ class PlaneResult:
 def on_plane(model: fem.ArmModel, reading: Reading, step_mm: float = 25.0) -> PlaneResult:
     """Figs. 10 and 11. The paper does not say where its plane ends: here 1.2 m across and 0.6 to 1.4 m ahead."""
     x_mm, y_mm = np.arange(-600.0, 601.0, step_mm), np.arange(600.0, 1401.0, step_mm)
-    grid, gamma = box_grid(1e-3 * x_mm, 1e-3 * y_mm, P_M[2]), np.radians(PLANE_GAMMA_DEG)
+    grid, gamma = plane_or_box(x_mm, y_mm, 1e3 * P_M[2]), np.radians(PLANE_GAMMA_DEG)
     if reading.branch is None and reading.at == "tool":
         task = grid_task(grid, tool_frame(reading), normal=UP, reference=np.array([1.0, 0.0, 0.0]))
         value = distribution(model, task, None, reading.turn * gamma).value
     else:
         # No rule of `distribution`: limits broken, one branch, Jacobian elsewhere.
-        value = 1e3 * np.stack([index(model, reading, grid.points, g) for g in PLANE_GAMMA_DEG], axis=1)
+        value = 1e3 * np.stack([index(model, reading, points_of(grid), g) for g in PLANE_GAMMA_DEG], axis=1)
     return PlaneResult(grid, Distribution(machining.Objective(), gamma, value))
 
 

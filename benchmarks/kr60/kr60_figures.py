@@ -16,7 +16,7 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from machining.stiffness.units import shown as shown_as
 from robots.arrays import Array
-from stiffarm.commands.maps.index.figures import HATCH, HATCH_INK, NOTHING, axis_of, value_bar
+from stiffarm.commands.maps.index.figures import HATCH, HATCH_INK, NOTHING, value_bar
 from stiffarm.pages.figure_parts import log_ticks
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, colour_scale, house_style, new_figure
 
@@ -74,11 +74,11 @@ def scatter(study: ForceStudy, rng: np.random.Generator) -> Figure:
 
 
 def _map(ax: Axes, plane: PlaneResult, values: Array, norm: Normalize) -> None:
-    x_mm, y_mm = (axis_of(plane.grid, k)[1] for k in (0, 1))
+    y_mm, x_mm = (axis.values for axis in plane.grid.axes)
     ax.set_facecolor(NOTHING)
     ax.patch.set(hatch=HATCH, edgecolor=HATCH_INK)
     ax.grid(visible=False)
-    ax.pcolormesh(x_mm, y_mm, values.T, cmap=STIFFNESS_COLOURS, norm=norm, shading="nearest", rasterized=True)
+    ax.pcolormesh(x_mm, y_mm, values, cmap=STIFFNESS_COLOURS, norm=norm, shading="nearest", rasterized=True)
     ax.set(aspect="equal", xticks=(-500, 0, 500), yticks=(600, 1000, 1400))
 
 
@@ -89,7 +89,7 @@ def maps(planes: Mapping[str, PlaneResult]) -> Figure:
         figure, axes = new_figure((12.0, 9.6), len(planes), len(columns) + 1, sharex=True, sharey=True)
         rows = np.array(axes).reshape(len(planes), -1)
         for row, (name, plane) in zip(rows, planes.items(), strict=True):
-            best = 1e-3 * plane.found.best_at_points().value.reshape(plane.grid.counts)
+            best = 1e-3 * plane.found.best_at_points().value.reshape(plane.grid.shape)
             shown = [*(plane.k[c] for c in columns), best]
             known = np.concatenate([values[np.isfinite(values)] for values in shown])
             norm, ticks = colour_scale(known, None)

@@ -174,7 +174,7 @@ Written by `python benchmarks/shop/path_posture.py --write`. Arm and joint stiff
 2024, doi:10.1109/ACCESS.2024.3435911), rigid links. The paper picks each point's best posture by itself; here gamma,
 branch and turns of the joints are chosen for the whole path at once, within joint limits (0.5 deg kept), joint speeds
 and 20 deg a step (`machining/posture/path.py`; on long paths with gamma at knots, `machining/posture/long_path.py`).
-The paper's tool is not known (see `kr60_indices.md`); readings B and B2 are two that fit its Table 4.
+The paper's tool is not known ([the paper recomputed](kr60_indices.md)); readings B and B2 are two that fit its Table 4.
 """
 
 

@@ -147,7 +147,7 @@ def measure(poses: int, rounds: int) -> Result:
         f"polynomial, {poly.n_terms} terms": peers(pipe, Q) | ours(poly, Q),
         f"trigonometric, {trig.n_terms} terms": ours(trig, Q),
         f"trigonometric, {sparse.n_terms} terms": ours(sparse, Q),
-        f"polynomial, 36 numbers, {poly36.n_terms} terms": peers(pipe36, few) | ours(poly36, few),
+        f"polynomial, 36 entries, {poly36.n_terms} terms": peers(pipe36, few) | ours(poly36, few),
     }
     assert fast.backend() == "numba"
     rows = []

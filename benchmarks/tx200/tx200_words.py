@@ -41,8 +41,8 @@ Coverage of each stiffness in the first case (%; one figure has a standard error
 PREDICTION = """
 Of directional stiffnesses in {n} unseen poses, over all repeats, {within:.1f} % are within 3 % of the truth,
 95 % within {p95:.1f} %; the worst is off by {worst:.1f} %. The worst are poses some seven times stiffer than the
-median: forces along flange Z with hardly a lever anywhere, so that most of what gives way are translations, which
-readings see worst. The paper's own model, against real readings that it was not made from (its Table 1;
+median: forces along flange Z with hardly a lever anywhere, so that most of the deflection comes from translations,
+which readings see worst. The paper's own model, against real readings that it was not made from (its Table 1;
 configurations are not given, so nothing of it can be repeated here):
 
 | configuration | force (N) | measured (N/mm) | paper's model (N/mm) | error (%) |

@@ -23,7 +23,7 @@ import numpy as np
 
 from robots import InputError
 from robots.arrays import Array
-from robots.schema.units import UNITS, factor
+from robots.schema.units import DIMENSIONS, factor
 
 Stage = Literal["model", "load", "arm", "gauge"]
 Role = Literal["amplitude", "shape"]
@@ -36,14 +36,13 @@ ASSUMED_LAW, NEARLY_STRAIGHT, EXACT = 0.1, 0.04, 0.0
 DOUBTS: dict[Stage, float] = {"model": NEARLY_STRAIGHT, "load": EXACT, "arm": ASSUMED_LAW, "gauge": EXACT}
 
 STAGES: tuple[Stage, ...] = ("model", "load", "arm", "gauge")
-SI_UNITS = {dimension: next(unit for unit, f in units.items() if f == 1.0) for dimension, units in UNITS.items()}
 
 
 @dataclass(frozen=True)
 class EffectParameter:
     """One number of a law.
 
-    ``dimension``: of :data:`robots.schema.units.UNITS`; ``lower`` to ``upper``: plausible range in SI, ``source`` of
+    ``dimension``: of :data:`robots.schema.units.DIMENSIONS`; ``lower`` to ``upper``: plausible range, SI, ``source`` of
     it. ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
     have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value
     where none is given. ``unit``: in which files and screens show it. ``meaning``: for the shop floor, may be empty.
@@ -63,8 +62,10 @@ class EffectParameter:
     meaning: str = ""
 
     def __post_init__(self) -> None:
-        if self.dimension not in UNITS:
-            raise InputError(f"effect parameter {self.name}: dimension", value=self.dimension, allowed=", ".join(UNITS))
+        if self.dimension not in DIMENSIONS:
+            raise InputError(
+                f"effect parameter {self.name}: dimension", value=self.dimension, allowed=", ".join(DIMENSIONS)
+            )
         try:
             factor(self.dimension, self.unit)
         except ValueError as error:
@@ -84,7 +85,7 @@ class EffectParameter:
     def si_unit(self) -> str:
         """SI unit of the value."""
         # Compliances have an SI unit for each pair of kinds of rows.
-        return self.unit if factor(self.dimension, self.unit) == 1.0 else SI_UNITS[self.dimension]
+        return self.unit if factor(self.dimension, self.unit) == 1.0 else DIMENSIONS[self.dimension].si
 
     @property
     def size(self) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from fem.springs import RIGID, SpringLaw, SumSpring
 from fem.statics.ports import BASE, ROWS, TOOL, Port
 from robots import InputError, ModelDescription
 from robots.arrays import Array
-from robots.schema.units import UNITS, factor
+from robots.schema.units import dimension_of, factor
 
 AXES = ("x", "y", "z")
 # Units of a compliance's entries, by how many of its two rows are turns.
@@ -80,6 +80,7 @@ class _Stiffness(_Entry):
 
     def known(self, model: ArmModel) -> Iterator[str]:
         rows = "|".join(ROWS)
+        yield f"{{{','.join(model.robot.joint_names)}}}.stiffness"
         yield f"{{{','.join(_places(model))}}}.{{{rows}}}, two rows joined by '-' for an entry off the diagonal"
         if model.bar is not None and model.bar.compliance > 0.0:
             yield "bar.stiffness"
@@ -337,8 +338,7 @@ class _OfEffect(Kind):
         table = next(one for one in tables.data["effect"] if one["code"] == p.place)
         old = table["parameters"].get(name)
         unit = p.unit if old is None else old["unit"]
-        dimension = next(d for d, units in UNITS.items() if unit in units)
-        table["parameters"] = {**table["parameters"], name: figure(value / factor(dimension, unit), unit)}
+        table["parameters"] = {**table["parameters"], name: figure(value / factor(dimension_of(unit), unit), unit)}
 
 
 LAW, OF_EFFECT = _Law(), _OfEffect()

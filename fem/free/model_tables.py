@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from fem.statics.ports import BASE, ROWS, TOOL
-from robots.schema.units import UNITS, factor
+from robots.schema.units import dimension_of, factor
 
 Table = dict[str, Any]
 
@@ -55,7 +55,7 @@ class Tables:
 
     def shift(self, table: str, key: str, index: int, name: str, added: Table) -> None:
         """Add a figure in m or rad to one component of a triple of lengths or angles."""
-        dimension = next(dimension for dimension, units in UNITS.items() if added["unit"] in units)
+        dimension = dimension_of(added["unit"])
         self.data[table] = self.data[table] or {}
         old: Mapping[str, Any] | None = self.data[table].get(key)
         values = [0.0, 0.0, 0.0] if old is None else [v * factor(dimension, old["unit"]) for v in old["value"]]

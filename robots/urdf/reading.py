@@ -16,7 +16,7 @@ from robots.arrays import Array
 from robots.errors import InputError, InputErrors
 from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 from robots.schema.quantities import AngleRange, Angles, Mass, Position
-from robots.schema.units import RANGES
+from robots.schema.units import DIMENSIONS
 from robots.urdf.chain import Chain, Tree, find_chain, is_fixed, kinematic_tree, links_below, rigid_group, transform
 from robots.urdf.shapes import Primitive, Visual, visuals_of
 from robots.urdf.xml import read_urdf_text
@@ -29,7 +29,7 @@ _FULL_TURN_DEG = 360.0
 # No arm is that long between two joints; one typed in mm is.
 _LONGEST_M = 100.0
 # Wider limits than these mean "none".
-_WIDEST_rad = RANGES["angle"][1]
+_WIDEST_rad = DIMENSIONS["angle"].most
 # Names that parts of a model have already.
 _TAKEN = ("base", "bar", "crank")
 

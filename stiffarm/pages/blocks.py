@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run.workflow import Findings
 from stiffarm.pages.report import Picture
 from stiffarm.pages.style import save_png
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.spring_words import spring_text
-from stiffarm.session.steps import Variant, bundled_sha256
+from stiffarm.session.steps import bundled_sha256
 
 
 class Pictures:
@@ -42,8 +43,8 @@ def is_published_data(findings: Findings) -> bool:
     return findings.data.sha256 == bundled_sha256(findings.given.robot.name)
 
 
-def springs_text(variant: Variant) -> str:
+def springs_text(variant: Calibrated) -> str:
     """Constant springs with their intervals, in words."""
-    if variant.constant is None:
+    if variant.found.studies:
         return "depend on angle (see the figure above)"
-    return "; ".join(f"{s.joint} {spring_text(s)}" for s in variant.constant.springs)
+    return "; ".join(f"{s.joint} {spring_text(s)}" for s in variant.springs)

@@ -35,7 +35,7 @@ def computed_map(
     engine: Engine, metadata: Mapping[str, str] | None = None, progress: Progress | None = None
 ) -> MapData:
     """The map of an engine, worked out here and now and held in memory. Errors as :meth:`Engine.block`."""
-    blocks, n, size = [], engine.grid.layout.n, engine.points_a_block
+    blocks, n, size = [], engine.grid.n, engine.points_a_block
     for start in range(0, n, size):
         blocks.append(engine.block(slice(start, min(start + size, n))))
         if progress is not None:
@@ -54,7 +54,7 @@ def map_data(
     reached = arrays["reached"]
     assert reached.dtype == np.bool_  # noqa: S101 - the engine has seen to it
     return MapData(
-        layout=engine.grid.layout,
+        layout=engine.grid,
         points=_numbers(arrays["points"]),
         q=_numbers(arrays["q"]),
         reached=reached.view(np.bool_),

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from robots import forward_kinematics, tool_position
 from robots.progress import Progress
 from surrogate.maps.candidates import Arm
-from surrogate.maps.layouts import MapGrid, points_of, poses_of
+from surrogate.maps.data import Layout
+from surrogate.maps.layouts import points_of, poses_of
 from surrogate.maps.poses import Extreme, PoseRule
 from surrogate.maps.quantities import Quantities
 from surrogate.maps.store import Column, MapStore
@@ -30,7 +31,7 @@ class Engine:
     kinematics is a search; each block draws its own numbers, so that blocks do not depend on each other.
     """
 
-    grid: MapGrid
+    grid: Layout
     quantities: Quantities
     rule: PoseRule | None = None
     arm: Arm | None = None
@@ -72,7 +73,7 @@ class Engine:
         else:
             points = points_of(self.grid, rows)
             chosen = self.rule.choose(
-                self.arm, points, np.random.default_rng([self.seed, rows.indices(self.grid.layout.n)[0]])
+                self.arm, points, np.random.default_rng([self.seed, rows.indices(self.grid.n)[0]])
             )
             q, reached, sure = chosen.q, chosen.reached, chosen.sure
         values = self.quantities.values(q[reached]) if reached.any() else {}

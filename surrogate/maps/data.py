@@ -31,11 +31,15 @@ class Layout:
     ``box``: axes z, y, x (so x runs fastest, as in VTK's image data), uniform steps; ``slice``: two of these, in that
     order; ``cylinder``: axes z, phi, r about the base's z axis; ``joints``: coordinates that sweep, the layers first.
     ``layers``: how many leading axes are layers, between which there are no cells (at least all but the last three).
+    ``held``: of a slice the third coordinate in mm ('y': 0.0). ``frame`` (4, 4) m: where x, y and z stand in the base
+    frame; None: they are the base's own. Joint coordinates that no axis names stand at 0.
     """
 
     kind: LayoutKind
     axes: tuple[Axis, ...]
     layers: int = 0
+    held: Mapping[str, float] = field(default_factory=dict)
+    frame: Array | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,22 +23,6 @@ LAYERS_deg = (-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0)
 # Share by which steps of one axis may differ: rounding of decimals.
 UNEVEN = 1e-6
 PLANES: Mapping[str, tuple[str, str, str]] = {"xz": ("z", "x", "y"), "yz": ("z", "y", "x"), "xy": ("y", "x", "z")}
-
-
-@dataclass(frozen=True, eq=False)
-class MapGrid:
-    """A layout with what its axes leave open.
-
-    ``held``: of a slice the third coordinate in mm ('y': 0.0). Joint coordinates that no axis names stand at 0.
-    """
-
-    layout: Layout
-    held: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def cartesian(self) -> bool:
-        """Whether points are given and poses are sought, not the other way round."""
-        return self.layout.kind != "joints"
 
 
 @dataclass(frozen=True)
@@ -67,7 +51,7 @@ def default_sweep(robot: Robot) -> tuple[tuple[str, ...], str | None]:
     return names[1:4], None
 
 
-def sweep_layout(robot: Robot, points: int, layers_deg: Sequence[float] | None = None) -> MapGrid:
+def sweep_layout(robot: Robot, points: int, layers_deg: Sequence[float] | None = None) -> Layout:
     """The layout of :func:`default_sweep`; ``layers_deg``: values of the coordinate that leaves the plane.
 
     Errors as :func:`joint_layout`.
@@ -82,7 +66,7 @@ def sweep_layout(robot: Robot, points: int, layers_deg: Sequence[float] | None =
 
 def joint_layout(
     robot: Robot, swept: Sequence[str], points: int, layers_deg: Mapping[str, Sequence[float]] | None = None
-) -> MapGrid:
+) -> Layout:
     """Sweep coordinates over their limits, ``points`` values each; one more coordinate may have values as layers.
 
     Poses that the robot cannot take are points of the layout all the same: they are told when they are evaluated.
@@ -108,11 +92,13 @@ def joint_layout(
         axes.append(Axis(name, "deg", np.linspace(low, high, points)))
     for name in layers:
         robot.coordinate_index(name)
-    return _checked(MapGrid(Layout("joints", tuple(axes), len(layers))))
+    return _checked(Layout("joints", tuple(axes), len(layers)))
 
 
-def slice_layout(plane: str, across_mm: ArrayLike, up_mm: ArrayLike, at_mm: float = 0.0) -> MapGrid:
-    """A plane of the base frame: 'xz' and 'yz' stand, 'xy' lies at z = ``at_mm``.
+def slice_layout(
+    plane: str, across_mm: ArrayLike, up_mm: ArrayLike, at_mm: float = 0.0, frame: Array | None = None
+) -> Layout:
+    """A plane of the base frame, or of another ``frame`` (4, 4) m: 'xz' and 'yz' stand, 'xy' lies at z = ``at_mm``.
 
     ``across_mm``: values of the plane's first letter, which runs fastest; ``up_mm``: of its second. Evenly spaced.
 
@@ -125,16 +111,39 @@ def slice_layout(plane: str, across_mm: ArrayLike, up_mm: ArrayLike, at_mm: floa
         raise InputError("plane of a slice", value=plane, allowed=", ".join(PLANES))
     slow, fast, third = PLANES[plane]
     axes = (Axis(slow, "mm", _even(slow, up_mm)), Axis(fast, "mm", _even(fast, across_mm)))
-    return _checked(MapGrid(Layout("slice", axes), {third: float(_finite(third, [at_mm])[0])}))
+    return _checked(Layout("slice", axes, held={third: float(_finite(third, [at_mm])[0])}, frame=frame))
 
 
-def box_layout(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike) -> MapGrid:
-    """A box along the base's axes; x runs fastest. Errors as :func:`slice_layout`."""
+def box_layout(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike, frame: Array | None = None) -> Layout:
+    """A box along the axes of the base, or of another ``frame``; x runs fastest. Errors as :func:`slice_layout`."""
     axes = tuple(Axis(name, "mm", _even(name, values)) for name, values in zip("zyx", (z_mm, y_mm, x_mm), strict=True))
-    return _checked(MapGrid(Layout("box", axes)))
+    return _checked(Layout("box", axes, frame=frame))
 
 
-def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> MapGrid:
+def plane_or_box(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike, frame: Array | None = None) -> Layout:
+    """A box, or the plane that it is where one of x, y, z has a single value. Errors as :func:`slice_layout`.
+
+    Raises
+    ------
+    InputError
+        More than one axis with a single value.
+    """
+    values = {name: _even(name, v) for name, v in zip("xyz", (x_mm, y_mm, z_mm), strict=True)}
+    single = [name for name, v in values.items() if len(v) == 1]
+    if len(single) > 1:
+        raise InputError(
+            "grid",
+            value=" x ".join(str(len(v)) for v in values.values()),
+            allowed="two or more values on at least two of x, y, z",
+            remedy="give a range with a step, as in -600:600:25",
+        )
+    if not single:
+        return box_layout(values["x"], values["y"], values["z"], frame)
+    plane, (up, across, third) = next(item for item in PLANES.items() if item[1][2] == single[0])
+    return slice_layout(plane, values[across], values[up], float(values[third][0]), frame)
+
+
+def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> Layout:
     """Part of a cylinder about the base's z axis; phi counts from x. r runs fastest.
 
     Raises
@@ -147,25 +156,31 @@ def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> Map
         raise InputError("radius of a cylinder", value=float(r[0]), allowed="0 mm or more")
     if phi[-1] - phi[0] > 360.0 * (1.0 + UNEVEN):
         raise InputError("angles phi of a cylinder", value=f"{phi[0]:g} to {phi[-1]:g} deg", allowed="at most one turn")
-    return _checked(MapGrid(Layout("cylinder", (Axis("z", "mm", z), Axis("phi", "deg", phi), Axis("r", "mm", r)))))
+    return _checked(Layout("cylinder", (Axis("z", "mm", z), Axis("phi", "deg", phi), Axis("r", "mm", r))))
 
 
-def points_of(grid: MapGrid, rows: slice) -> Array:
+def points_of(layout: Layout, rows: slice = slice(None)) -> Array:
     """Tool points (m, 3) m, base frame, of some rows of a Cartesian layout."""
-    numbers = grid.layout.indices(rows)
-    value = {axis.name: axis.values[i] for axis, i in zip(grid.layout.axes, numbers, strict=True)}
-    value |= {name: np.full(len(numbers[0]), held) for name, held in grid.held.items()}
+    own = own_points(layout, rows)
+    return own if layout.frame is None else np.asarray(own @ layout.frame[:3, :3].T + layout.frame[:3, 3])
+
+
+def own_points(layout: Layout, rows: slice = slice(None)) -> Array:
+    """Tool points (m, 3) m in the frame of a Cartesian layout."""
+    numbers = layout.indices(rows)
+    value = {axis.name: axis.values[i] for axis, i in zip(layout.axes, numbers, strict=True)}
+    value |= {name: np.full(len(numbers[0]), held) for name, held in layout.held.items()}
     if "r" in value:
         phi = np.radians(value["phi"])
         value |= {"x": value["r"] * np.cos(phi), "y": value["r"] * np.sin(phi)}
     return 1e-3 * np.column_stack([value["x"], value["y"], value["z"]])
 
 
-def poses_of(grid: MapGrid, robot: Robot, rows: slice) -> Array:
+def poses_of(layout: Layout, robot: Robot, rows: slice = slice(None)) -> Array:
     """Poses (m, dof) rad of some rows of a joint layout, beyond limits or not."""
-    numbers = grid.layout.indices(rows)
+    numbers = layout.indices(rows)
     q = np.zeros((len(numbers[0]), robot.dof))
-    for axis, i in zip(grid.layout.axes, numbers, strict=True):
+    for axis, i in zip(layout.axes, numbers, strict=True):
         q[:, robot.coordinate_index(axis.name)] = np.radians(axis.values[i])
     return q
 
@@ -220,7 +235,7 @@ def _even(name: str, values: ArrayLike) -> Array:
     return v
 
 
-def _checked(grid: MapGrid) -> MapGrid:
-    if grid.layout.n > MOST_POINTS:
-        raise InputError("points of the map", value=grid.layout.n, allowed=f"up to {MOST_POINTS}")
-    return grid
+def _checked(layout: Layout) -> Layout:
+    if layout.n > MOST_POINTS:
+        raise InputError("points of the map", value=layout.n, allowed=f"up to {MOST_POINTS}")
+    return layout

@@ -10,6 +10,7 @@ from kr60_claims import PLANE_GAMMA_DEG, PlaneResult, at_point, on_path, on_plan
 from kr60_readings import A0, B2, B3, IN_LINE, READINGS, TABLE_4, B, Reading, S, arm, index, path, postures
 
 import fem
+from surrogate.maps.layouts import points_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "validation" / "kr60_indices.md"
 
@@ -86,7 +87,7 @@ def test_the_distribution_is_the_rule_of_the_readings(
     plane = planes[reading.name]
     few = np.arange(0, plane.grid.n, 37)
     for j, g in enumerate(PLANE_GAMMA_DEG[::4]):
-        k = index(model, reading, plane.grid.points[few], g)
+        k = index(model, reading, points_of(plane.grid)[few], g)
         found = 1e-3 * plane.found.value[few, 4 * j]
         np.testing.assert_array_equal(np.isnan(found), np.isnan(k))
         # Next to a singularity of the wrist the angles keep some ten digits.

@@ -277,7 +277,7 @@ def _surrogate(path: Path) -> object:
 @cache
 def _request() -> MapRequest:
     given = read_model("kr60-3", "rigid", None)
-    return read_map_options(given, {"--grid": "slice", "--pose": "fixed", "--x": "600:900:300", "--z": "600"}).request
+    return read_map_options(given, "slice", {"--pose": "fixed", "--x": "600:900:300", "--z": "600"}).request
 
 
 def _map_request(path: Path) -> object:

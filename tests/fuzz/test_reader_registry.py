@@ -25,7 +25,7 @@ HASHED = {"input file"}
 ELSEWHERE = {
     "robots/files/reading.py _ordinary": "the one place",
     "robots/library/models.py load_description": "bundled with the package",
-    "doe/published/scheme.py bundled_scheme": "bundled with the package",
+    "doe/estimation/campaign.py bundled_campaign": "bundled with the package",
     "machining/programs/convention.py _tables": "bundled with the package",
     "stiffarm/pages/parts.py": "bundled with the package",
     "stiffarm/pages/style.py": "bundled with the package, or a picture just drawn",
@@ -43,7 +43,7 @@ ELSEWHERE = {
     "robots/files/written.py sha256_of": "hashes results",
     "doe/tables/workbook.py read": "members of a workbook in memory",
     "doe/tables/workbook.py _refuse_document_type": "members of a workbook in memory",
-    "stiffarm/commands/post/step.py _save": "programs that were just written; fuzzed as `controller program`",
+    "machining/programs/run.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
     "read_text", "read_bytes", "open", "load", "fromfile", "loadtxt", "genfromtxt", "memmap", "read_csv", "read_excel",

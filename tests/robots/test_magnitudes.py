@@ -12,10 +12,11 @@ from pydantic import ValidationError
 
 from robots import InputError, load_description
 from robots.schema import quantities as q
+from robots.schema import units
 from robots.schema.effects import EffectNumber
-from robots.schema.quantities import LARGEST_NUMBER, Quantity, Strict
+from robots.schema.quantities import LARGEST_NUMBER, Quantity, Scalar, Strict
 from robots.schema.springs import LogFourierLaw, LogPolynomialLaw, TableLaw
-from robots.schema.units import RANGES, UNITS, check_magnitude, dimension_of
+from robots.schema.units import DIMENSIONS, Dimension, check_magnitude, dimension_of
 
 MODEL = resources.files("robots").joinpath("data", "xr701.toml").read_text(encoding="utf-8")
 KINDS = [kind for kind in vars(q).values() if isinstance(kind, type) and issubclass(kind, Quantity) and kind.dimension]
@@ -41,8 +42,8 @@ def of(kind: type[Quantity], number: float, unit: str) -> Quantity:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_no_quantity_is_beyond_its_range_in_any_unit(kind: type[Quantity]) -> None:
-    for unit, factor in UNITS[kind.dimension].items():
-        most = RANGES[kind.dimension][1] / factor
+    for unit, factor in DIMENSIONS[kind.dimension].units.items():
+        most = DIMENSIONS[kind.dimension].most / factor
         of(kind, 0.999 * most, unit)
         for number in (1.001 * most, 1e25, 1e308):
             with pytest.raises(ValidationError, match="at most"):
@@ -51,17 +52,32 @@ def test_no_quantity_is_beyond_its_range_in_any_unit(kind: type[Quantity]) -> No
 
 @pytest.mark.parametrize("kind", POSITIVE, ids=lambda kind: kind.__name__)
 def test_no_positive_quantity_is_next_to_nothing(kind: type[Quantity]) -> None:
-    for unit, factor in UNITS[kind.dimension].items():
-        of(kind, 1.001 * RANGES[kind.dimension][0] / factor, unit)
+    for unit, factor in DIMENSIONS[kind.dimension].units.items():
+        of(kind, 1.001 * DIMENSIONS[kind.dimension].least / factor, unit)
         with pytest.raises(ValidationError, match="at least"):
             of(kind, 1e-300, unit)
 
 
-def test_every_dimension_has_a_range() -> None:
-    assert RANGES.keys() == UNITS.keys()
+def test_every_dimension_has_a_range_and_an_si_unit() -> None:
+    for dimension in DIMENSIONS.values():
+        assert dimension.units[dimension.si] == 1.0
+        assert 0.0 < dimension.least < dimension.most
     with pytest.raises(ValueError, match="at most 1e\\+06 mm"):
         check_magnitude("length", "mm", 1e300)
     assert dimension_of("kN m/rad") == "rotational stiffness"
+
+
+def test_a_quantity_made_up_here_needs_no_other_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up = {**DIMENSIONS, "speed": Dimension({"m/s": 1.0, "mm/s": 1e-3}, 1e-9, 1e3)}
+    monkeypatch.setattr(units, "DIMENSIONS", made_up)
+
+    class Speed(Scalar):
+        dimension = "speed"
+
+    assert Speed(value=250.0, unit="mm/s", source="assumed").si == 0.25
+    for value, unit in ((1e9, "mm/s"), (1.0, "mm")):
+        with pytest.raises(ValidationError):
+            Speed(value=value, unit=unit, source="assumed")
 
 
 def test_an_effects_number_is_judged_by_its_unit() -> None:

@@ -26,11 +26,11 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import parse_direction, parse_names, parse_vector, tool_of
 from stiffarm.session.task_options import parse_gammas
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
+from surrogate.maps.data import Layout
 from surrogate.maps.layouts import (
     ALONG_BOX,
     ALONG_SLICE,
     PLANES,
-    MapGrid,
     Reach,
     TURN_deg,
     box_layout,
@@ -59,7 +59,7 @@ class Asked:
     """A map as asked for: the request, its grid, the formats of its files, and what the grid's tool reaches."""
 
     request: MapRequest
-    grid: MapGrid
+    grid: Layout
     formats: tuple[str, ...]
     reach: Reach
     pose_words: str
@@ -133,7 +133,7 @@ def read_map_options(given: ModelInput, kind: str, options: Mapping[str, str | N
         direction=list(direction),
         normal=normal.tolist(),
         wanted=list(wanted),
-        shares="softest" in wanted and grid.layout.n <= SHARES_UP_TO,
+        shares="softest" in wanted and grid.n <= SHARES_UP_TO,
         merit=options.get("--best-by") or "stiffness",
         block=POINTS_SEARCHED if free else POINTS_GIVEN,
         seed=seed,
@@ -160,7 +160,7 @@ def _wanted(options: Mapping[str, str | None], uncertainty: bool) -> tuple[str, 
     return tuple(short for short in SHORTS if short in named)
 
 
-def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Reach) -> MapGrid:
+def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Reach) -> Layout:
     if kind == "joints":
         return sweep_layout(robot, int(options.get("--points") or POINTS), parse_layers(robot, options.get("--layers")))
     if kind == "cylinder":

@@ -57,17 +57,23 @@ def planes_of(data: MapData, most: int = 9) -> list[Plane]:
         return []
     grid = np.arange(layout.n).reshape(layout.shape)
     if layout.kind == "slice":
-        return [_cartesian(data, layout, grid, 0, 1)]
+        return [_cartesian(layout, grid, 0, 1)]
     across = _across(layout)
-    reached = np.moveaxis(np.asarray(data.reached).reshape(layout.shape), across, 0)
-    some = np.flatnonzero(reached.reshape(len(reached), -1).any(axis=1))
+    anywhere = np.moveaxis(np.asarray(data.reached).reshape(layout.shape), across, 0)
+    some = np.flatnonzero(anywhere.reshape(len(anywhere), -1).any(axis=1))
     # Around the axis sections tend to be alike.
     most = min(most, 4) if layout.axes[across].name == "phi" else most
     if len(some) > most:
         # Not at the very ends, where hardly anything is reached.
         some = some[np.round((np.arange(most) + 0.5) / most * len(some) - 0.5).astype(int)]
     others = [i for i in range(3) if i != across]
-    return [_at(data, layout, grid, across, int(k), others) for k in some]
+    return [_at(layout, grid, across, int(k), others) for k in some]
+
+
+def layer_of(layout: Layout, k: int) -> Plane:
+    """Plane number k of a box along z; of a slice the slice itself."""
+    grid = np.arange(layout.n).reshape(layout.shape)
+    return _cartesian(layout, grid, 0, 1) if layout.kind == "slice" else _at(layout, grid, 0, k, [1, 2])
 
 
 def _across(layout: Layout) -> int:
@@ -77,12 +83,12 @@ def _across(layout: Layout) -> int:
     return min(range(3), key=lambda i: layout.shape[i])
 
 
-def _at(data: MapData, layout: Layout, grid: Indices, across: int, k: int, others: list[int]) -> Plane:
+def _at(layout: Layout, grid: Indices, across: int, k: int, others: list[int]) -> Plane:
     rows = np.take(grid, k, axis=across)
     axis = layout.axes[across]
     where = f"{axis.name} = {axis.values[k]:g} {axis.unit}".replace("-", "−")
     if layout.kind == "box":
-        return replace(_cartesian(data, layout, rows, others[0], others[1], where), at=float(axis.values[k]))
+        return replace(_cartesian(layout, rows, others[0], others[1], where), at=float(axis.values[k]))
     first, second = layout.axes[others[0]], layout.axes[others[1]]
     a, b = _thinned(first.values), _thinned(second.values)
     rows = rows[a][:, b]
@@ -110,11 +116,11 @@ def _at(data: MapData, layout: Layout, grid: Indices, across: int, k: int, other
     )
 
 
-def _cartesian(data: MapData, layout: Layout, rows: Indices, i: int, j: int, where: str | None = None) -> Plane:
+def _cartesian(layout: Layout, rows: Indices, i: int, j: int, where: str | None = None) -> Plane:
     up, right = layout.axes[i], layout.axes[j]
     if where is None:
-        (normal,) = [n for n in "xyz" if n not in (up.name, right.name)]
-        where = f"{normal} = {1e3 * float(data.points[0]['xyz'.index(normal)]):.6g} mm".replace("-", "−")
+        ((normal, held),) = layout.held.items()
+        where = f"{normal} = {held:.6g} mm".replace("-", "−")
     a, b = _thinned(up.values), _thinned(right.values)
     across, height = np.meshgrid(right.values[b], up.values[a])
     corners = np.meshgrid(edges(right.values[b], _step(up.values[a])), edges(up.values[a], _step(right.values[b])))

@@ -27,7 +27,6 @@ from surrogate.maps.blocks import Engine
 from surrogate.maps.candidates import Arm
 from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Axis, Layout
-from surrogate.maps.layouts import MapGrid
 from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, PoseRule, last_joint_is_free
 from surrogate.maps.quantities import TABLE, Quantities, Quantity, named, uncertainty
 
@@ -98,16 +97,16 @@ def model_text(given: ModelInput) -> tuple[str, str]:
     return to_toml(given.description), content_hash(given.description)
 
 
-def grid_table(grid: MapGrid) -> dict[str, Any]:
+def grid_table(grid: Layout) -> dict[str, Any]:
     """A grid as plain data."""
-    axes = [[axis.name, axis.unit, axis.values.tolist()] for axis in grid.layout.axes]
-    return {"kind": grid.layout.kind, "axes": axes, "layers": grid.layout.layers, "held": dict(grid.held)}
+    axes = [[axis.name, axis.unit, axis.values.tolist()] for axis in grid.axes]
+    return {"kind": grid.kind, "axes": axes, "layers": grid.layers, "held": dict(grid.held)}
 
 
-def grid_from(table: Mapping[str, Any]) -> MapGrid:
+def grid_from(table: Mapping[str, Any]) -> Layout:
     """Read :func:`grid_table`."""
     axes = tuple(Axis(name, unit, np.array(values)) for name, unit, values in table["axes"])
-    return MapGrid(Layout(table["kind"], axes, table["layers"]), dict(table["held"]))
+    return Layout(table["kind"], axes, table["layers"], dict(table["held"]))
 
 
 def rule_from(table: Mapping[str, Any]) -> PoseRule:
@@ -163,7 +162,7 @@ def evaluate(text: str, number: int) -> dict[str, Any]:
     try:
         asked, engine = _engine(text)
         start = number * asked.block
-        return dict(engine.block(slice(start, min(start + asked.block, engine.grid.layout.n))))
+        return dict(engine.block(slice(start, min(start + asked.block, engine.grid.n))))
     except InputError as error:
         return {REFUSED: str(error)}
 

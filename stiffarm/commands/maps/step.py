@@ -43,7 +43,7 @@ def make_map(
     engine = engine_of(request, given.description, given.model)
     # Inside the hidden stage, unless it is to outlive an interrupted run; the stage is emptied of it before the end.
     place = folder.stage / "work" if files.work is None else files.work
-    store = MapStore(place, request.key, engine.grid.layout.n, request.block, engine.columns)
+    store = MapStore(place, request.key, engine.grid.n, request.block, engine.columns)
     with folder.timed("map"):
         if files.dask is None:
             store.complete(lambda: run_blocks(engine, store, progress))
@@ -166,8 +166,8 @@ def _out_of_reach(given: ModelInput, asked: Asked) -> InputError:
     free = asked.request.pose["rule"] in ("stiffest", "softest")
     pose = "" if free else f" with {asked.pose_words.split(', best')[0]}"
     return InputError(
-        f"no point of the {asked.grid.layout.kind} can be reached{pose}",
-        value=f"{asked.grid.layout.n} points",
+        f"no point of the {asked.grid.kind} can be reached{pose}",
+        value=f"{asked.grid.n} points",
         allowed=f"within the reach of {given.robot.name}, about {asked.reach.words}",
         remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),
     )

@@ -12,10 +12,12 @@ from posture_cases import spindle
 import fem
 from machining import Objective, Task, stiffness_index, tool_path
 from machining.stiffness.distribution import Distribution, best_gamma, distribution, why_not_reached
-from machining.stiffness.grid import Grid, box_grid, grid_task, in_box, in_polygon, nearest_to, plane_grid
+from machining.stiffness.grid import grid_task, in_box, in_polygon
 from machining.sweep_parts import sweep_parts
 from robots import InputError, inverse_kinematics
 from robots.arrays import Array
+from surrogate.maps.data import Layout
+from surrogate.maps.layouts import own_points, plane_or_box
 
 NAN = np.nan
 # Points x angles; the last point is reached by none, the second not by the third angle.
@@ -25,6 +27,12 @@ VALUE = np.array([[4.0, 1.0, 6.0], [2.0, 3.0, NAN], [6.0, 2.0, 9.0], [NAN, NAN, 
 def found(quantity: str = "k_fs", value: Array = VALUE) -> Distribution:
     force = np.array([0.0, 0.0, 1.0]) if "displacement" in quantity else None
     return Distribution(Objective(quantity, force), np.radians([-30.0, 0.0, 30.0]), value)
+
+
+def box_grid(x: object, y: object, z: object, frame: Array | None = None) -> Layout:
+    """A plane or box by values in m."""
+    x, y, z = (1e3 * np.asarray(values, dtype=np.float64) for values in (x, y, z))
+    return plane_or_box(x, y, z, frame)
 
 
 def part_frame(turn: float, x: float = 1.1, y: float = 0.1, z: float = 0.6) -> Array:
@@ -40,13 +48,14 @@ def part_frame(turn: float, x: float = 1.1, y: float = 0.1, z: float = 0.6) -> A
 
 
 def test_every_value_is_the_best_branch_of_a_direct_inverse(kr60: fem.ArmModel) -> None:
-    grid, T = box_grid([-0.3, 0.0, 0.3], [-0.5, 0.0, 0.5], [0.0, 0.4]), part_frame(0.3)
+    T = part_frame(0.3)
+    grid = box_grid([-0.3, 0.0, 0.3], [-0.5, 0.0, 0.5], [0.0, 0.4], T)
     normal, axis, gamma = np.array([0.1, 0.2, 1.0]), np.array([0.0, -0.2, 1.0]), np.radians([-120.0, 10.0, 75.0])
-    made = distribution(kr60, grid_task(grid, spindle(), T, normal=normal, axis=axis), None, gamma)
+    made = distribution(kr60, grid_task(grid, spindle(), normal=normal, axis=axis), None, gamma)
     up = axis / np.linalg.norm(axis)
     # The part's x axis is across the tool axis: gamma counts from it.
     side = np.cross(up, [1.0, 0.0, 0.0])
-    for i, p in enumerate(grid.points):
+    for i, p in enumerate(own_points(grid)):
         for j, g in enumerate(gamma):
             x = np.cos(g) * np.array([1.0, 0.0, 0.0]) + np.sin(g) * side
             target = np.eye(4)
@@ -66,10 +75,9 @@ def test_every_value_is_the_best_branch_of_a_direct_inverse(kr60: fem.ArmModel) 
 
 def test_turning_the_part_about_axis_1_changes_nothing(kr60: fem.ArmModel) -> None:
     """Axis 1 of this arm turns through more than a whole turn, and stands along base z."""
-    grid, gamma = box_grid([-0.2, 0.2], [-0.2, 0.0, 0.2], 0.0), np.radians([-60.0, 0.0, 60.0])
-    one, other = (
-        distribution(kr60, grid_task(grid, spindle(), part_frame(turn)), None, gamma).value for turn in (0.0, 2.0)
-    )
+    gamma = np.radians([-60.0, 0.0, 60.0])
+    grids = [box_grid([-0.2, 0.2], [-0.2, 0.0, 0.2], 0.0, part_frame(turn)) for turn in (0.0, 2.0)]
+    one, other = (distribution(kr60, grid_task(grid, spindle()), None, gamma).value for grid in grids)
     np.testing.assert_allclose(one, other, rtol=1e-9)
     assert np.isfinite(one).any()
 
@@ -224,29 +232,14 @@ def test_regions_that_do_not_fit_are_refused(bad: NDArray[Any]) -> None:
 # --- grids and regions ------------------------------------------------------------------------------------------
 
 
-def test_points_of_a_box_and_of_a_plane() -> None:
-    box = box_grid([0.0, 0.1], 0.5, [1.0, 1.2, 1.4])
-    assert box.counts == (2, 3)
-    expected = [[x, 0.5, z] for x in (0.0, 0.1) for z in (1.0, 1.2, 1.4)]
-    np.testing.assert_allclose(box.points, expected)
-    plane = plane_grid([0.0, 0.5, 1.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.1, 0.2], (2, 3))
-    np.testing.assert_allclose(plane.points, expected)
-    np.testing.assert_allclose(plane.numbers_of(expected), [[i, j] for i in (0, 1) for j in (0, 1, 2)], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: box_grid([0.0, 0.1, 0.3], [0.0, 1.0], 0.0), "x of the grid"),
+        (lambda: box_grid([0.0, 0.1, 0.3], [0.0, 1.0], 0.0), "values of x"),
         (lambda: box_grid([0.1, 0.0], [0.0, 1.0], 0.0), "ascending"),
         (lambda: box_grid([0.0, 0.1], 0.0, 0.0), "at least two"),
         (lambda: box_grid([0.0, np.nan], [0.0, 1.0], 0.0), "finite"),
-        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [1.0, 1.0, 0], 0.1, (2, 2)), "perpendicular"),
-        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 0, 0], 0.1, (2, 2)), "length"),
-        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 1, 0], 0.1, (2, 1)), "2 or more"),
-        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 1, 0], 0.1, (2000, 2000)), "2000000 in all"),
-        (lambda: plane_grid(np.zeros(3), [1.0, 0, 0], [0.0, 1, 0], 1e-9, (2, 2)), "step"),
-        (lambda: Grid(np.zeros(2), np.eye(3)[:2], (2, 2)), "origin"),
+        (lambda: grid_task(box_grid(np.arange(2000.0), np.arange(2000.0), 0.0), spindle()), "2000000 in all"),
     ],
 )
 def test_grids_that_make_no_sense_are_refused(make: Any, words: str) -> None:
@@ -260,7 +253,7 @@ SQUARE = box_grid(np.linspace(0.0, 1.0, 11), np.linspace(0.0, 1.0, 11), [0.2, 0.
 def test_a_box_takes_its_rim_in() -> None:
     inside = in_box(SQUARE, [0.3, -np.inf, 0.4], [0.7, 0.1, 0.4])
     expected = {(x, y, 4) for x in (3, 4, 5, 6, 7) for y in (0, 1)}
-    assert {tuple(p) for p in np.round(10 * SQUARE.points[inside]).astype(int).tolist()} == expected
+    assert {tuple(p) for p in np.round(10 * own_points(SQUARE)[inside]).astype(int).tolist()} == expected
     with pytest.raises(InputError, match="no point of the grid inside"):
         in_box(SQUARE, [0.31, 0.0, 0.0], [0.39, 1.0, 1.0])
     with pytest.raises(InputError, match="box"):
@@ -269,9 +262,8 @@ def test_a_box_takes_its_rim_in() -> None:
 
 def test_a_polygon_with_a_notch_goes_through_all_layers() -> None:
     """An L: what its notch cuts out is outside, its rim and inner corner are in; either way round."""
-    corners = np.array([[0, 0], [8, 0], [8, 3], [3, 3], [3, 8], [0, 8]]) / 10.0
-    corners = np.column_stack([corners, np.zeros(6)])
-    p = np.round(10.0 * SQUARE.points).astype(int)
+    corners = np.array([[0, 0], [8, 0], [8, 3], [3, 3], [3, 8], [0, 8]]) * 100.0
+    p = np.round(10.0 * own_points(SQUARE)).astype(int)
     expected = (p[:, 0] <= 8) & (p[:, 1] <= 8) & ((p[:, 0] <= 3) | (p[:, 1] <= 3))
     np.testing.assert_array_equal(in_polygon(SQUARE, corners), expected)
     np.testing.assert_array_equal(in_polygon(SQUARE, corners[::-1]), expected)
@@ -280,19 +272,12 @@ def test_a_polygon_with_a_notch_goes_through_all_layers() -> None:
 def test_a_polygon_against_half_planes(rng: np.random.Generator) -> None:
     for _ in range(20):
         a, b, c = rng.uniform(-0.2, 1.2, (3, 2))
-        x, y = SQUARE.points[:, :2].T
+        x, y = own_points(SQUARE)[:, :2].T
         sides = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((a, b), (b, c), (c, a))]
         expected = np.all(np.array(sides) > 0, axis=0) | np.all(np.array(sides) < 0, axis=0)
-        corners = np.column_stack([[a, b, c], rng.uniform(size=3)])
+        corners = 1e3 * np.array([a, b, c])
         if expected.any():
             np.testing.assert_array_equal(in_polygon(SQUARE, corners), expected)
         else:
             with pytest.raises(InputError, match="polygon"):
                 in_polygon(SQUARE, corners)
-
-
-def test_points_take_the_nearest_grid_points() -> None:
-    inside = nearest_to(SQUARE, [[0.12, 0.04, 0.2], [0.1, 0.0, 0.22], [1.0, 1.0, 0.4]])
-    np.testing.assert_allclose(SQUARE.points[inside], [[0.1, 0.0, 0.2], [1.0, 1.0, 0.4]], atol=1e-12)
-    with pytest.raises(InputError, match="workpiece point 1"):
-        nearest_to(SQUARE, [[0.1, 0.1, 0.2], [1.4, 0.0, 0.2]])

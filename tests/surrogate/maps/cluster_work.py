@@ -25,7 +25,7 @@ def slowly(request: str, number: int) -> dict[str, Any]:
     """A block of the map; ``request`` is how long it takes, s."""
     time.sleep(float(request))
     one = made()
-    return dict(one.block(slice(number * SIZE, min((number + 1) * SIZE, one.grid.layout.n))))
+    return dict(one.block(slice(number * SIZE, min((number + 1) * SIZE, one.grid.n))))
 
 
 def refusing(request: str, number: int) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from robots.arrays import Array
 from robots.library.models import parse_description
 from surrogate.maps.blocks import Engine
 from surrogate.maps.candidates import Arm
-from surrogate.maps.layouts import MapGrid
+from surrogate.maps.data import Layout
 from surrogate.maps.poses import PoseRule, last_joint_is_free
 from surrogate.maps.quantities import TABLE, Quantities, named
 
@@ -56,7 +56,7 @@ def one_spring(k: float) -> fem.ArmModel:
 
 def engine(
     model: fem.ArmModel,
-    grid: MapGrid,
+    grid: Layout,
     rule: PoseRule | None = None,
     *,
     wanted: tuple[str, ...] = ("stiffness",),

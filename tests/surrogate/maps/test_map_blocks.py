@@ -36,13 +36,13 @@ def plane() -> Engine:
 
 
 def store_of(made: Engine, folder: Path, size: int, key: str = "k") -> MapStore:
-    return MapStore(folder, key, made.grid.layout.n, size, made.columns)
+    return MapStore(folder, key, made.grid.n, size, made.columns)
 
 
 @pytest.mark.parametrize("made", [sweep(), plane()], ids=["joints", "slice"])
 def test_blocks_of_any_size_in_any_order_make_the_same_map(made: Engine, tmp_path: Path) -> None:
-    whole = made.block(slice(0, made.grid.layout.n))
-    assert 0 < np.count_nonzero(whole["reached"]) <= made.grid.layout.n
+    whole = made.block(slice(0, made.grid.n))
+    assert 0 < np.count_nonzero(whole["reached"]) <= made.grid.n
     for size in (7, 1000):
         store = store_of(made, tmp_path / str(size), size)
         for number in reversed(store.missing()):
@@ -94,7 +94,7 @@ def test_an_interrupted_map_goes_on_where_it_was(tmp_path: Path) -> None:
     run_blocks(made, second)
     third = store_of(made, tmp_path / "work", 11)
     assert third.missing() == []
-    whole = made.block(slice(0, made.grid.layout.n))
+    whole = made.block(slice(0, made.grid.n))
     for name, values in third.finished().items():
         np.testing.assert_allclose(values, whole[name], rtol=1e-11, atol=1e-14, err_msg=name)
 
@@ -218,7 +218,7 @@ from surrogate.maps.layouts import joint_layout
 from surrogate.maps.store import MapStore
 robot = kr60().robot
 made = engine(kr60(), joint_layout(robot, robot.coordinates[1:4], int(sys.argv[1])), wanted=("stiffness", "worst"))
-run_blocks(made, MapStore(Path(sys.argv[2]), "k", made.grid.layout.n, made.points_a_block, made.columns))
+run_blocks(made, MapStore(Path(sys.argv[2]), "k", made.grid.n, made.points_a_block, made.columns))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 

@@ -41,7 +41,7 @@ def workers() -> Iterator[Any]:
 
 def store_in(folder: Path) -> MapStore:
     made = cluster_work.made()
-    return MapStore(folder, "k", made.grid.layout.n, SIZE, made.columns)
+    return MapStore(folder, "k", made.grid.n, SIZE, made.columns)
 
 
 def same(one: MapStore, other: MapStore) -> bool:

@@ -24,7 +24,7 @@ ALL = slice(None)
 
 def test_a_box_runs_along_x_fastest() -> None:
     grid = box_layout([0.0, 10.0, 20.0], [5.0], [1.0, 2.0])
-    assert [axis.name for axis in grid.layout.axes] == ["z", "y", "x"]
+    assert [axis.name for axis in grid.axes] == ["z", "y", "x"]
     wanted = [[x, 5.0, z] for z in (1.0, 2.0) for x in (0.0, 10.0, 20.0)]
     np.testing.assert_allclose(points_of(grid, ALL), 1e-3 * np.array(wanted), atol=1e-15)
 
@@ -49,7 +49,7 @@ def test_a_cylinder_is_about_the_z_axis() -> None:
 
 def test_rows_are_worked_out_alone() -> None:
     grid = box_layout(range_for(-1000, 1000, 7), range_for(-1000, 1000, 11), range_for(0, 2000, 13))
-    assert grid.layout.n > 1_000_000
+    assert grid.n > 1_000_000
     rows = slice(777_777, 777_787)
     np.testing.assert_array_equal(points_of(grid, rows), points_of(grid, slice(700_000, 800_000))[77_777:77_787])
 
@@ -58,7 +58,7 @@ def test_joint_sweeps_have_their_layers_first_and_the_other_joints_at_zero() -> 
     robot = kr60().robot
     names = robot.coordinates
     grid = joint_layout(robot, names[1:3], 3, {names[3]: [-90.0, 0.0]})
-    assert (grid.layout.layers, grid.layout.shape) == (1, (2, 3, 3))
+    assert (grid.layers, grid.shape) == (1, (2, 3, 3))
     q = poses_of(grid, robot, ALL)
     assert (q[:, [0, 4, 5]] == 0.0).all()
     np.testing.assert_allclose(np.degrees(q[:9, 3]), -90.0)

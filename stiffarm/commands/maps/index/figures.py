@@ -15,10 +15,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from machining.stiffness.distribution import Distribution, GammaChoice
-from machining.stiffness.grid import Grid
 from machining.stiffness.units import Shown, shown
 from robots import InputError
 from robots.arrays import Array, Bools
+from stiffarm.commands.maps.planes import Plane
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, colour_scale, house_style, new_figure
 
@@ -64,57 +64,29 @@ def value_bar(
     bar.set_label(what.label + (", log scale" if isinstance(norm, LogNorm) else ""))
 
 
-def axis_of(grid: Grid, k: int) -> tuple[str, Array]:
-    """Label and values (mm) of an axis of a grid; along no axis of the part: counted from the grid's origin."""
-    step = grid.steps[k]
-    along = np.flatnonzero(np.abs(step) > 1e-9 * np.linalg.norm(step))
-    if len(along) == 1:
-        i = int(along[0])
-        return f"{'xyz'[i]} (mm)", 1e3 * (grid.origin[i] + step[i] * np.arange(grid.counts[k]))
-    return f"along direction {k + 1} (mm)", 1e3 * np.linalg.norm(step) * np.arange(grid.counts[k])
-
-
-def where_is(grid: Grid, layer: int | None = None) -> str:
-    """The plane that is drawn, in words: ``z = 486 mm``."""
-    if len(grid.counts) == 3 and layer is not None:
-        label, values = axis_of(grid, 2)
-        return f"{label.removesuffix(' (mm)')} = {values[layer]:g} mm"
-    normal = np.cross(grid.steps[0], grid.steps[1])
-    flat = np.flatnonzero(np.abs(normal) > 1e-9 * np.linalg.norm(normal))
-    if len(flat) == 1:
-        return f"{'xyz'[int(flat[0])]} = {1e3 * grid.origin[flat[0]]:g} mm"
-    return "plane at an angle to the part's axes"
-
-
 def draw_index_maps(
-    grid: Grid,
-    found: Distribution,
-    columns: Sequence[int],
-    *,
-    title: str,
-    layer: int | None = None,
-    inside: Bools | None = None,
+    plane: Plane, found: Distribution, columns: Sequence[int], *, title: str, inside: Bools | None = None
 ) -> Figure:
     """Maps at some gamma on one scale of colours, then the best value at each point, and the gamma it has.
 
     Parameters
     ----------
+    plane : of the map that the distribution is of
     columns : which of the distribution's gamma
-    layer : of a grid in space, number along its third axis; default the middle one
     inside : (n,) region to outline: the workpiece
 
     Raises
     ------
     InputError
-        More panels than fit, a layer that is not there, a grid of other points, or nothing reached.
+        More panels than fit, a plane of other points, or nothing reached.
     """
-    if len(found.value) != grid.n:
-        raise InputError("map", value=f"{len(found.value)} values", allowed=f"{grid.n}, one a point of the grid")
+    if plane.rows.max() >= len(found.value):
+        raise InputError("map", value=f"{len(found.value)} values", allowed="one a point of the grid")
     if len(columns) + 2 > MOST_PANELS:
         raise InputError("maps in one figure", value=len(columns), allowed=f"{MOST_PANELS - 2} at most")
     what, minimised = shown(found.objective.quantity), found.objective.minimised
     best = found.best_at_points()
-    rows = _layer(grid, layer)
+    rows = plane.rows
     values = what.factor * np.column_stack([found.value[:, list(columns)], best.value])[rows]
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -125,14 +97,14 @@ def draw_index_maps(
         names = [f"gamma = {np.degrees(found.gamma[c]):.4g} deg" for c in columns] + ["best of each point"]
         # With one angle there is nothing to choose.
         single = len(found.gamma) == 1
-        names, values = (names[:1], values[:, :1]) if single else (names, values)
-        figure, axes = _panels(grid, len(names) + (not single))
-        for ax, name, v in zip(axes, names, values.T, strict=False):
-            _panel(ax, grid, v, outline, norm=norm, cmap=stiffness_colours(minimised))
+        names, values = (names[:1], values[..., :1]) if single else (names, values)
+        figure, axes = _panels(plane, len(names) + (not single))
+        for k, (ax, name) in enumerate(zip(axes, names, strict=False)):
+            _panel(ax, plane, values[..., k], outline, norm=norm, cmap=stiffness_colours(minimised))
             ax.set_title(name)
         value_bar(figure, axes, norm, ticks, (what, minimised), finite)
         if not single:
-            _angles(figure, axes, grid, np.degrees(best.gamma[rows]), outline)
+            _angles(figure, axes, plane, np.degrees(best.gamma[rows]), outline)
         handles: list[Any] = []
         if not found.reached[rows].all():
             handles.append(
@@ -142,8 +114,7 @@ def draw_index_maps(
             handles.append(Line2D([], [], color=INK, linewidth=1.4, label="workpiece"))
         if handles:
             figure.legend(handles=handles, loc="outside lower left", ncols=2)
-        middle = (grid.counts[2] // 2 if layer is None else layer) if len(grid.counts) == 3 else None
-        figure_title(figure, f"{title}, {where_is(grid, middle)}")
+        figure_title(figure, f"{title}, {plane.where}")
     return figure
 
 
@@ -192,20 +163,10 @@ def angle_ticks(degrees: Array) -> Array:
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step
 
 
-def _layer(grid: Grid, layer: int | None) -> Any:
-    """Rows of the points of a layer, in the order of the plane's points."""
-    if len(grid.counts) == 2:
-        return np.arange(grid.n)
-    number = grid.counts[2] // 2 if layer is None else layer
-    if not 0 <= number < grid.counts[2]:
-        raise InputError("layer of the grid", value=number, allowed=f"0 to {grid.counts[2] - 1}")
-    return np.arange(grid.n).reshape(grid.counts)[:, :, number].ravel()
-
-
-def _panels(grid: Grid, count: int) -> tuple[Figure, list[Axes]]:
+def _panels(plane: Plane, count: int) -> tuple[Figure, list[Axes]]:
     rows = -(-count // COLUMNS)
     columns = -(-count // rows)
-    across, up = (np.linalg.norm(grid.steps[k]) * grid.counts[k] for k in (0, 1))
+    across, up = (float(np.ptp(corners)) for corners in plane.corners)
     # Long or high planes: bounded, so that the labels have their room.
     width = float(np.clip(4.5 * across / up, 1.7, 3.1))
     height = float(np.clip(width * up / across, 1.2, 4.5)) + 0.6
@@ -219,26 +180,26 @@ def _panels(grid: Grid, count: int) -> tuple[Figure, list[Axes]]:
         ax.label_outer()
         if k + columns >= count:
             ax.xaxis.set_tick_params(labelbottom=True)
-            ax.set_xlabel(axis_of(grid, 0)[0])
+            ax.set_xlabel(plane.labels[0])
         if k % columns == 0:
-            ax.set_ylabel(axis_of(grid, 1)[0])
+            ax.set_ylabel(plane.labels[1])
     return figure, axes[:count]
 
 
-def _panel(ax: Axes, grid: Grid, values: Array, outline: Bools | None, **look: Any) -> Any:
-    x, y = axis_of(grid, 0)[1], axis_of(grid, 1)[1]
+def _panel(ax: Axes, plane: Plane, values: Array, outline: Bools | None, **look: Any) -> Any:
     ax.set_aspect("equal")
     ax.grid(visible=False)
     ax.set_facecolor(NOTHING)
     ax.patch.set(hatch=HATCH, edgecolor=HATCH_INK)
-    shape = grid.counts[:2]
-    image = ax.pcolormesh(x, y, values.reshape(shape).T, shading="nearest", rasterized=True, **look)
+    image = ax.pcolormesh(*plane.corners, values, rasterized=True, **look)
     if outline is not None:
         # Around the cells, not through the points.
-        padded = np.pad(outline.reshape(shape).astype(np.float64), 1)
+        padded = np.pad(outline.astype(np.float64), 1)
         fine = np.repeat(np.repeat(padded, 2, axis=0), 2, axis=1)
-        ax.contour(_edges(x), _edges(y), fine.T, levels=[0.5], colors=INK, linewidths=1.4)
-    ax.set(xlim=_ends(x), ylim=_ends(y))
+        x, y = plane.centres[0][0], plane.centres[1][:, 0]
+        ax.contour(_edges(x), _edges(y), fine, levels=[0.5], colors=INK, linewidths=1.4)
+    x, y = plane.corners
+    ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
     return image
 
 
@@ -249,18 +210,13 @@ def _edges(centres: Array) -> Array:
     return np.sort(np.concatenate([outer - 0.999 * half, outer + 0.999 * half]))
 
 
-def _ends(centres: Array) -> tuple[float, float]:
-    half = 0.5 * (centres[1] - centres[0])
-    return float(centres[0] - half), float(centres[-1] + half)
-
-
-def _angles(figure: Figure, axes: Sequence[Axes], grid: Grid, degrees: Array, outline: Bools | None) -> None:
+def _angles(figure: Figure, axes: Sequence[Axes], plane: Plane, degrees: Array, outline: Bools | None) -> None:
     """Best gamma in the last of the axes; its bar stands beside all, so that the panels stay alike."""
     ax = axes[-1]
     known = degrees[np.isfinite(degrees)]
     low = 0.0 if known.min() >= 0.0 and known.max() > 180.0 else -180.0
     norm = Normalize(low, low + 360.0)
-    image = _panel(ax, grid, degrees, outline, norm=norm, cmap=mpl.colormaps[ANGLE_COLOURS])
+    image = _panel(ax, plane, degrees, outline, norm=norm, cmap=mpl.colormaps[ANGLE_COLOURS])
     bar = figure.colorbar(image, ax=axes, ticks=low + np.arange(0.0, 361.0, 45.0), pad=0.02, aspect=30)
     bar.set_label("best gamma (deg)")
     ax.set_title("its gamma")

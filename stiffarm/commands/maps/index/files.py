@@ -9,14 +9,15 @@ from typing import Any, Final
 import numpy as np
 
 from machining.stiffness.distribution import Distribution, GammaChoice, Statistics
-from machining.stiffness.grid import Grid
 from machining.stiffness.units import Shown, shown
 from robots.arrays import Array, Bools
 from robots.constants import M_TO_MM
 from robots.files.csv_text import columns_text
+from stiffarm.commands.maps.planes import layer_of
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from surrogate.maps.data import Axis, Field, Layout, MapData
+from surrogate.maps.data import Field, Layout, MapData
+from surrogate.maps.layouts import points_of
 from surrogate.maps.vtk_stream import write_vtu
 
 # Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.
@@ -31,17 +32,16 @@ class IndexMap:
 
     ``inside`` (n,): points of the workpiece, None: all. ``choice``: the best gamma for it, None where none reaches all
     of it (``why_no_choice``). ``drawn``: columns of the distribution's gamma for pictures and .vtu. ``metadata``: what
-    the map is of, words by name. ``T_base_part`` (4, 4): where the grid stands, m.
+    the map is of, words by name.
     """
 
-    grid: Grid
+    grid: Layout
     found: Distribution
     inside: Bools | None
     choice: GammaChoice | None
     why_no_choice: str | None
     drawn: tuple[int, ...]
     metadata: Mapping[str, str]
-    T_base_part: Array
 
     @property
     def shown(self) -> Shown:
@@ -51,7 +51,7 @@ class IndexMap:
     @property
     def points(self) -> Array:
         """Points (n, 3) m of the grid in the base frame."""
-        return np.asarray(self.grid.points @ self.T_base_part[:3, :3].T + self.T_base_part[:3, 3])
+        return points_of(self.grid)
 
 
 def drawn_columns(gamma: Array, choice: GammaChoice | None) -> tuple[int, ...]:
@@ -92,7 +92,7 @@ def payload(made: IndexMap) -> dict[str, Any]:
         "quantity": what.quantity,
         "unit": what.unit or "1",
         "points": made.grid.n,
-        "counts": list(made.grid.counts),
+        "counts": list(made.grid.shape[::-1]),
         "points_reached": int(found.reached.any(axis=1).sum()),
         "points_every_gamma_reaches": int(found.common.sum()),
         "all_solutions_found": found.sure,
@@ -193,10 +193,8 @@ def map_data(made: IndexMap) -> MapData:
         "share_of_gamma": Field(found.reached.mean(axis=1), "", "share of the angles gamma that reach the point"),
         "workpiece": Field(inside, "", "point of the workpiece"),
     }
-    axes = tuple(Axis(f"axis_{k}", "mm", np.arange(count, dtype=np.float64)) for k, count in enumerate(grid.counts))
-    layout = Layout("box" if len(axes) == 3 else "slice", axes)
     every, none = np.ones(grid.n, dtype=np.bool_), np.zeros((grid.n, 0))
-    return MapData(layout, made.points, none, every, (), fields, metadata=made.metadata)
+    return MapData(grid, made.points, none, every, (), fields, metadata=made.metadata)
 
 
 def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
@@ -204,9 +202,8 @@ def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
     from stiffarm.pages.style import save_png
 
     name = f"{made.shown.quantity} of the {made.metadata['robot']}"
-    maps = draw_index_maps(
-        made.grid, made.found, made.drawn, title=name, layer=_busiest_layer(made), inside=made.inside
-    )
+    plane = layer_of(made.grid, _busiest_layer(made))
+    maps = draw_index_maps(plane, made.found, made.drawn, title=name, inside=made.inside)
     save_png(maps, folder.path("index_map.png"))
     if len(made.found.gamma) == 1:
         return ["index_map.png"]
@@ -217,11 +214,11 @@ def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
     return ["index_map.png", "gamma_statistics.png"]
 
 
-def _busiest_layer(made: IndexMap) -> int | None:
+def _busiest_layer(made: IndexMap) -> int:
     """Of a box the layer with most points reached, of several the one nearest to the middle."""
-    if len(made.grid.counts) == 2:
-        return None
-    reached = made.found.reached.any(axis=1).reshape(made.grid.counts).sum(axis=(0, 1))
-    middle = made.grid.counts[2] // 2
+    if made.grid.kind == "slice":
+        return 0
+    count = made.grid.shape[0]
+    reached = made.found.reached.any(axis=1).reshape(count, -1).sum(axis=1)
     layers = np.flatnonzero(reached == reached.max())
-    return int(layers[np.abs(layers - middle).argmin()])
+    return int(layers[np.abs(layers - count // 2).argmin()])

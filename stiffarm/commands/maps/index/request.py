@@ -11,7 +11,7 @@ import numpy as np
 
 from machining import INDICES, GammaRange, Objective
 from machining.stiffness.distribution import best_gamma, distribution, why_not_reached
-from machining.stiffness.grid import Grid, box_grid, grid_task, in_box, in_polygon
+from machining.stiffness.grid import grid_task, in_box, in_polygon
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError, content_hash
 from robots.arrays import Array, Bools
@@ -20,6 +20,8 @@ from stiffarm.commands.maps.index.files import IndexMap, drawn_columns
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import frame_words, parse_frame, parse_vector, tool_of
 from stiffarm.session.task_options import parse_gammas
+from surrogate.maps.data import Layout
+from surrogate.maps.layouts import plane_or_box
 
 GAMMA = "-180:180:5"
 # Share of a step by which a range may miss a whole number of steps: rounding of decimals.
@@ -36,8 +38,7 @@ class IndexRequest:
     grid; ``drawn``: columns of gamma for pictures, None: chosen later; ``tool``: as typed, None: the model's.
     """
 
-    grid: Grid
-    T_base_part: Array
+    grid: Layout
     tool: str | None
     normal: Array
     axis: Array
@@ -62,14 +63,13 @@ def read_request(options: Mapping[str, str | None]) -> IndexRequest:
     # A whole map's aim is what the best gamma is chosen by.
     force, part = options["--force"], options["--part"]
     vector = None if force is None else parse_vector(force, "--force", "N in base axes")
-    grid = _grid(options)
+    grid = _grid(options, np.eye(4) if part is None else parse_frame(part, "--part"))
     normal = parse_vector(options["--normal"] or "0,0,1", "--normal", "a direction in base axes")
     axis = options["--tool-axis"]
     gamma = _gamma(options["--gamma"] or GAMMA)
     region = options["--workpiece"]
     return IndexRequest(
         grid=grid,
-        T_base_part=np.eye(4) if part is None else parse_frame(part, "--part"),
         tool=options["--tool"],
         normal=normal,
         axis=normal if axis is None else parse_vector(axis, "--tool-axis", "a direction in base axes"),
@@ -92,8 +92,10 @@ def map_of(
         No point of the grid, or of the workpiece, can be reached at any gamma; else as
         :func:`machining.stiffness.distribution.distribution`.
     """
-    tool, R = tool_of(given.robot, asked.tool), asked.T_base_part[:3, :3]
-    task = grid_task(asked.grid, tool, asked.T_base_part, normal=asked.normal @ R, axis=asked.axis @ R)
+    tool, T_base_part = tool_of(given.robot, asked.tool), asked.grid.frame
+    assert T_base_part is not None  # noqa: S101 - read_request gives it
+    R = T_base_part[:3, :3]
+    task = grid_task(asked.grid, tool, normal=asked.normal @ R, axis=asked.axis @ R)
     found = distribution(given.model, task, asked.objective, asked.gamma, generator=generator, progress=progress)
     for inside, what in ((None, "grid"), (asked.inside, "workpiece")):
         if not (found.reached if inside is None else found.reached[inside]).any():
@@ -114,7 +116,7 @@ def map_of(
         "links": given.model.link_kind,
         "load_path": given.model.load_path,
         "tool_on_flange": frame_words(tool),
-        "part_in_base": frame_words(asked.T_base_part),
+        "part_in_base": frame_words(T_base_part),
         "normal": _words(asked.normal),
         "tool_axis": _words(asked.axis),
         "gamma_counts_from": _words(R @ np.asarray(task.reference)),
@@ -122,7 +124,7 @@ def map_of(
         "not_looked_at": "collisions; the way from point to point",
     }
     drawn = asked.drawn or drawn_columns(asked.gamma, choice)
-    return IndexMap(asked.grid, found, asked.inside, choice, why, drawn, metadata, asked.T_base_part)
+    return IndexMap(asked.grid, found, asked.inside, choice, why, drawn, metadata)
 
 
 def parse_values(text: str, option: str) -> Array:
@@ -150,14 +152,14 @@ def parse_values(text: str, option: str) -> Array:
     return np.linspace(low, high, round(count) + 1) * 1e-3
 
 
-def parse_workpiece(grid: Grid, text: str) -> Bools:
+def parse_workpiece(grid: Layout, text: str) -> Bools:
     """Points (n,) of a grid in ``x=-100:100,y=800:1000``, or within corners ``-100,800;100,800;0,1000``, mm.
 
     The corners lie along the grid's first two axes. Errors as :func:`machining.stiffness.grid.in_box` and
     :func:`machining.stiffness.grid.in_polygon`, and what cannot be read.
     """
     if ";" in text:
-        return in_polygon(grid, _corners(grid, text))
+        return in_polygon(grid, _corners(text))
     lower, upper = np.full(3, -np.inf), np.full(3, np.inf)
     for item in text.split(","):
         name, _, ends = (part.strip() for part in item.partition("="))
@@ -176,26 +178,19 @@ def parse_workpiece(grid: Grid, text: str) -> Bools:
     return in_box(grid, lower, upper)
 
 
-def _corners(grid: Grid, text: str) -> Array:
+def _corners(text: str) -> Array:
     try:
-        pairs = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")]) * 1e-3
+        pairs = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")])
     except ValueError:
         pairs = np.empty((0, 0))
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.isfinite(pairs).all():
         raise InputError("--workpiece", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more")
-    unit = grid.steps[:2] / np.linalg.norm(grid.steps[:2], axis=1, keepdims=True)
-    return np.asarray(pairs @ unit)
+    return pairs
 
 
-def _grid(options: Mapping[str, str | None]) -> Grid:
-    missing = [name for name in ("--x", "--y", "--z") if options[name] is None]
-    if missing:
-        raise InputError(
-            f"map of an index without {', '.join(missing)}",
-            allowed="--x, --y and --z in mm: ranges FROM:TO:STEP, one of them may be a single number",
-            remedy="give all three, as in --x -600:600:25 --y 600:1400:25 --z 486",
-        )
-    return box_grid(*(parse_values(options[name] or "", name) for name in ("--x", "--y", "--z")))
+def _grid(options: Mapping[str, str | None], T_base_part: Array) -> Layout:
+    x, y, z = (parse_values(options[name] or "", name) for name in ("--x", "--y", "--z"))
+    return plane_or_box(1e3 * x, 1e3 * y, 1e3 * z, T_base_part)
 
 
 def _gamma(text: str) -> Array:

@@ -82,7 +82,7 @@ def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[
             "with the horizontal distance of the tool from the base's axis.",
         ),
     ]
-    if f.best.staged is not None:
+    if f.best.found.studies:
         blocks.append(
             Note("The springs of this model depend on joint angles; far from the measured poses that is extrapolation.")
         )

@@ -55,9 +55,9 @@ def _key_figures(f: Findings) -> list[KeyFigure]:
         ),
         KeyFigure(
             f"{f.best.rms_mm:.3f} mm",
-            f"RMS of the recommended model ({f.best.name} springs) on {len(f.best.system)} readings",
+            f"RMS of the recommended model ({f.best.name} springs) on {len(f.best.found.overall)} readings",
         ),
-        KeyFigure(f"{f.best.left_out.rms_mm:.3f} mm", "RMS when it predicts poses it has not seen"),
+        KeyFigure(f"{f.best.left_out_rms_mm:.3f} mm", "RMS when it predicts poses it has not seen"),
         KeyFigure(
             percent(error.max_relative),
             f"worst held-out error of the surrogate ({percent(error.rms_relative)} RMS)",

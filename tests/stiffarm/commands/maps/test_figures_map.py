@@ -45,7 +45,8 @@ def points_of(layout: Layout, fixed: dict[str, float]) -> Array:
 
 def make(kind: LayoutKind, axes: tuple[Axis, ...], **fixed: float) -> MapData:
     """A map whose stiffness falls with the distance from (1, 0, 0.8) m, within 0.9 m of it."""
-    layout = Layout(kind, axes)
+    third = [name for name in "xyz" if name not in {one.name for one in axes}] if kind == "slice" else []
+    layout = Layout(kind, axes, held={name: fixed.get(name, 0.0) for name in third})
     points = points_of(layout, fixed)
     distance = np.linalg.norm(points - [1.0, 0.0, 0.8], axis=1)
     reached = distance <= 0.9

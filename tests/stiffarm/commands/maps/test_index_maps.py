@@ -18,10 +18,11 @@ import fem
 import robots
 from machining import Objective
 from machining.stiffness.distribution import best_gamma, distribution
-from machining.stiffness.grid import box_grid, grid_task, in_box
+from machining.stiffness.grid import grid_task, in_box
 from robots import InputError
 from stiffarm.commands.maps.index.request import parse_values, parse_workpiece, read_request
 from stiffarm.session.parsing import parse_frame
+from surrogate.maps.layouts import own_points, plane_or_box
 
 GRID = ("--x", "-300:600:150", "--y", "600:1200:150", "--z", "486")
 TOOL = ("--tool", "200,0,80,0,90,0")
@@ -58,17 +59,17 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
 def test_all_figures_are_those_of_the_library(made: tuple[Path, Any]) -> None:
     out, content = made
     model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
-    grid = box_grid(np.arange(-0.3, 0.61, 0.15), np.arange(0.6, 1.21, 0.15), 0.486)
     tool, part = parse_frame("200,0,80,0,90,0", "--tool"), parse_frame("0,0,100,0,0,10", "--part")
+    grid = plane_or_box(np.arange(-300.0, 610.0, 150.0), np.arange(600.0, 1210.0, 150.0), 486.0, part)
     # The part is turned about base z: its normal is base z.
     gamma = np.radians(np.arange(-180.0, 180.0, 60.0))
-    found = distribution(model, grid_task(grid, tool, part), Objective(), gamma)
+    found = distribution(model, grid_task(grid, tool), Objective(), gamma)
     table = pd.read_csv(out / "index_map.csv")
     values = table.filter(regex="^k_fs_N_per_mm_gamma").to_numpy()
     # Nine digits are written.
     np.testing.assert_allclose(values, 1e-3 * found.value, rtol=1e-8)
     np.testing.assert_allclose(table["best_k_fs_N_per_mm"], 1e-3 * found.best_at_points().value, rtol=1e-8)
-    places = grid.points @ part[:3, :3].T + part[:3, 3]
+    places = own_points(grid) @ part[:3, :3].T + part[:3, 3]
     np.testing.assert_allclose(table[["x_mm", "y_mm", "z_mm"]], 1e3 * places, atol=1e-5)
     statistics = pd.read_csv(out / "gamma_statistics.csv")
     np.testing.assert_allclose(statistics["gamma_deg"], np.arange(-180.0, 180.0, 60.0))
@@ -233,7 +234,7 @@ def test_values_of_an_axis() -> None:
 
 
 def test_a_workpiece_by_box_and_by_corners() -> None:
-    grid = box_grid([0.0, 0.1, 0.2], 0.5, [0.0, 0.1, 0.2])
+    grid = plane_or_box([0.0, 100.0, 200.0], 500.0, [0.0, 100.0, 200.0])
     box = parse_workpiece(grid, "x=0:100, z=100:200")
     # Corners lie along x and z, the grid's two axes.
     np.testing.assert_array_equal(box, parse_workpiece(grid, "0,100;100,100;100,200;0,200"))

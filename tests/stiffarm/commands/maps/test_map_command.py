@@ -147,11 +147,11 @@ def test_boxes_and_cylinders_of_a_default_size_hold_the_reach(cli: Command, tmp_
     given = read_model("kr60-3", "rigid", None)
     for kind in ("box", "cylinder", "slice"):
         asked = read_map_options(given, kind, {})
-        axes = {axis.name: axis.values for axis in asked.grid.layout.axes}
+        axes = {axis.name: axis.values for axis in asked.grid.axes}
         assert axes["z"][0] <= 1e3 * asked.reach.lower[2]
         assert axes["z"][-1] >= 1e3 * asked.reach.upper[2]
         assert max(len(v) for v in axes.values()) >= (40 if kind == "slice" else 25)
-        assert asked.grid.layout.n < 100_000
+        assert asked.grid.n < 100_000
     options = ("--r", "1200:1600:400", "--z", "800", "--phi", "-90:90:90", "--pose", "fixed")
     outcome = cli("map", "cylinder", "kr60-3", *options, "--format", "vtu,vtp", *BARE)
     assert outcome.code == 0, outcome.err
@@ -284,7 +284,7 @@ def test_a_request_is_plain_text_and_comes_back_the_same() -> None:
     assert asked.key != replace(asked, seed=1).key
     grid = cylinder_layout([0.1, 0.4], [10.0, 20.0], [1.0 / 3.0])
     back = grid_from(json.loads(json.dumps(grid_table(grid))))
-    for one, other in zip(back.layout.axes, grid.layout.axes, strict=True):
+    for one, other in zip(back.axes, grid.axes, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
 
 

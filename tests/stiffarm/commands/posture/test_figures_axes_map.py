@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from machining import Objective
 from machining.posture.axes_map import AxesMap, Zone
 from machining.stiffness.distribution import Distribution, best_gamma
-from machining.stiffness.grid import box_grid, plane_grid
 from machining.stiffness.units import shown
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.maps.index.figures import angle_ticks, axis_of, draw_gamma_statistics, draw_index_maps, where_is
+from stiffarm.commands.maps.index.figures import angle_ticks, draw_gamma_statistics, draw_index_maps
+from stiffarm.commands.maps.planes import layer_of
 from stiffarm.commands.posture.figures.axes_map import TONES, CourseLine, _breaks, draw_axes_map
+from surrogate.maps.layouts import plane_or_box
 
 
 def an_axes_map(low: float = -180.0, high: float = 170.0, n: int = 12) -> AxesMap:
@@ -156,11 +157,11 @@ def a_distribution(n: int, gamma_deg: Array, quantity: str = "k_fs") -> Distribu
 
 
 def test_maps_name_their_gamma_and_their_plane(tmp_path: Path) -> None:
-    grid = box_grid(np.linspace(0.0, 1.0, 6), 0.2, np.linspace(0.5, 1.0, 4))
+    plane = layer_of(plane_or_box(np.linspace(0.0, 1000.0, 6), 200.0, np.linspace(500.0, 1000.0, 4)), 0)
     found = a_distribution(24, np.array([-90.0, 0.0, 90.0]))
     inside = np.zeros(24, dtype=bool)
     inside[:6] = True
-    figure = draw_index_maps(grid, found, [0, 2], title="k_fs of an arm", inside=inside)
+    figure = draw_index_maps(plane, found, [0, 2], title="k_fs of an arm", inside=inside)
     panels = figure.axes[:4]
     assert [ax.get_title() for ax in panels] == [
         "gamma = -90 deg",
@@ -177,27 +178,26 @@ def test_maps_name_their_gamma_and_their_plane(tmp_path: Path) -> None:
 
 
 def test_the_layer_of_a_box_is_named_and_drawn() -> None:
-    grid = box_grid(np.linspace(0.0, 1.0, 3), np.linspace(0.0, 1.0, 2), np.linspace(0.0, 1.0, 5))
-    value = np.tile(np.arange(1.0, 6.0), 6)[:, None] * 1e3
-    found = Distribution(Objective(), np.zeros(1), value)
-    for layer, z, k in ((None, 500, 3.0), (4, 1000, 5.0)):
-        figure = draw_index_maps(grid, found, [0], title="k_fs", layer=layer)
+    grid = plane_or_box(np.linspace(0.0, 1000.0, 3), np.linspace(0.0, 1000.0, 2), np.linspace(0.0, 1000.0, 5))
+    # The layers, along z, are the slowest axis.
+    found = Distribution(Objective(), np.zeros(1), np.repeat(np.arange(1.0, 6.0), 6)[:, None] * 1e3)
+    for layer, z, k in ((2, 500, 3.0), (4, 1000, 5.0)):
+        figure = draw_index_maps(layer_of(grid, layer), found, [0], title="k_fs")
         assert figure.get_suptitle() == f"k_fs, z = {z} mm"
         (mesh,) = figure.axes[0].collections
         np.testing.assert_allclose(np.ravel(mesh.get_array()), k)
-    with pytest.raises(InputError, match="layer"):
-        draw_index_maps(grid, found, [0], title="k_fs", layer=5)
 
 
 def test_maps_of_other_points_or_of_nothing_are_refused() -> None:
-    grid, found = box_grid([0.0, 1.0], [0.0, 1.0], 0.0), a_distribution(4, np.array([0.0, 90.0]))
+    plane = layer_of(plane_or_box([0.0, 1000.0], [0.0, 1000.0], 0.0), 0)
+    found = a_distribution(4, np.array([0.0, 90.0]))
     with pytest.raises(InputError, match="one a point"):
-        draw_index_maps(grid, a_distribution(5, np.array([0.0])), [0], title="k_fs")
+        draw_index_maps(plane, a_distribution(3, np.array([0.0])), [0], title="k_fs")
     with pytest.raises(InputError, match="at most"):
-        draw_index_maps(grid, found, [0] * 11, title="k_fs")
+        draw_index_maps(plane, found, [0] * 11, title="k_fs")
     nothing = Distribution(Objective(), np.zeros(1), np.full((4, 1), np.nan))
     with pytest.raises(InputError, match="no point reached"):
-        draw_index_maps(grid, nothing, [0], title="k_fs")
+        draw_index_maps(plane, nothing, [0], title="k_fs")
 
 
 def test_the_curves_show_both_sets_of_points_and_the_choice() -> None:
@@ -232,15 +232,6 @@ def test_units_of_quantities(quantity: str, factor: float, label: str, column: s
 def test_a_quantity_that_is_none_is_refused() -> None:
     with pytest.raises(InputError, match="quantity"):
         shown("kfs")
-
-
-def test_axes_of_a_plane_at_an_angle_are_counted_from_its_origin() -> None:
-    plane = plane_grid([0.5, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0], 0.1, (2, 3))
-    assert axis_of(plane, 0)[0] == "y (mm)"
-    label, values = axis_of(plane, 1)
-    assert label == "along direction 2 (mm)"
-    np.testing.assert_allclose(values, [0.0, 100.0, 200.0])
-    assert where_is(plane) == "plane at an angle to the part's axes"
 
 
 def test_ticks_of_angles_are_parts_of_a_turn() -> None:
