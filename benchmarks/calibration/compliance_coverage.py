@@ -16,8 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 import fem
-from doe import Measurements, equations, fit_constant, with_constant_springs
+from doe import Measurements
 from doe.certainty.propagation import parameter_uncertainty, propagate
+from doe.estimation.calibration import run_campaign
+from doe.estimation.campaign import campaign_of
+from doe.model_file.origin import with_origin
 from robots import ModelDescription, load_description
 from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
@@ -74,17 +77,17 @@ def study(
 ) -> Study:
     """Calibrate ``times`` made-up data sets, poses drawn anew for each."""
     true = arm.with_springs(truth)
-    names = arm.robot.joint_names
+    springs = campaign_of(description.name, tuple(f"{joint}.stiffness" for joint in truth))
     holds, lower, rough = (np.zeros((times, HELD_OUT), dtype=np.bool_) for _ in range(3))
     widths, status = [], Counter[str]()
     for k in range(times):
         q, others = _poses(arm, SET_UPS, rng), _poses(arm, HELD_OUT, rng)
         data = _readings(true, q, noise_m * rng.normal(size=(SET_UPS, 6)))
-        fit = fit_constant(equations(arm, data, 1e-5), tuple(truth), names, np.zeros(len(names)), (1e5, 1e7))
-        status.update(s.status for s in fit.springs)
-        u = parameter_uncertainty(with_constant_springs(description, arm, fit, data, ()))
+        fit = run_campaign(description, lambda _: arm, data, springs)
+        status.update(e.status for e in fit.stages[0].certainty.estimates)
+        u = parameter_uncertainty(with_origin(fit, data))
         assert u is not None
-        model = arm.with_springs({s.joint: s.stiffness for s in fit.springs})
+        model = fit.model
         found = propagate(model, u, others, widened=True)
         error = 1.0 / (fem.directional_stiffness(true, others) * found.compliance) - 1.0
         holds[k] = np.abs(error) <= NORMAL_95 * found.relative_sd

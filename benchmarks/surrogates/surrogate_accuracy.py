@@ -18,9 +18,10 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from doe import bundled_data, bundled_scheme, read_measurements
+from doe import bundled_campaign, bundled_data, read_measurements, select_loads
+from doe.estimation.calibration import run_campaign
 from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs
 from surrogate import Surrogate, scope_of, task_of, train, training
 from surrogate.scope import Scope
 
@@ -110,10 +111,11 @@ def _with_tool(model: fem.ArmModel) -> fem.ArmModel:
 
 
 def _published(given: inputs.ModelInput) -> fem.ArmModel:
-    scheme = bundled_scheme(given.robot.name)
+    scheme = bundled_campaign(given.robot.name)
     assert scheme is not None
     data = read_measurements(bundled_data(given.robot.name), given.robot)
-    return steps.calibrate_by_stages(given, data, scheme, scheme.loads_N).model
+    used = select_loads(data, scheme.loads_N)
+    return run_campaign(given.description, lambda _: given.model, used, scheme).model
 
 
 def judged(case: Case) -> Iterator[Row]:

@@ -88,7 +88,8 @@ class _Whole:
         prior, slopes = prior_residual(p, e.u)
         A = np.vstack([e.whitened, -slopes])
         norm = np.where(seen, np.linalg.norm(A, axis=0), 1.0)
-        s, V = np.linalg.svd(np.linalg.qr(A[:, seen] / norm[seen], mode="r"))[1:]
+        few = np.linalg.qr(A[:, seen] / norm[seen], mode="r") if seen.any() else np.zeros((0, 0))
+        s, V = np.linalg.svd(few)[1:]
         good = s > ROUNDING * s.max(initial=0.0)
         s, V = s[good], V[: len(s)][good]
         turn, R = np.zeros((len(norm), len(s))), np.zeros((len(s), len(norm)))
@@ -104,7 +105,7 @@ class _Whole:
         """The step (p,) of the variables to the estimate without the components ``mine``; None: fit it anew."""
         Q = self.Q[mine]
         size, way = np.linalg.eigh(np.eye(Q.shape[1]) - Q.T @ Q)
-        if size[0] < SHARE_LEFT:
+        if size.size and size[0] < SHARE_LEFT:
             return None
         root = np.sqrt(size)
         A = (way * root) @ way.T @ self.R

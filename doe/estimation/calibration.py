@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,19 +19,23 @@ from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
 from doe.estimation.level_study import LevelStudy, level_study
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem, problem
-from doe.model_file.applied import apply_estimates
-from doe.published.readings import check_poses, points_of, rms_mm, select_loads
+from doe.model_file.applied import apply_estimates, with_springs
+from doe.published.pose_studies import PoseStudies, study_poses
+from doe.published.readings import PointOf, check_poses, points_of, rms_mm, select_loads
 from doe.tables.load_history import history_of, history_of_part
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
 from fem.elements.walls import wall_flexibilities
 from fem.free.laws import FreeLaw
+from fem.springs import spring_from
 from meshes.array_cache import ArrayCache
 from meshes.formulation import add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.progress import Messages
+from robots.schema.description import LogPolynomialLaw
+from robots.schema.quantities import RotationalStiffness
 
 Build = Callable[[ModelDescription], ArmModel]
 
@@ -60,11 +65,24 @@ class StageResult:
 
 
 @dataclass(frozen=True)
+class Count:
+    """Parameters that were free; of them those that stand at a bound, and those that the readings identify."""
+
+    free: int
+    at_bound: int
+    identified: int
+
+    def __str__(self) -> str:
+        return f"{self.free} free parameters ({self.identified} identified, {self.at_bound} at a bound)"
+
+
+@dataclass(frozen=True)
 class Calibration:
     """A finished calibration: stages, the calibrated description and model, residuals over all readings used.
 
     ``overall``: all readings evaluated with the final numbers, nothing set free (``residual`` read minus predicted).
-    ``model`` has none of ``effects``, which take part in every prediction.
+    ``model`` has none of ``effects``, which take part in every prediction. ``studies``: stages of level studies pose
+    by pose, which have no estimate of their own and are not among ``stages``.
     """
 
     campaign: Campaign
@@ -74,6 +92,7 @@ class Calibration:
     overall: Problem
     residual: Array
     effects: tuple[PlacedEffect, ...] = ()
+    studies: tuple[PoseStudies, ...] = ()
 
     @property
     def rms_mm(self) -> float:
@@ -81,9 +100,15 @@ class Calibration:
         return rms_mm(self.residual, self.overall.component)
 
     @property
-    def parameters(self) -> int:
-        """How many numbers were estimated."""
-        return sum(len(stage.estimate.u) for stage in self.stages)
+    def count(self) -> Count:
+        """How many parameters were free, and what became of them."""
+        status = [e.status for s in self.stages for e in s.certainty.estimates]
+        return Count(
+            len(status) + sum(s.free for s in self.studies),
+            status.count("at bound") + sum(s.at_bound for s in self.studies),
+            len(status) - status.count("at bound") - status.count("not identified")
+            + sum(s.identified for s in self.studies),
+        )  # fmt: skip
 
 
 def run_campaign(
@@ -96,6 +121,7 @@ def run_campaign(
     progress: Messages | None = None,
     own: Sequence[Maker] = (),
     history: History | None = None,
+    spacing: str = "log",
 ) -> Calibration:
     """Estimate a campaign's numbers; earlier stages' numbers are held in later ones.
 
@@ -108,6 +134,7 @@ def run_campaign(
     store : where finished stages are kept; a run that was stopped goes on from there with the same numbers, once one
         more round of the estimator has left them where they are
     history : of the readings where these are part of a campaign; by default what the table says
+    spacing : of the levels of studies pose by pose, "log" or "linear"
     own : the user's own effects; stages with them are not kept, for their laws may change
 
     Raises
@@ -121,17 +148,24 @@ def run_campaign(
     key = _key(description, data, campaign, history) if store is not None and not own else None
     store = None if key is None else store
     model = build(description)
+    campaign.check_against(model.robot)
+    description, model = _at_start(description, model, campaign)
     effects = _effects(description, model, own)
     for stage in stages:
         refuse_cut_cycles(effects, data, stage.loads_N, f"stage {stage.name!r}: loads_N", history)
     done: list[StageResult] = []
+    studies: list[PoseStudies] = []
+    regressions = {f"{law.joint}.law" for law in campaign.regressions}
     for number, stage in enumerate(stages):
+        if regressions.intersection(stage.parameters):
+            earlier = [pose for s in studies for pose in s.stage.poses]
+            check_poses(data, stage.poses, f"stage {stage.name!r}")
+            studies.append(study_poses(model, data, campaign, stage, earlier, spacing, progress))
+            description, model = _with_springs(description, model, studies[-1].laws)
+            continue
         result = _run_stage(description, (model, effects, history), data, campaign, stage, store, f"{key}:{number}")
         done.append(result)
-        description = apply_estimates(
-            description, result.certainty.estimates, result.laws, points=points_of(readings_of(data, stage))
-        )
-        model = build(description)
+        description, model = _after(description, model, build, result, points_of(readings_of(data, stage)))
         effects = _effects(description, model, own)
         if progress is not None:
             if result.resumed and store is not None:
@@ -141,7 +175,38 @@ def run_campaign(
             progress(f"{stage.name}: {len(e.u)} numbers on {len(e.problem)} readings, RMS {error:.3f} mm")
     whole = problem(model, data, (), effects=effects, history=history)
     residual = whole.value - whole.evaluate(np.zeros(0))[0]
-    return Calibration(campaign, tuple(done), description, model, whole, residual, effects)
+    return Calibration(campaign, tuple(done), description, model, whole, residual, effects, tuple(studies))
+
+
+def _at_start(description: ModelDescription, model: ArmModel, campaign: Campaign) -> tuple[ModelDescription, ArmModel]:
+    """Springs that are to be studied pose by pose stand where the campaign says until their stage."""
+    start = RotationalStiffness(value=campaign.springs.start_Nm_per_rad, unit="N m/rad", source="assumed")
+    return _with_springs(description, model, {law.joint: start for law in campaign.regressions})
+
+
+def _with_springs(
+    description: ModelDescription, model: ArmModel, springs: Mapping[str, RotationalStiffness | LogPolynomialLaw]
+) -> tuple[ModelDescription, ArmModel]:
+    """Description and model with other springs; links and the rest stay as they are built."""
+    if not springs:
+        return description, model
+    laws = {
+        joint: spring.si if isinstance(spring, RotationalStiffness) else spring_from(model.robot, spring)
+        for joint, spring in springs.items()
+    }
+    return with_springs(description, springs), model.with_springs(laws)
+
+
+def _after(
+    description: ModelDescription, model: ArmModel, build: Build, found: StageResult, points: Sequence[PointOf]
+) -> tuple[ModelDescription, ArmModel]:
+    """Description and model with what a stage found; links are built again only where these have changed."""
+    estimates = found.certainty.estimates
+    description = apply_estimates(description, estimates, found.laws, points=points)
+    springs = {e.parameter.place: e.value for e in estimates if not math.isnan(e.value)}
+    if all(e.parameter.spring_of is not None for e in estimates):
+        return description, model.with_springs(springs)
+    return description, build(description)
 
 
 def _effects(description: ModelDescription, model: ArmModel, own: Sequence[Maker]) -> tuple[PlacedEffect, ...]:

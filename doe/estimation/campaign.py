@@ -1,22 +1,28 @@
-"""A calibration as a file: which numbers are free, in which ranges, with which priors, in which stages."""
+"""A calibration as a file: which parameters are free, in which ranges, with which priors, in which stages.
+
+docs/reference/calibration_files.md describes the format, which is one for all: parameters at once, stages of least
+squares, level studies, and the published scheme of level studies pose by pose with a regression over the angle.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
 
+from doe.estimation.study_plan import Comparison, RegressionChoice, SpringRange
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
 from fem.free.law_bases import Basis, FourierBasis, TableBasis
 from fem.free.laws import FreeLaw, law_parameters, polynomial_basis
 from fem.free.parameters import Parameter, parameter
-from robots import InputError
+from robots import InputError, Robot
 from robots.files.reading import parse_toml, read_text
 from robots.files.validated import validated
 from robots.schema.quantities import Strict
@@ -86,7 +92,8 @@ def _kind(value: Any) -> str:
 LawChoice = Annotated[
     Annotated[PolynomialChoice, Tag("polynomial")]
     | Annotated[FourierChoice, Tag("fourier")]
-    | Annotated[TableChoice, Tag("table")],
+    | Annotated[TableChoice, Tag("table")]
+    | Annotated[RegressionChoice, Tag("regression")],
     Discriminator(_kind),
 ]
 
@@ -103,7 +110,7 @@ class Stage(Strict):
     """One stage: these numbers, on these poses and loads (none named: all), others held where they are.
 
     ``levels``: a parametric study over that many levels of each number instead of least squares; ``refine``: go on
-    with finer levels around the best one.
+    with finer levels around the best one. Laws of the kind "regression" are studied at each pose by itself.
     """
 
     name: str
@@ -127,10 +134,13 @@ class Campaign(Strict):
     robot: str
     title: str
     source: str = "assumed"
+    loads_N: tuple[PositiveFloat, ...] = ()  # noqa: N815
     noise: NoiseChoice = NoiseChoice()
+    springs: SpringRange = SpringRange()
     parameter: tuple[Freed, ...] = ()
     law: tuple[LawChoice, ...] = ()
     stage: tuple[Stage, ...] = ()
+    compare: Comparison | None = None
 
     @model_validator(mode="after")
     def _names_fit(self) -> Self:
@@ -144,16 +154,49 @@ class Campaign(Strict):
             unknown = [n for n in stage.parameters if n not in names]
             if unknown:
                 raise ValueError(f"stage {stage.name!r}: {', '.join(unknown)} is not among the numbers set free")
-            if stage.levels is not None and any(n.endswith(".law") for n in stage.parameters):
-                raise ValueError(f"stage {stage.name!r}: a law has no levels; leave 'levels' out")
+            _check_levels(stage, [f"{law.joint}.law" for law in self.regressions])
         used = [n for stage in self.stage for n in stage.parameters]
-        left = [n for n in names if self.stage and n not in used]
+        again = sorted({n for n in (f"{law.joint}.law" for law in self.regressions) if used.count(n) > 1})
+        if again:
+            raise ValueError(f"{', '.join(again)}: studied in two stages")
+        left = [n for n in names if (self.stage or self.regressions) and n not in used]
         if left:
             raise ValueError(f"no stage estimates {', '.join(left)}")
         labels = [stage.name for stage in self.stage]
         if len(set(labels)) < len(labels):
             raise ValueError("two stages have the same name")
         return self
+
+    @property
+    def regressions(self) -> tuple[RegressionChoice, ...]:
+        """Laws through springs that are found pose by pose."""
+        return tuple(law for law in self.law if isinstance(law, RegressionChoice))
+
+    @property
+    def beside(self) -> Comparison:
+        """What the whole chain does beside the stages; InputError where the file does not say."""
+        if self.compare is None:
+            raise InputError(
+                f"{self.title!r} has no [compare] tables",
+                allowed="[compare.sensitivity], [compare.global] and [compare.factorial]",
+                remedy="add them (docs/reference/calibration_files.md), or only calibrate (--campaign)",
+            )
+        return self.compare
+
+    def check_against(self, robot: Robot) -> None:
+        """Raise InputError where a regression or a comparison names a joint or coordinate that the robot has not."""
+        joints = [law.joint for law in self.regressions]
+        coordinates = [name for law in self.regressions for name in law.inputs]
+        if self.compare is not None:
+            joints += [*self.compare.sensitivity.joints, *self.compare.constant.joints]
+            coordinates += self.compare.factorial.inputs
+        for what, names, known in (
+            ("joint", joints, robot.joint_names), ("joint coordinate", coordinates, robot.coordinates)
+        ):  # fmt: skip
+            for name in names:
+                if name not in known:
+                    where = f"calibration file {self.title!r}: {what} of {robot.name}"
+                    raise InputError(where, value=name, allowed=", ".join(known))
 
     def free(
         self, model: ArmModel, only: tuple[str, ...] | None = None, effects: Sequence[PlacedEffect] = ()
@@ -171,12 +214,31 @@ class Campaign(Strict):
             if only is None or freed.name in only:
                 out.append(_parameter(model, freed, effects))
         for law in self.law:
-            if only is None or f"{law.joint}.law" in only:
+            if not isinstance(law, RegressionChoice) and (only is None or f"{law.joint}.law" in only):
                 basis = _basis(model, law)
                 spread = 1.0 if law.kind == "table" else law.spread
                 laws.append(FreeLaw(law.joint, basis, len(out)))
                 out += law_parameters(model, law.joint, basis, spread)
         return tuple(out), tuple(laws)
+
+
+def _check_levels(stage: Stage, regressions: Sequence[str]) -> None:
+    """Laws through springs found pose by pose need levels, and other laws have none."""
+    studied = [n for n in stage.parameters if n in regressions]
+    if studied and (stage.levels is None or not stage.poses or len(studied) < len(stage.parameters)):
+        raise ValueError(
+            f"stage {stage.name!r}: {', '.join(studied)} (regression) needs 'levels' and 'poses', and a stage to itself"
+        )
+    if not studied and stage.levels is not None and any(n.endswith(".law") for n in stage.parameters):
+        raise ValueError(f"stage {stage.name!r}: a law of this kind has no levels; leave 'levels' out")
+
+
+def bundled_campaign(robot: str) -> Campaign | None:
+    """Return the published calibration that comes with a bundled robot, or None."""
+    file = resources.files("doe").joinpath("schemes", f"{robot}.toml")
+    if not file.is_file():
+        return None
+    return parse_campaign(file.read_text(encoding="utf-8"), f"bundled calibration file {robot}")
 
 
 def load_campaign(path: Path) -> Campaign:
@@ -192,7 +254,17 @@ def load_campaign(path: Path) -> Campaign:
 
 def parse_campaign(text: str, where: str) -> Campaign:
     """Parse and validate a calibration file; ``where`` names it in messages."""
-    return validated(Campaign, parse_toml(text, where), where)
+    data = parse_toml(text, where)
+    if data.get("schema") == "stiffarm-scheme/1":
+        raise InputError(
+            f"{where}: schema",
+            value="stiffarm-scheme/1",
+            allowed=SCHEMA,
+            remedy="write it as a calibration file: each [[law]] with kind = 'regression', stages with parameters = "
+            "['j2.law'] for joints = ['j2'], bounds under [springs], gauge_mm under [noise], the rest under [compare]; "
+            "docs/reference/calibration_files.md shows one",
+        )
+    return validated(Campaign, data, where)
 
 
 def campaign_of(robot: str, names: tuple[str, ...]) -> Campaign:

@@ -134,7 +134,7 @@ def estimate(
 
 def _to_go(moved: float, last: float) -> float:
     """What is left to go after a round that moved so far, and the ``last`` before: rounds shrink by one factor."""
-    if moved < 0.1 * SETTLED:
+    if moved < 0.1 * SETTLED or last == 0.0:
         return moved
     rate = moved / last
     return moved * max(rate / (1.0 - rate), 0.1) if rate < 1.0 else np.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from fem.free.laws import FreeLaw
 from fem.free.model_tables import Tables
 from robots import InputError, ModelDescription
 from robots.schema.description import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw
+from robots.schema.quantities import RotationalStiffness
 
 # Table and key of the model file that hold where a reading's point is.
 POINTS: dict[PointOf, tuple[str, str]] = {"tool": ("tool", "xyz"), "table": ("load", "point")}
@@ -54,6 +55,21 @@ def apply_estimates(
     applied = ModelDescription.model_validate(data)
     _check_passive(applied)
     return applied
+
+
+def with_springs(
+    description: ModelDescription,
+    springs: Mapping[str, RotationalStiffness | LogPolynomialLaw],
+    source: str = "calibrated",
+) -> ModelDescription:
+    """The description with other springs of some joints, from ``source``."""
+    joints = tuple(
+        joint.model_copy(update={"stiffness": springs[joint.name].model_copy(update={"source": source})})
+        if joint.name in springs else joint
+        for joint in description.joint
+    )  # fmt: skip
+    update = {"joint": joints, "sources": {source: "calibration", **description.sources}}
+    return description.model_copy(update=update)
 
 
 def note_of(e: ParameterEstimate) -> str:

@@ -12,8 +12,7 @@ import numpy as np
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.calibration import Calibration
 from doe.model_file.carried_on import NOTHING, CarriedOn, carried_on
-from doe.published.constant import ConstantFit, SpringEstimate
-from doe.published.stage_covariance import stage_covariance
+from doe.model_file.stage_covariance import stage_covariance
 from fem.free.named_numbers import described_variables, named_numbers
 from fem.free.parameters import Parameter, Scale
 from robots.arrays import Array
@@ -30,8 +29,8 @@ Status = Literal["determined", "one-sided", "at bound", "not identified"]
 VARIABLES: dict[Scale, NumberVariable] = {"compliance": "1/value", "log": "ln value", "linear": "value"}
 FIXED = "what the calibration held fixed counts as exact"
 NO_COVARIANCE = (
-    "no covariance of the springs is kept: the staged scheme takes the best of its levels pose by pose, with no spare "
-    "reading to judge their errors by (--scheme global gives one)"
+    "no covariance of the springs is kept: studies pose by pose take the best of their levels, with no spare reading "
+    "to judge their errors by (--scheme global gives one)"
 )
 NO_SPARE = "no covariance of the springs is kept: as many springs as readings leave nothing to judge their errors by"
 
@@ -83,28 +82,14 @@ def uncertainty_table(
     )
 
 
-def constant_fit_table(fit: ConstantFit, before: CarriedOn = NOTHING) -> CalibrationUncertainty | None:
-    """Of constant springs fitted to all readings at once; None without spare readings."""
-
-    def number(k: int, s: SpringEstimate) -> FoundNumber:
-        has = bool(fit.covariance[k, k] > 0.0)
-        value = 0.0 if math.isnan(s.stiffness) else 1.0 / s.stiffness
-        dof = float(fit.degrees_of_freedom)
-        return FoundNumber(f"{s.joint}.stiffness", "N m/rad", "compliance", value, s.interval, s.status, dof, has)
-
-    if not np.isfinite(fit.covariance).all() or fit.degrees_of_freedom < 1:
-        return None
-    found = [number(k, s) for k, s in enumerate(fit.springs)]
-    note = "least squares of all readings at once, errors taken as independent and of the size of the residuals"
-    return uncertainty_table(found, fit.covariance, fit.blind, note, before)
-
-
 def calibration_table(found: Calibration) -> CalibrationUncertainty | None:
     """Of a campaign's numbers, all stages; estimates are the calibrated model's own.
 
     Numbers of an earlier calibration that this one held stay in the covariance, and what their errors make of the
     new ones is added, as if their readings were others than these.
     """
+    if not found.stages:
+        return None
     last = {e.parameter.name: e for s in found.stages for e in s.certainty.estimates}
     # Until its origin is written anew the description has that of the calibration before.
     before = carried_on(found.description, found.model, tuple(last), found.effects)

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from doe.published.scheme import Factorial
+from doe.estimation.study_plan import Factorial
 from robots import InputError, Robot
 from robots.arrays import Array
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.certainty.uncertainty import Certainty, ParameterEstimate, certainty
-from doe.estimation.estimate import BLIND, Estimate, estimate, prior_residual, step_sizes
+from doe.estimation.estimate import Estimate, estimate, prior_residual, seen_columns
 from doe.estimation.noise import Blocks, Noise, Origin, origin
 from doe.estimation.problem import Problem
 from fem import ArmModel
@@ -99,18 +99,26 @@ def outset(e: Estimate, c: Certainty) -> Outset:
                    origin(e.problem, given=not e.estimated))  # fmt: skip
 
 
+def has_enough(p: Problem) -> bool:
+    """Whether there are as many readings as parameters that they move with and that have no prior."""
+    seen = seen_columns(p, p.evaluate(p.free.start)[1])
+    needed = sum(bool(visible) and q.prior is None for q, visible in zip(p.parameters, seen, strict=True))
+    return needed <= len(p)
+
+
 def outset_of(p: Problem, gauge: tuple[float, float]) -> Outset:
     """After the readings of a problem; with too few of them for its parameters a vague prior helps out.
 
     ``gauge``: smallest standard deviation of a reading, m and rad.
     """
-    _, J = p.evaluate(p.free.start)
-    norm = np.linalg.norm(J * step_sizes(p), axis=0)
-    seen = norm > BLIND * max(float(norm.max(initial=0.0)), 1e-300)
-    needed = sum(bool(visible) and q.prior is None for q, visible in zip(p.parameters, seen, strict=True))
-    if needed <= len(p):
-        e = estimate(p, gauge)
-        return outset(e, certainty(e))
+    if not has_enough(p):
+        return helped_outset(p, gauge)
+    e = estimate(p, gauge)
+    return outset(e, certainty(e))
+
+
+def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
+    """After fewer readings than parameters: a vague prior stands in for the rest."""
     priors = [_with_prior(q, sd) for q, sd in zip(p.parameters, vague_sd(p.parameters), strict=True)]
     helped = replace(p, free=replace(p.free, parameters=tuple(priors)))
     e = estimate(helped, gauge, fixed_noise=Noise(white=gauge), robust=False)

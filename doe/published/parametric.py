@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimize
 
+from doe.estimation.campaign import FEWEST_LEVELS
 from doe.planning.designs import level_grid
 from doe.published.readings import Equations
-from doe.published.scheme import FEWEST_LEVELS
 from robots import InputError
 from robots.arrays import Array, Bools
 

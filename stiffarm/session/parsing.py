@@ -219,3 +219,18 @@ def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) ->
                 remedy=f"give --fixed {name}=..., or make it one of --inputs",
             )
     return fixed
+
+
+def parse_parameters(text: str | None) -> tuple[str, ...] | None:
+    """Names of parameters separated by commas; the model knows which there are."""
+    if text is None:
+        return None
+    names = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not names or len(set(names)) < len(names):
+        raise InputError(
+            "--free",
+            value=text,
+            allowed="names of parameters, each once, separated by commas",
+            remedy="as in --free j2.stiffness,j3.stiffness",
+        )
+    return names

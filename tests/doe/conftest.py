@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from doe import Measurements, Scheme, bundled_data, bundled_scheme, read_measurements, select_loads
+from doe import Campaign, Measurements, bundled_campaign, bundled_data, read_measurements, select_loads
 from fem import ArmModel, build_model, deflection
 from robots import Robot, load_description, load_robot
 
@@ -71,14 +71,14 @@ def xr701() -> Robot:
 
 
 @pytest.fixture(scope="session")
-def scheme() -> Scheme:
-    found = bundled_scheme("xr701")
+def scheme() -> Campaign:
+    found = bundled_campaign("xr701")
     assert found is not None
     return found
 
 
 @pytest.fixture(scope="session")
-def measured(xr701: Robot, scheme: Scheme) -> Measurements:
+def measured(xr701: Robot, scheme: Campaign) -> Measurements:
     """The nine measured poses at 650 N."""
     data = select_loads(read_measurements(bundled_data("xr701"), xr701), scheme.loads_N)
     assert data.n == 9

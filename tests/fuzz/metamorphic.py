@@ -28,7 +28,6 @@ from robots import Robot
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
-from stiffarm.session import steps
 from stiffarm.session.inputs import ModelInput, read_model
 from stiffarm.session.readings import read_scheme
 
@@ -62,17 +61,16 @@ def staged(tables: list[Measurements]) -> Answer:
     """The published scheme."""
     given = arm("xr701")
     plan = read_scheme(given.robot, None)
-    found = steps.calibrate_by_stages(given, join(tables), plan, tuple(plan.loads_N))
-    if found.staged is None:
-        raise AssertionError("the staged scheme has its points")
+    found = calibrating.calibrate(given, join(tables), calibrating.Request(plan, plan.loads_N))
     springs = {
         # A whole turn farther is the same place. The law between the points is of the coordinate, and no period is
         # assumed of it: what it predicts of a pose left out may differ.
         f"{joint} at {np.round(np.degrees(at) % 360.0, 6).tolist()}": float(k)
-        for joint, points in found.staged.points.items()
+        for study in found.found.studies
+        for joint, points in study.points.items()
         for at, k in zip(points.angles, points.stiffness, strict=True)
     }
-    return Answer(springs | {"rms_mm": found.rms_mm, "left out": found.left_out.rms_mm}, found.remarks)
+    return Answer(springs | {"rms_mm": found.rms_mm, "left out": found.left_out_rms_mm}, found.remarks)
 
 
 def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answer:

@@ -1,4 +1,4 @@
-"""Readers of experiments: measurement tables, tables of joint twists, schemes, calibration files."""
+"""Readers of experiments: measurement tables, tables of joint twists, calibration files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from doe import bundled_data, load_scheme, read_measurements, write_measurements
+from doe import bundled_data, read_measurements, write_measurements
 from doe.estimation.campaign import load_campaign
 from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
@@ -157,19 +157,18 @@ def _twists(path: Path) -> object:
     return found
 
 
-def _scheme(path: Path) -> object:
-    found = load_scheme(path)
-    found.check_against(_xr701().robot)
-    return found
-
-
 def _campaign(path: Path) -> object:
     found = load_campaign(path)
+    found.check_against((_xr701() if found.robot == "xr701" else _kr60()).robot)
     parameters, laws = found.free(_kr60())
     for p in parameters:
         require(p.lower <= p.upper, "calibration file: bounds in the wrong order")
         require_finite((p.lower, p.upper), "calibration file: bounds")
     return parameters, laws
+
+
+def _campaigns() -> tuple[bytes, ...]:
+    return CAMPAIGN, POLYNOMIAL, (ROOT / "doe/schemes/xr701.toml").read_bytes()
 
 
 READERS: dict[str, Reader] = {
@@ -181,6 +180,5 @@ READERS: dict[str, Reader] = {
     "measurement file: workbook of joint twists": Reader(
         lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0
     ),
-    "scheme file": Reader(lambda: [Sample(".toml", (ROOT / "doe/schemes/xr701.toml").read_bytes())], _scheme, (TOML,)),
-    "calibration file": Reader(lambda: [Sample(".toml", CAMPAIGN), Sample(".toml", POLYNOMIAL)], _campaign, (TOML,)),
+    "calibration file": Reader(lambda: [Sample(".toml", text) for text in _campaigns()], _campaign, (TOML,)),
 }

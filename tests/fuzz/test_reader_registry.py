@@ -25,7 +25,7 @@ HASHED = {"input file"}
 ELSEWHERE = {
     "robots/files/reading.py _ordinary": "the one place",
     "robots/library/models.py load_description": "bundled with the package",
-    "doe/published/scheme.py bundled_scheme": "bundled with the package",
+    "doe/estimation/campaign.py bundled_campaign": "bundled with the package",
     "machining/programs/convention.py _tables": "bundled with the package",
     "stiffarm/pages/parts.py": "bundled with the package",
     "stiffarm/pages/style.py": "bundled with the package, or a picture just drawn",

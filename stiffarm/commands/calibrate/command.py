@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from doe import Measurements, Scheme, bundled_scheme
+from doe import Measurements
+from doe.estimation.campaign import Campaign, bundled_campaign
 from doe.tables.load_history import history_of
-from robots import InputError, save_description
+from robots import InputError
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
-from stiffarm.commands.calibrate import variant
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.commands.plan.options import parse_parameters
 from stiffarm.session import inputs, parsing, readings, steps
-from stiffarm.session.console import emit_json, say, say_notes, user_errors
+from stiffarm.session.console import say_notes
 from stiffarm.session.effect_words import history_notes
+from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
     Debug,
@@ -34,12 +33,7 @@ from stiffarm.session.options import (
     SchemeFile,
     Seed,
     TablesArg,
-    folder_if,
-    model_hash,
 )
-from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.own_effects import own_effects, own_files
-from stiffarm.session.readings import open_tables
 
 Free = Annotated[
     str | None,
@@ -122,7 +116,7 @@ def calibrate(
 
     Writes the calibrated model, the parameters with their intervals and a report into --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         staged_only = {"--spacing": spacing}
         global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}
         global_only |= {"--holdout": holdout, "--bootstrap": bootstrap or None, "--no-robust": None if robust else ""}
@@ -133,10 +127,8 @@ def calibrate(
         _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
         _refuse_both({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = parsing.parse_loads(loads)
-        own, files = own_effects(effect), own_files(effect)
-        given = inputs.read_model(model, links, load_path, own=own)
-        files["model"] = model_hash(given)
-        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
+        given = frame.model(model, links, load_path, effect=effect)
+        table = frame.readings(given, data, confirm_units=confirm_units)
         staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
         if staged:
             inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
@@ -144,38 +136,30 @@ def calibrate(
             codes = ", ".join(described.code for described in given.description.effect)
             say_notes((f"with effects: {codes}", *history_notes(given.effects, history_of(table))))
         _refuse(global_only if staged else staged_only, "staged" if staged else "global")
-        for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
-            if file is not None:
-                files[name] = file if name == "scheme" else _existing(file, f"--{name}")
+        frame.reads(scheme_file=scheme_file, campaign=campaign, holdout=holdout)
         names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         plan = _plan(given, table, scheme_file, staged)
-        if chosen_loads is None:
-            chosen_loads = plan.loads_N if plan is not None and campaign is None else ()
         options = Options(
             names,
-            parse_parameters(free),
+            parsing.parse_parameters(free),
             campaign,
             chosen_loads,
             low,
             high,
             holdout,
+            staged,
+            spacing or "log",
             robust,
             bootstrap,
             seed,
             confirm_units,
         )
-        with folder_if(out, files, seed if bootstrap else None) as folder:
-            say(f"loads used: {', '.join(f'{v:g} N' for v in chosen_loads) or 'all'}")
-            if staged and plan is not None:
-                content, show = _by_stages(given, table, plan, chosen_loads, spacing or "log", folder)
-            else:
-                content, show = _in_general(given, table, plan, options, folder)
-        if out is not None:
-            say(f"written: {out / 'model.toml'}, {out / 'calibration.json'}")
-        if as_json:
-            emit_json(content)
-        else:
-            show()
+        with frame.folder_if(seed if bootstrap else None) as folder:
+            found = general_calibration.run(given, table, plan, options)
+            content = calibration_payload.calibration(found)
+            if folder is not None:
+                general_calibration.write(found, content, folder)
+        frame.answer(content, lambda: calibration_tables.show(found))
 
 
 def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
@@ -184,48 +168,15 @@ def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path |
         return scheme == "staged"
     if named or given.description.effect:
         return False
-    return scheme_file is not None or bundled_scheme(given.robot.name) is not None
+    return scheme_file is not None or bundled_campaign(given.robot.name) is not None
 
 
-def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Scheme | None:
+def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Campaign | None:
     """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
     if staged or scheme_file is not None:
         return readings.read_scheme(given.robot, scheme_file)
     bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
-    return bundled_scheme(given.robot.name) if bundled else None
-
-
-def _by_stages(
-    given: inputs.ModelInput,
-    table: Measurements,
-    plan: Scheme,
-    loads: tuple[float, ...],
-    spacing: str,
-    folder: OutputFolder | None,
-) -> tuple[dict[str, Any], Callable[[], None]]:
-    result = steps.calibrate_by_stages(given, table, plan, loads, spacing, progress=say)
-    content = variant.payload(result)
-    if folder is not None:
-        folder.write_json("calibration.json", content)
-        save_description(result.description, folder.path("model.toml"))
-    return content, lambda: variant.show(result)
-
-
-def _in_general(
-    given: inputs.ModelInput, table: Measurements, plan: Scheme | None, options: Options, folder: OutputFolder | None
-) -> tuple[dict[str, Any], Callable[[], None]]:
-    found = general_calibration.run(given, table, plan, options)
-    content = calibration_payload.calibration(found)
-    if folder is not None:
-        general_calibration.write(found, content, folder)
-    return content, lambda: calibration_tables.show(found)
-
-
-def _existing(file: Path, option: str) -> Path:
-    """The file itself; the folder of results hashes it, and its reader says what is wrong inside."""
-    if not file.is_file():
-        raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
-    return file
+    return bundled_campaign(given.robot.name) if bundled else None
 
 
 def _refuse_both(options: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""From the options of `calibrate --scheme global` to its request, run and files."""
+"""From the options of `calibrate` to its request, run and files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements, Scheme
+from doe import Measurements
 from doe.estimation.campaign import Campaign, NoiseChoice, load_campaign
 from meshes.array_cache import user_cache
 from robots import InputError, save_description
@@ -26,24 +26,30 @@ MOST_DRAWS = 10_000
 
 @dataclass(frozen=True)
 class Options:
-    """What was typed, parsed: names of ``joints`` and of ``free`` numbers, ``campaign`` file; None: not given."""
+    """What was typed, parsed: names of ``joints`` and of ``free`` parameters, ``campaign`` file; None: not given.
+
+    ``staged``: the plan itself is run, stage by stage, with levels at this ``spacing``.
+    """
 
     joints: tuple[str, ...] | None = None
     free: tuple[str, ...] | None = None
     campaign: Path | None = None
-    loads: tuple[float, ...] = ()
+    loads: tuple[float, ...] | None = None
     low: float | None = None
     high: float | None = None
     holdout: Path | None = None
+    staged: bool = False
+    spacing: str = "log"
     robust: bool = True
     bootstrap: int = 0
     seed: int = 0
     confirm_units: bool = False
 
 
-def run(given: ModelInput, table: Measurements, plan: Scheme | None, options: Options) -> Calibrated:
+def run(given: ModelInput, table: Measurements, plan: Campaign | None, options: Options) -> Calibrated:
     """Calibrate as asked; progress and remarks are said."""
     request = request_of(given, table, plan, options)
+    say(f"loads used: {', '.join(f'{v:g} N' for v in request.loads) or 'all'}")
     holdout = None
     if options.holdout is not None:
         holdout = read_held_out(given, options.holdout, confirm_units=options.confirm_units)
@@ -51,24 +57,27 @@ def run(given: ModelInput, table: Measurements, plan: Scheme | None, options: Op
         return calibrating.calibrate(given, table, request, holdout=holdout, store=user_cache(), say=say, count=bar)
 
 
-def request_of(given: ModelInput, table: Measurements, plan: Scheme | None, options: Options) -> Request:
+def request_of(given: ModelInput, table: Measurements, plan: Campaign | None, options: Options) -> Request:
     """The campaign of a file, or of the numbers named; bounds and gauge are the scheme's where there is one."""
-    if options.campaign is not None:
+    if options.staged and plan is not None:
+        campaign, expected = plan, plan.springs.ends
+    elif options.campaign is not None:
         campaign, expected = load_campaign(options.campaign), None
-        if not options.robust:
-            campaign = campaign.model_copy(update={"noise": campaign.noise.model_copy(update={"robust": False})})
     else:
         campaign, expected = _at_once(given, table, plan, options)
-    return Request(campaign, options.loads, expected, options.bootstrap, options.seed)
+    if not options.robust:
+        campaign = campaign.model_copy(update={"noise": campaign.noise.model_copy(update={"robust": False})})
+    loads = options.loads if options.loads is not None else campaign.loads_N
+    return Request(campaign, loads, expected, options.bootstrap, options.seed, options.spacing)
 
 
 def _at_once(
-    given: ModelInput, table: Measurements, plan: Scheme | None, options: Options
+    given: ModelInput, table: Measurements, plan: Campaign | None, options: Options
 ) -> tuple[Campaign, tuple[float, float]]:
     usual, gauge, joints = steps.DEFAULT_BOUNDS_Nm_per_rad, steps.DEFAULT_GAUGE_mm, options.joints
     if plan is not None:
-        usual, gauge = (plan.low_Nm_per_rad, plan.high_Nm_per_rad), plan.gauge_mm
-        joints = joints or plan.constant.joints
+        usual, gauge = plan.springs.ends, plan.noise.gauge_mm
+        joints = joints or (plan.compare.constant.joints if plan.compare is not None else None)
     low, high = usual[0] if options.low is None else options.low, usual[1] if options.high is None else options.high
     if not (0.0 < low < high and np.isfinite(high)):
         raise InputError(
@@ -78,9 +87,10 @@ def _at_once(
             remedy="give the range in which the springs are expected; it is widened where the data ask for it",
         )
     seen = joints or (() if options.free else steps.springs_seen(given, table))
-    campaign = calibrating.springs_campaign(given.robot.name, seen, options.free, (low, high))
-    noise = NoiseChoice(gauge_mm=gauge, robust=options.robust)
-    return campaign.model_copy(update={"noise": noise}), (low, high)
+    noise = NoiseChoice(gauge_mm=gauge)
+    campaign = calibrating.springs_campaign(given.robot.name, seen, options.free, (low, high), noise)
+    loads = () if plan is None else plan.loads_N
+    return campaign.model_copy(update={"loads_N": loads}), (low, high)
 
 
 def write(c: Calibrated, content: dict[str, Any], folder: OutputFolder) -> None:

@@ -1,4 +1,4 @@
-"""A general calibration as JSON and CSV: keys with units, null where there is no number."""
+"""A calibration as JSON and CSV: keys with units, null where there is no number."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import numpy as np
 
 from doe.certainty.lack_of_fit import outliers
 from doe.certainty.uncertainty import ParameterEstimate
+from doe.estimation.calibration import Count as ParameterCount
 from doe.estimation.noise import Noise, origin
 from doe.estimation.problem import Problem
+from doe.published.parametric import PoseFit
 from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
 from robots.files.csv_text import rows_text
 from stiffarm.commands.calibrate import laws as calibration_laws
-from stiffarm.commands.calibrate import variant, words
+from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.session.json_text import number
+from stiffarm.session.spring_words import SpringEstimate, bound_of
 
 COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 QUANTILES = (0.025, 0.5, 0.975)
@@ -26,32 +29,87 @@ _AT_END = 1e-3
 
 
 def calibration(c: Calibrated) -> dict[str, Any]:
-    """Everything about a general calibration."""
+    """Everything about a calibration."""
     found = c.found
     out: dict[str, Any] = {
-        "scheme": "global",
+        "scheme": c.scheme,
         "title": c.request.campaign.title,
         "robot": c.description.name,
         "load_path": found.model.load_path,
         "links": found.model.link_kind,
         "readings": len(found.overall),
-        "parameters": c.identified,
+        "parameters": parameters(c.found.count),
         "rms_mm": number(found.rms_mm),
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
         "left_out_not_predicted": c.skipped,
         "remarks": list(c.remarks),
-        "poses": _poses(c),
+        "poses": poses(c),
         "stages": [stage(s, c.request.campaign.noise.gauge_mm) for s in c.stages],
     }
-    last = found.stages[-1]
-    springs = [x for s in found.stages for e in s.certainty.estimates if (x := words.spring_of(e)) is not None]
-    out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
-    out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
-    out["springs"] = {s.joint: variant.estimate(s) for s in springs}
-    out |= {variant.spring_key(s.joint): variant.estimate(s)["k_Nm_per_rad"] for s in springs}
+    if found.stages:
+        last = found.stages[-1]
+        out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
+        out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
+        out["springs"] = {s.joint: spring(s) for s in c.springs}
+        out |= {spring_key(s.joint): spring(s)["k_Nm_per_rad"] for s in c.springs}
+    if found.studies:
+        out["studies"] = {s.stage.name: [pose_fit(fit) for fit in s.fits] for s in found.studies}
+        out["laws"] = {joint: law.model_dump(mode="json") for s in found.studies for joint, law in s.laws.items()}
     if c.holdout is not None:
         out["holdout"] = holdout(c.holdout)
     return out
+
+
+def spring_key(joint: str) -> str:
+    """``k2_Nm_per_rad`` for joint ``j2``, ``k_waist_Nm_per_rad`` for other names."""
+    short = joint.removeprefix("j")
+    return f"k{short if short.isdigit() else '_' + joint}_Nm_per_rad"
+
+
+def spring(s: SpringEstimate) -> dict[str, Any]:
+    """A constant spring with its interval; no plain number where it stands at a bound or is not determined."""
+    known = s.status in ("determined", "one-sided")
+    out = {
+        "k_Nm_per_rad": number(s.stiffness) if known else None,
+        "interval95_Nm_per_rad": [number(v) for v in s.interval],
+        "status": s.status,
+    }
+    bound = bound_of(s)
+    return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": number(s.stiffness)})
+
+
+def parameters(n: ParameterCount) -> dict[str, int]:
+    """How many parameters were free; of them those at a bound, and those that the readings identify."""
+    return {"free": n.free, "at_bound": n.at_bound, "identified": n.identified}
+
+
+def pose_fit(fit: PoseFit) -> dict[str, Any]:
+    """The springs of a level study at one pose."""
+    return {
+        "pose": fit.pose,
+        **{spring_key(joint): number(k) for joint, k in zip(fit.joints, fit.stiffness, strict=True)},
+        "error_mm": number(fit.error_mm),
+        "matched_within_gauge": fit.matched,
+        "runs": fit.runs,
+        "rounds": fit.rounds,
+        "equivalent_range_Nm_per_rad": {
+            joint: [number(a), number(b)] for joint, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
+        },
+        "remarks": list(fit.remarks),
+    }
+
+
+def answer(c: Calibrated) -> dict[str, Any]:
+    """What every command says of a calibration: parameters with their intervals, and its errors."""
+    return {
+        "loads_N": list(c.request.loads),
+        "readings": len(c.found.overall),
+        "parameters": parameters(c.found.count),
+        "rms_mm": number(c.rms_mm),
+        "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "springs": {s.joint: spring(s) for s in c.springs},
+        "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],
+    }
 
 
 def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
@@ -199,9 +257,9 @@ def holdout(h: Holdout) -> dict[str, Any]:
             "poses": rows, "not_predicted": h.blind}  # fmt: skip
 
 
-def _poses(c: Calibrated) -> list[dict[str, Any]]:
-    p = c.found.overall
-    predicted, files = p.value - c.found.residual, files_of(c.data)
+def poses(c: Calibrated) -> list[dict[str, Any]]:
+    """Every component read, as simulated, and by a calibration that has not seen its pose."""
+    p, files = c.found.overall, files_of(c.data)
     return [
         {
             **({} if files is None else {"file": files[p.row[i]]}),
@@ -209,7 +267,7 @@ def _poses(c: Calibrated) -> list[dict[str, Any]]:
             "pose": p.poses[p.pose[i]],
             "component": COMPONENT_KEYS[p.component[i]],
             "measured": number(float(p.value[i]) * 1e3),
-            "simulated": number(float(predicted[i]) * 1e3),
+            "simulated": number(float(c.predicted_mm[i])),
             # Simulated minus measured, as in the staged scheme.
             "left_out_error": number(-float(c.left_out[i]) * 1e3),
         }

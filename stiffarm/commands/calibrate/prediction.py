@@ -52,6 +52,7 @@ def left_out(
     count: Count | None,
     own: Sequence[Maker] = (),
     history: History | None = None,
+    spacing: str = "log",
 ) -> tuple[Array, dict[str, str]]:
     """Errors (m,) of each pose predicted by all stages run again without it; ``history`` of the readings ``used``."""
     whole, labels, history = found.overall, np.array(used.pose, dtype=str), history or history_of(used)
@@ -67,7 +68,9 @@ def left_out(
         without = campaign.model_copy(update={"stage": tuple(fewer)})
         try:
             then = history.take(np.flatnonzero(labels != label))
-            rest = run_campaign(description, build, used.select(labels != label), without, own=own, history=then)
+            rest = run_campaign(
+                description, build, used.select(labels != label), without, own=own, history=then, spacing=spacing
+            )
         except InputError as reason:
             reasons[label] = str(reason)
             continue

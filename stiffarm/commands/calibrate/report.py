@@ -14,6 +14,7 @@ from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.figures.residuals import predictions_figure
 from stiffarm.commands.calibrate.sections import stage_section
 from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.commands.calibrate.study_section import study_section
 from stiffarm.commands.calibrate.tables import holdout_rows
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
@@ -24,15 +25,14 @@ from stiffarm.session.outputs import OutputFolder
 def write_report(c: Calibrated, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [_readings(c)]
+    sections = [_readings(c), *([study_section(c, pictures)] if c.found.studies else [])]
     for number, s in enumerate(c.stages):
         sections += stage_section(c, s, pictures, "" if len(c.stages) == 1 else f"_{number + 1}")
     sections += [_predictions(c, pictures), _origin(c)]
     title = c.description.title.split(" (")[0]
     named = f"{c.request.campaign.title}: " if c.request.campaign.stage or len(c.request.campaign.law) else ""
-    numbers = sum(len(s.certainty.estimates) for s in c.found.stages)
     lede = (
-        f"{named}{numbers} numbers set free, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
+        f"{named}{c.found.count}, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
         f"{c.found.model.link_kind} links, {c.found.model.load_path} load path."
     )
     footer = (
@@ -43,10 +43,9 @@ def write_report(c: Calibrated, folder: OutputFolder) -> None:
 
 
 def _key_figures(c: Calibrated) -> list[KeyFigure]:
-    estimates = [e for s in c.found.stages for e in s.certainty.estimates]
-    sure = sum(e.status == "determined" for e in estimates)
+    n = c.found.count
     out = [
-        KeyFigure(f"{sure} of {len(estimates)}", "numbers determined with both limits"),
+        KeyFigure(f"{n.identified} of {n.free}", f"parameters identified ({n.at_bound} at a bound)"),
         KeyFigure(_mm(c.found.rms_mm), "RMS of the fit"),
         KeyFigure(_mm(c.left_out_rms_mm), "RMS at poses the calibration has not seen (left out one at a time)"),
     ]
@@ -91,7 +90,8 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             f"against {_mm(c.found.rms_mm)} in the fit."
         )
     ]
-    h, scatter = c.holdout, scatter_name(c.found.stages[-1].estimate.problem)
+    last = c.found.stages[-1].estimate if c.found.stages else None
+    h, scatter = c.holdout, "scatter" if last is None else scatter_name(last.problem)
     if h is not None:
         # Labels of the two tables may be the same for different poses.
         labels = tuple(f"{label} (held out)" for label in h.system.poses)
@@ -106,10 +106,10 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
         heads = ("pose", "RMS (mm)", f"expected from {scatter} (mm)")
         blocks.append(Table("Poses held out", heads, tuple(holdout_rows(h))))
     if any(np.isfinite(v) for one in errors.values() for v in one.values()):
-        noise = c.found.stages[-1].estimate.noise.white[0] * 1e3
+        noise = None if last is None or not (system.component < 3).any() else last.noise.white[0] * 1e3
         blocks.append(
             pictures.add(
-                predictions_figure(errors, noise if (system.component < 3).any() else None, f"{scatter}, a reading"),
+                predictions_figure(errors, noise, f"{scatter}, a reading"),
                 "predictions",
                 "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
                 "has bent itself to these readings.",

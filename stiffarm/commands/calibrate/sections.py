@@ -16,9 +16,9 @@ from stiffarm.commands.calibrate.laws import curves
 from stiffarm.commands.calibrate.payload import QUANTILES, bootstrap
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.commands.calibrate.tables import outlier_lines
-from stiffarm.commands.plan.words import direction_words
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
+from stiffarm.session.direction_words import direction_words
 from stiffarm.session.noise_words import scatter_name
 
 _BLIND = 1e-9
@@ -100,7 +100,7 @@ def _told(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: 
 def _held(c: Calibrated) -> list[str]:
     """Joint springs that were not set free in any stage, and whether readings would have moved with them."""
     free = {e.parameter.place for s in c.found.stages for e in s.certainty.estimates
-            if e.parameter.kind.of_law or words.spring_of(e) is not None}  # fmt: skip
+            if e.parameter.kind.of_law or e.parameter.spring_of is not None}  # fmt: skip
     influence = np.abs(equations(c.found.model, c.data, 1e-5).influence).max(axis=0)
     out = []
     for what, mine in (

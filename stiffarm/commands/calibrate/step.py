@@ -21,24 +21,22 @@ from doe.estimation.calibration import (
 )
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
-from doe.model_file.uncertainty_table import NO_SPARE, calibration_table
+from doe.model_file.origin import with_origin
 from doe.published.readings import points_of, rms_mm
 from doe.tables.checks import refuse_seen
 from doe.tables.joined import files_of
 from doe.tables.load_history import history_of_part
 from fem import ArmModel
-from fem.effects import LOAD_PATH, build_plain
+from fem.effects import build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Integers
-from robots.schema.description import Calibration as Origin
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
 from stiffarm.session.inputs import ModelInput
+from stiffarm.session.spring_words import SpringEstimate
 from stiffarm.session.useless_readings import refuse_useless
-
-SOURCE_KEY = "calibrated"
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Request:
     """What is asked of a calibration.
 
     ``loads`` N, empty for all; ``expected`` N m/rad: where joint springs are expected, to be said when they are
-    not; ``bootstrap``: how often to draw poses with replacement.
+    not; ``bootstrap``: how often to draw poses with replacement; ``spacing`` of the levels of studies pose by pose.
     """
 
     campaign: Campaign
@@ -54,6 +52,7 @@ class Request:
     expected: tuple[float, float] | None = None
     bootstrap: int = 0
     seed: int = 0
+    spacing: str = "log"
 
 
 @dataclass(frozen=True)
@@ -94,28 +93,75 @@ class Calibrated:
     remarks: tuple[str, ...]
 
     @property
+    def scheme(self) -> str:
+        """What the model file calls it: "staged" with studies pose by pose, else "global"."""
+        return "staged" if self.found.studies else "global"
+
+    @property
+    def name(self) -> str:
+        """Kind of springs and load path, by which calibrations are told apart."""
+        return f"{'staged' if self.found.studies else 'constant'}, {self.model.load_path}"
+
+    @property
+    def model(self) -> ArmModel:
+        """The calibrated model, without effects."""
+        return self.found.model
+
+    @property
+    def springs(self) -> tuple[SpringEstimate, ...]:
+        """Constant springs of the joints set free, in all stages."""
+        every = (e for s in self.found.stages for e in s.certainty.estimates)
+        return tuple(SpringEstimate.of(e) for e in every if e.parameter.spring_of is not None)
+
+    @property
+    def pose(self) -> tuple[str, ...]:
+        """Labels (m,) of the poses."""
+        return tuple(self.found.overall.poses[k] for k in self.found.overall.pose)
+
+    @property
+    def component(self) -> Integers:
+        """What was read (m,): 0 to 5 for dx to rz."""
+        return self.found.overall.component
+
+    @property
+    def measured_mm(self) -> Array:
+        """Readings (m,) in mm (mrad for rotations)."""
+        return self.found.overall.value * 1e3
+
+    @property
+    def predicted_mm(self) -> Array:
+        """Simulated readings (m,) in mm (mrad for rotations)."""
+        return (self.found.overall.value - self.found.residual) * 1e3
+
+    @property
+    def rms_mm(self) -> float:
+        """RMS of the translational residuals."""
+        return self.found.rms_mm
+
+    @property
     def left_out_rms_mm(self) -> float:
         """RMS of the translations at poses predicted by a calibration that has not seen them."""
         known = ~np.isnan(self.left_out)
         return rms_mm(self.left_out[known], self.found.overall.component[known])
 
-    @property
-    def identified(self) -> int:
-        """How many numbers the readings say something about."""
-        return sum(e.status != "not identified" for s in self.found.stages for e in s.certainty.estimates)
-
 
 def springs_campaign(
-    robot: str, joints: tuple[str, ...], names: tuple[str, ...] | None, expected: tuple[float, float]
+    robot: str,
+    joints: tuple[str, ...],
+    names: tuple[str, ...] | None,
+    expected: tuple[float, float],
+    noise: NoiseChoice | None = None,
 ) -> Campaign:
     """All at once: the numbers named, else constant springs of ``joints``; their range is the widest plausible one."""
     plain = campaign_of(robot, names or tuple(f"{j}.stiffness" for j in joints))
     widest = min(TURN[0], expected[0]), max(TURN[1], expected[1])
     freed = [
-        Freed(name=p.name, lower=widest[0], upper=widest[1]) if words.is_joint_spring(p.name) and widest != TURN else p
+        Freed(name=p.name, lower=widest[0], upper=widest[1])
+        if words.names_joint_spring(p.name) and widest != TURN
+        else p
         for p in plain.parameter
     ]
-    return plain.model_copy(update={"parameter": tuple(freed)})
+    return plain.model_copy(update={"parameter": tuple(freed), "noise": noise or plain.noise})
 
 
 def calibrate(
@@ -151,32 +197,45 @@ def calibrate(
     build = _builder(given)
     history = history_of_part(table, lambda whole: select_loads(whole, request.loads))
     found = run_campaign(
-        given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history
-    )
+        given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history,
+        spacing=request.spacing,
+    )  # fmt: skip
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
     if _all_at_once(found):
         error, skipped = stages[0].left_out, stages[0].skipped
     else:
-        error, skipped = left_out(given.description, build, used, request.campaign, found, count, given.own, history)
+        error, skipped = left_out(
+            given.description, build, used, request.campaign, found, count, given.own, history, request.spacing
+        )
     shifts = [
         e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind.shifts == "point"
     ]
-    remarks = words.remarks(found.stages, request.expected) + words.points_remark(shifts, points_of(used))
+    remarks = (
+        *words.study_remarks(found.studies),
+        *words.remarks(found.stages, request.expected),
+        *words.points_remark(shifts, points_of(used)),
+    )
     return Calibrated(
-        request, used, found, _described(given, found, used, request, remarks), stages, error, skipped,
+        request, used, found, with_origin(found, used, request.loads, remarks), stages, error, skipped,
         None if holdout is None else held_out(found, holdout), remarks,
     )  # fmt: skip
 
 
 def _builder(given: ModelInput) -> Callable[[ModelDescription], ArmModel]:
     """Models as the given one, without effects: unchanged links are found in the cache."""
-    return lambda description: build_plain(description, given.model.link_kind, given.model.load_path)
+
+    def build(description: ModelDescription) -> ArmModel:
+        if description is given.description and not description.effect:
+            return given.model
+        return build_plain(description, given.model.link_kind, given.model.load_path)
+
+    return build
 
 
 def _all_at_once(found: Calibration) -> bool:
-    (first, *more) = [s.stage for s in found.stages]
-    return not (more or first.poses or first.loads_N or first.levels)
+    first = found.stages[0].stage if len(found.stages) == 1 and not found.studies else None
+    return first is not None and not (first.poses or first.loads_N or first.levels)
 
 
 def _findings(
@@ -206,32 +265,3 @@ def _independent(stage: StageResult, noise: NoiseChoice) -> Certainty:
     p = stage.estimate.problem
     apart = replace(p, pose=np.arange(len(p)), poses=tuple(map(str, range(len(p)))))
     return certainty(estimate(apart, (noise.gauge_mm * 1e-3, noise.gauge_mrad * 1e-3), robust=noise.robust))
-
-
-def _described(
-    given: ModelInput, found: Calibration, used: Measurements, request: Request, remarks: tuple[str, ...]
-) -> ModelDescription:
-    """The calibrated description with where it came from."""
-    has_path = any(table.code == LOAD_PATH for table in found.description.effect)
-    source = f"global calibration on {used.source}, SHA-256 {used.sha256}"
-    sure = calibration_table(found)
-    changed = found.description.model_copy(
-        update={
-            # With an effect load-path the file keeps the path that it departs from.
-            "load_path": found.description.load_path if has_path else given.model.load_path,
-            "sources": {**found.description.sources, SOURCE_KEY: source},
-            "calibration": Origin(
-                scheme="global",
-                load_path=given.model.load_path,
-                links=given.model.link_kind,
-                data=used.source,
-                data_sha256=used.sha256,
-                rms_mm=found.rms_mm,
-                loads_N=request.loads,
-                notes=remarks if sure is not None else (*remarks, NO_SPARE),
-                uncertainty=sure,
-            ),
-        }
-    )
-    # Through the validator once more: a written file must be one that can be read.
-    return ModelDescription.model_validate(changed.model_dump(by_alias=True))

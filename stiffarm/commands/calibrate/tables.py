@@ -1,4 +1,4 @@
-"""What `calibrate --scheme global` shows on stderr."""
+"""What `calibrate` shows on stderr."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from stiffarm.session.noise_words import scatter_name
 
 def show(c: Calibrated) -> None:
     """Numbers of each stage, noise, outliers, remarks and how good the result predicts."""
+    if c.found.studies:
+        _studies(c)
     for s in c.stages:
         _numbers(s)
         for name, size in words.noise_parts(s.result.estimate.noise, s.result.estimate.problem):
@@ -23,22 +25,47 @@ def show(c: Calibrated) -> None:
             say(f"outlier: {text}")
     for remark in c.remarks:
         say(f"note: {remark}")
+    say_errors(c)
+    if c.holdout is not None:
+        _holdout(c)
+
+
+def show_answer(c: Calibrated) -> None:
+    """Parameters of each stage, and how good the result fits and predicts: what every command says of it."""
+    for s in c.stages:
+        _numbers(s)
+    say_errors(c)
+
+
+def say_errors(c: Calibrated) -> None:
+    """How good a calibration fits, and predicts poses that it has not seen."""
     missed = f" ({len(c.skipped)} not predicted)" if c.skipped else ""
     error = c.left_out_rms_mm
     predicted = f"to {error:.3f} mm RMS{missed}" if np.isfinite(error) else f"not at all{missed}"
     say(
-        f"RMS {c.found.rms_mm:.3f} mm on {len(c.found.overall)} readings with {c.identified} parameters; "
+        f"RMS {c.found.rms_mm:.3f} mm on {len(c.found.overall)} readings with {c.found.count}; "
         f"poses left out one at a time are predicted {predicted}"
     )
-    if c.holdout is not None:
-        _holdout(c)
+
+
+def _studies(c: Calibrated) -> None:
+    show_table(
+        f"Level studies pose by pose, {c.model.load_path} load path",
+        ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
+        [
+            [s.stage.name, fit.pose, ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
+             f"{fit.error_mm:+.3f}", str(fit.runs)]
+            for s in c.found.studies
+            for fit in s.fits
+        ],
+    )  # fmt: skip
 
 
 def _numbers(s: StageFindings) -> None:
     estimates = s.result.certainty.estimates
     show_table(
-        f"Stage {s.result.stage.name}: {len(estimates)} numbers on {len(s.result.estimate.problem)} readings",
-        ["number", "value", "95 % interval", "unit", "status"],
+        f"Stage {s.result.stage.name}: {len(estimates)} parameters on {len(s.result.estimate.problem)} readings",
+        ["parameter", "value", "95 % interval", "unit", "status"],
         [
             [e.parameter.name, words.value_text(e) if words.known(e) else "-", words.interval_text(e),
              words.shown_unit(e.parameter)[1], e.status if (b := words.bound_of(e)) is None else f"at bound ({b})"]

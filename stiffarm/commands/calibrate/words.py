@@ -8,17 +8,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from doe import SpringEstimate
 from doe.certainty.lack_of_fit import FLAGGED, LackOfFit, downweighted
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.calibration import StageResult
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import FEWEST_POSES, Noise, estimable
 from doe.estimation.problem import Problem
-from doe.published.constant import bound_remark
+from doe.published.pose_studies import PoseStudies
 from doe.published.readings import PointOf
 from doe.tables.telling import NOISY
 from fem.free.parameters import TURN, Parameter
+from stiffarm.session.spring_words import SpringEstimate, bound_remark
 
 # Below this probability a test's outcome is no chance.
 REFUTED = 0.01
@@ -39,17 +39,16 @@ _SHOWN = {
 _SPRING = re.compile(r"[^.]+\.(rz|stiffness)")
 
 
-def is_joint_spring(name: str) -> bool:
+def names_joint_spring(name: str) -> bool:
     """Whether a parameter's name is that of a joint's spring about its own axis."""
     return bool(_SPRING.fullmatch(name)) and name.partition(".")[0] not in ("base", "tool", "bar")
 
 
-def spring_of(e: ParameterEstimate) -> SpringEstimate | None:
-    """A joint's spring about its axis as the other schemes know it; None for any other parameter."""
-    p = e.parameter
-    if p.spring_of is None:
-        return None
-    return SpringEstimate(p.place, e.value, e.interval, e.status)
+def study_remarks(studies: Sequence[PoseStudies]) -> tuple[str, ...]:
+    """Bounds that studies pose by pose met, and what they could not match."""
+    return tuple(
+        f"{s.stage.name}, pose {fit.pose}: {remark}" for s in studies for fit in s.fits for remark in fit.remarks
+    )
 
 
 def shown_unit(p: Parameter) -> tuple[float, str]:
@@ -123,7 +122,7 @@ def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str,
 def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list[str]:
     out: list[str] = []
     for e in s.certainty.estimates:
-        spring = spring_of(e)
+        spring = SpringEstimate.of(e) if e.parameter.spring_of is not None else None
         if e.parameter.name in s.unseen:
             out.append(f"{e.parameter.name}: no reading moves with it; it stays as the model has it")
         elif spring is not None and expected is not None and e.status != "not identified":

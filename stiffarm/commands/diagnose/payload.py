@@ -10,6 +10,7 @@ from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
+from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import FittedSpring, fitted_springs
@@ -49,6 +50,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "next_readings": next_readings(d),
         "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
+        "calibration": None if d.calibrated is None else calibration_payload.answer(d.calibrated),
         "springs": {s.joint: spring(s) for s in fitted_springs(found.after) if d.tells},
         "noise": noise(found.after),
         "remarks": list(d.remarks),

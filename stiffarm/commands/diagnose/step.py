@@ -18,12 +18,15 @@ from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.estimation.calibration import refuse_cut_cycles
+from doe.estimation.campaign import campaign_of
 from doe.tables.checks import refuse_seen
 from doe.tables.frozen import refuse_frozen
 from doe.tables.load_history import history_of, history_of_part
 from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
 from robots import InputError
 from robots.schema.quantities import RotationalStiffness
+from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.session.inputs import ModelInput
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
@@ -65,6 +68,7 @@ class Diagnosed:
     held_out: HeldOutReadings | None
     remarks: tuple[str, ...]
     proposal: NextReadings | None = None
+    calibrated: Calibrated | None = None
 
     @property
     def tells(self) -> bool:
@@ -140,6 +144,7 @@ def diagnose(
         None if holdout is None else hold_out(found, used, holdout),
         remarks,
         _proposal(found, request, say),
+        _calibrated(given, table, request, found),
     )
 
 
@@ -166,6 +171,15 @@ def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | N
         if say is not None:
             say(f"note: no readings are proposed: {reason}")
         return None
+
+
+def _calibrated(given: ModelInput, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:
+    """The model as it is with the same springs free, as `calibrate` finds them; None where readings tell nothing."""
+    joints = found.before.setting.free
+    if found.verdict == "uninformative" or not joints:
+        return None
+    campaign = campaign_of(given.robot.name, tuple(f"{joint}.stiffness" for joint in joints))
+    return calibrating.calibrate(given, table, calibrating.Request(campaign, request.loads))
 
 
 def _setting(given: ModelInput, used: Measurements, request: Request, history: History) -> Setting:

@@ -154,21 +154,6 @@ def _finite(words: Sequence[str], option: str, text: str, allowed: str, remedy: 
     return values
 
 
-def parse_parameters(text: str | None) -> tuple[str, ...] | None:
-    """Names of parameters separated by commas; the model knows which there are."""
-    if text is None:
-        return None
-    names = tuple(part.strip() for part in text.split(",") if part.strip())
-    if not names or len(set(names)) < len(names):
-        raise InputError(
-            "--free",
-            value=text,
-            allowed="names of parameters, each once, separated by commas",
-            remedy="as in --free j2.stiffness,j3.stiffness",
-        )
-    return names
-
-
 def usual_loads(description: ModelDescription, data: Measurements | None) -> Array:
     """Force magnitudes (l,) N: those of the data, else shares of the payload's weight.
 

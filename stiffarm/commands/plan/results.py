@@ -11,10 +11,13 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight
 from doe.tables.columns import DISPLACEMENTS
 from robots import Robot
+from stiffarm.commands.calibrate import payload as calibration_payload
+from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.sheets import SetUp, Sheet
 from stiffarm.commands.plan.step import Planned
 from stiffarm.session.console import say, show_table
+from stiffarm.session.direction_words import direction_words
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 
@@ -102,6 +105,7 @@ def payload(given: ModelInput, data: Measurements | None, planned: Planned) -> d
         "candidate_poses": planned.candidates,
         "held_deg": {name: number(v) for name, v in planned.held_deg.items()},
         "setups": [_setup(given.robot, planned, k) for k in range(len(planned.labels))],
+        "calibration": None if planned.calibrated is None else calibration_payload.answer(planned.calibrated),
         "parameters": [parameter_payload(f, found) for f, found in planned.rows],
         "criterion": made.criterion,
         "value": number(made.value),
@@ -158,10 +162,12 @@ def show(given: ModelInput, planned: Planned) -> None:
     names = given.robot.coordinates
     rows = []
     for label, q, d in zip(planned.labels, planned.made.q, planned.made.direction, strict=True):
-        rows.append([label, *[f"{v:.5g}" for v in np.degrees(q) + 0.0], words.direction_words(d)])
+        rows.append([label, *[f"{v:.5g}" for v in np.degrees(q) + 0.0], direction_words(d)])
     kind = "plain design" if planned.request.plain else f"{planned.made.criterion}-optimal choice"
     count = f"{len(planned.labels)} set-ups for {given.robot.name}, {kind} of {planned.candidates} poses"
     show_table(count, ["set-up", *names, "load"], rows)
+    if planned.calibrated is not None:
+        calibration_tables.show_answer(planned.calibrated)
     say(f"what {len(planned.labels)} set-ups tell (95 %):")
     for sentence in planned.sentences:
         say(f"  {sentence}")

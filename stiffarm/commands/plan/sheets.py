@@ -13,8 +13,8 @@ from doe import Measurements, write_measurements
 from doe.tables.columns import DISPLACEMENTS, LOADS
 from robots import Robot
 from robots.arrays import Array
-from stiffarm.commands.plan.words import direction_words
 from stiffarm.pages.parts import rendered
+from stiffarm.session.direction_words import direction_words
 
 # More boxes than these beside each other are too narrow to write into on A4.
 MOST_BOXES = 9

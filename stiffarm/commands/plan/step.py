@@ -8,10 +8,11 @@ import numpy as np
 
 from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
+from doe.estimation.campaign import NoiseChoice, campaign_of
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
 from doe.planning.optimal_choice import Criterion
-from doe.planning.outset import Outset, check_plannable, first_outset, outset_of
+from doe.planning.outset import Outset, check_plannable, first_outset, has_enough, helped_outset, outset
 from doe.planning.plan import (
     Foresight,
     MeasurementPlan,
@@ -30,6 +31,8 @@ from fem.springs import ConstantSpring
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.progress import Progress
+from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
 from stiffarm.session import steps
@@ -73,7 +76,8 @@ class Planned:
     """A plan in the order of measuring.
 
     ``labels`` (n,) of its set-ups; ``candidates``: poses it was chosen from; ``expected`` (n, 6) m and rad under
-    the largest load, None before any reading; ``held_deg``: coordinates that stand still; ``notes``: remarks.
+    the largest load, None before any reading; ``held_deg``: coordinates that stand still; ``notes``: remarks;
+    ``calibrated``: what the readings so far say, as `calibrate` finds it, None where they are too few.
     """
 
     request: Request
@@ -84,6 +88,7 @@ class Planned:
     expected: Array | None
     held_deg: dict[str, float]
     notes: tuple[str, ...]
+    calibrated: Calibrated | None = None
 
     @property
     def found(self) -> tuple[ParameterEstimate | None, ...]:
@@ -120,7 +125,7 @@ def make_plan(
     protocol = _protocol(given, data, request)
     probes = pose_design(robot, PROBES, fixed=resting_pose(robot, {}), rng=np.random.default_rng(request.seed))
     free, notes = _free(given, data, request, protocol, probes)
-    start = _outset(given, data, free, request.gauge)
+    start, calibrated = _outset(given, data, free, request.gauge)
     if not seen_by(experiments(start, probes, protocol), start.vague).any():
         raise InputError(
             f"no reading of this plan moves with {', '.join(p.name for p in free)}",
@@ -138,7 +143,7 @@ def make_plan(
     return Planned(
         request, start, made, _labels(len(made.q), data), len(poses),
         expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
-        (*notes, *remarks, *_remarks(start, request, data)),
+        (*notes, *remarks, *_remarks(start, request, data)), calibrated,
     )  # fmt: skip
 
 
@@ -176,11 +181,21 @@ def _free(
     return free, notes
 
 
-def _outset(given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]) -> Outset:
+def _outset(
+    given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]
+) -> tuple[Outset, Calibrated | None]:
+    """Where the plan starts, and the calibration that it rests on where there are readings enough for one."""
     if data is None:
-        return first_outset(given.model, free, Noise(white=gauge))
-    refuse_useless(given, data, data)
-    return outset_of(problem(given.model, data, free), gauge)
+        return first_outset(given.model, free, Noise(white=gauge)), None
+    p = problem(given.model, data, free)
+    if not has_enough(p):
+        refuse_useless(given, data, data)
+        return helped_outset(p, gauge), None
+    noise = NoiseChoice(gauge_mm=1e3 * gauge[0], gauge_mrad=1e3 * gauge[1])
+    campaign = campaign_of(given.robot.name, tuple(q.name for q in free)).model_copy(update={"noise": noise})
+    found = calibrating.calibrate(given, data, calibrating.Request(campaign))
+    (stage,) = found.found.stages
+    return outset(stage.estimate, stage.certainty), found
 
 
 def _coordinates(

@@ -9,28 +9,12 @@ import numpy as np
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
-from robots.arrays import Array
 from robots.constants import NORMAL_95
 
 # Beyond this factor to either side a parameter is not called known.
 POORLY = 3.0
 # Beyond this one nothing worth saying is.
 HARDLY = 30.0
-_SIDES = {
-    (1, 0, 0): "forward (+x)",
-    (-1, 0, 0): "backward (−x)",
-    (0, 1, 0): "to the left (+y)",
-    (0, -1, 0): "to the right (−y)",
-    (0, 0, 1): "up (+z)",
-    (0, 0, -1): "down (−z)",
-}
-
-
-def direction_words(direction: Array) -> str:
-    """``down (−z)``; other directions as a unit vector. Base axes: x forward at q1 = 0, z up."""
-    x, y, z = (float(v) + 0.0 for v in np.round(direction, 6))
-    known = _SIDES.get((int(x), int(y), int(z))) if {abs(x), abs(y), abs(z)} <= {0.0, 1.0} else None
-    return known or f"along ({x:.3g}, {y:.3g}, {z:.3g}) of the base".replace("-", "−")
 
 
 def plain(value: float, digits: int) -> str:

@@ -13,11 +13,11 @@ from doe import Measurements
 from doe.published.readings import rms_mm
 from doe.tables.checks import refuse_seen
 from stiffarm.commands.calibrate.prediction import prediction_error
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.reading_checks import read_held_out
-from stiffarm.session.steps import Variant
 
 # Angles this far (deg) beyond a law's range are beyond it, less is rounding.
 _ROUNDING_DEG = 1e-6
@@ -45,7 +45,7 @@ def read(file: Path, given: ModelInput, seen: Measurements, *, confirm_units: bo
     return data
 
 
-def judge(variants: Sequence[Variant], data: Measurements) -> HeldOut:
+def judge(variants: Sequence[Calibrated], data: Measurements) -> HeldOut:
     """Predict the readings held out with every variant, and say how well."""
     rms, beyond = {}, {}
     for v in variants:
@@ -56,10 +56,10 @@ def judge(variants: Sequence[Variant], data: Measurements) -> HeldOut:
     return HeldOut(data, rms, beyond)
 
 
-def _beyond(v: Variant, data: Measurements) -> tuple[str, ...]:
+def _beyond(v: Calibrated, data: Measurements) -> tuple[str, ...]:
     """Poses whose angles a law of the variant was not made for."""
     out = np.zeros(data.n, dtype=np.bool_)
-    for law in v.staged.laws.values() if v.staged is not None else ():
+    for law in (law for s in v.found.studies for law in s.laws.values()):
         for name, centre, half in zip(law.inputs, law.centre_deg, law.half_range_deg, strict=True):
             angle = np.degrees(data.q[:, v.model.robot.coordinate_index(name)])
             out |= np.abs(angle - centre) > half + _ROUNDING_DEG

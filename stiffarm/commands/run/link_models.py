@@ -9,15 +9,18 @@ from typing import Final, Literal
 
 import numpy as np
 
-from doe import Measurements, PoseFit, Scheme, SpringEstimate, loaded_points, select_loads
+from doe import Measurements, loaded_points, select_loads
+from doe.estimation.campaign import Campaign, NoiseChoice
+from doe.published.parametric import PoseFit
 from fem import LinkKind
 from fem.statics.budget import compliance_budget
 from robots import LoadPath
 from robots.arrays import Array
+from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import inputs, steps
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.spring_words import at_widest_bound
-from stiffarm.session.steps import Variant
+from stiffarm.session.spring_words import SpringEstimate, at_widest_bound
 
 Agreement = Literal["within", "outside", "unknown"]
 
@@ -31,11 +34,11 @@ class LinkCalibrations:
 
     ``variants``: in the same order for every kind of links; ``share``: by variant, what links, bar and crank hold
     of the strain energy at the readings used (n,), 0 to 1; ``alone_mm``: by load path, the read displacements of
-    the arm with rigid joints (m,), mm or mrad as in :attr:`Variant.predicted_mm`.
+    the arm with rigid joints (m,), mm or mrad as in :attr:`Calibrated.predicted_mm`.
     """
 
     links: LinkKind
-    variants: tuple[Variant, ...]
+    variants: tuple[Calibrated, ...]
     share: Mapping[str, Array]
     alone_mm: Mapping[LoadPath, Array]
 
@@ -72,21 +75,19 @@ class SpringPair:
 class Pair:
     """One load path and scheme with the run's own links and with those beside them."""
 
-    own: Variant
-    other: Variant
+    own: Calibrated
+    other: Calibrated
     springs: tuple[SpringPair, ...]
 
     @property
     def left_out_difference_mm(self) -> float:
         """Left-out RMS of the own links minus that of the others: negative where the own ones predict better."""
-        return self.own.left_out.rms_mm - self.other.left_out.rms_mm
+        return self.own.left_out_rms_mm - self.other.left_out_rms_mm
 
     def poses_better(self) -> tuple[int, int]:
         """How many poses the own links predict better, of how many that both predict."""
         size: dict[str, list[float]] = {}
-        for pose, a, b in zip(
-            self.own.system.pose, self.own.left_out.error_m, self.other.left_out.error_m, strict=True
-        ):
+        for pose, a, b in zip(self.own.pose, self.own.left_out, self.other.left_out, strict=True):
             sums = size.setdefault(pose, [0.0, 0.0])
             sums[0] += a**2
             sums[1] += b**2
@@ -120,19 +121,21 @@ def by_load_path(given: ModelInput) -> dict[LoadPath, ModelInput]:
 def calibrate(
     models: Mapping[LoadPath, ModelInput],
     table: Measurements,
-    scheme: Scheme,
-    report: Callable[[Variant], None] | None = None,
+    scheme: Campaign,
+    report: Callable[[Calibrated], None] | None = None,
 ) -> LinkCalibrations:
     """Calibrate one kind of links with every load path (:func:`by_load_path`), by stages and with constant springs."""
     used = select_loads(table, scheme.loads_N)
-    variants: list[Variant] = []
+    joints, noise = scheme.beside.constant.joints, NoiseChoice(gauge_mm=scheme.noise.gauge_mm)
+    constant = calibrating.springs_campaign(scheme.robot, joints, None, scheme.springs.ends, noise)
+    requests = (
+        Request(scheme, scheme.loads_N, scheme.springs.ends),
+        Request(constant, scheme.loads_N, scheme.springs.ends),
+    )
+    variants: list[Calibrated] = []
     alone: dict[LoadPath, Array] = {}
     for path, one in models.items():
-        bounds = (scheme.low_Nm_per_rad, scheme.high_Nm_per_rad)
-        made = (
-            steps.calibrate_by_stages(one, table, scheme, scheme.loads_N),
-            steps.calibrate_constant(one, table, scheme.constant.joints, scheme.loads_N, bounds, scheme.gauge_mm),
-        )
+        made = tuple(calibrating.calibrate(one, table, request) for request in requests)
         alone[path] = steps.readings_with_rigid_joints(one, used).rest * 1e3
         variants += made
         if report is not None:
@@ -143,22 +146,20 @@ def calibrate(
     )
 
 
-def _structure_share(variant: Variant, used: Measurements) -> Array:
+def _structure_share(variant: Calibrated, used: Measurements) -> Array:
     """Share (n,) of links, bar and crank in the strain energy of each reading."""
     budget = compliance_budget(variant.model, used.q, used.wrench, loaded_points(variant.model, used))
     return budget.of_kind("link") + budget.of_kind("parallelogram")
 
 
-def _spring_pairs(own: Variant, other: Variant) -> tuple[SpringPair, ...]:
-    if own.constant is not None and other.constant is not None:
-        springs = zip(own.constant.springs, other.constant.springs, strict=True)
+def _spring_pairs(own: Calibrated, other: Calibrated) -> tuple[SpringPair, ...]:
+    if not own.found.studies:
+        springs = zip(own.springs, other.springs, strict=True)
         return tuple(SpringPair(a.joint, _of_estimate(a), _of_estimate(b)) for a, b in springs)
-    if own.staged is None or other.staged is None:
-        return ()
     return tuple(
-        SpringPair(joint, _of_fit(a, k), _of_fit(b, k), (stage, a.pose))
-        for stage, fits in own.staged.fits.items()
-        for a, b in zip(fits, other.staged.fits[stage], strict=True)
+        SpringPair(joint, _of_fit(a, k), _of_fit(b, k), (mine.stage.name, a.pose))
+        for mine, theirs in zip(own.found.studies, other.found.studies, strict=True)
+        for a, b in zip(mine.fits, theirs.fits, strict=True)
         for k, joint in enumerate(a.joints)
     )
 

@@ -54,7 +54,7 @@ def _alone(both: LinkModels) -> str:
 
 
 def _vertical(both: LinkModels) -> Bools:
-    return np.asarray(both.own.variants[0].system.component == 2)
+    return np.asarray(both.own.variants[0].found.overall.component == 2)
 
 
 def _shares(both: LinkModels, best: str) -> str:
@@ -78,14 +78,14 @@ def _springs(pair: Pair, both: LinkModels) -> str:
     text = f"{_name(pair)}, springs with {own} compared with {other}: "
     if not known:
         text += "none has a value with both"
-    elif pair.own.constant is not None:
+    elif not pair.own.found.studies:
         text += ", ".join(f"{s.joint} {signed(s.change)}" for s in known)
     else:
         most = max(known, key=lambda s: abs(s.change))
         equal = sum(signed(s.change) == signed(0.0) for s in known)
         text += f"{equal} of {len(known)} stand on the same level, the largest change is that of {_place(most)} "
         text += f"({signed(most.change)})"
-    interval = "95 % intervals" if pair.own.constant is not None else "ranges that match as well"
+    interval = "95 % intervals" if not pair.own.found.studies else "ranges that match as well"
     if not judged:
         return text + "; without spare readings there are no intervals to judge that by."
     count = "all" if len(judged) == len(pair.springs) else f"the {len(judged)} that have one"
@@ -157,10 +157,10 @@ def _verdict(both: LinkModels, best: str, gauge_mm: float) -> str:
     else:
         text += f"{own if difference < 0.0 else other} predict better by {abs(difference):.3f} mm"
     errors = {
-        f"{v.name} with {NOUN[side.links]}": v.left_out.rms_mm
+        f"{v.name} with {NOUN[side.links]}": v.left_out_rms_mm
         for side in (both.own, both.other)
         for v in side.variants
-        if np.isfinite(v.left_out.rms_mm)
+        if np.isfinite(v.left_out_rms_mm)
     }
     if not errors:
         return text + "."

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stiffarm.commands.calibrate.variant import poses as pose_rows
+from stiffarm.commands.calibrate.payload import poses as pose_rows
 from stiffarm.commands.run.link_models import LinkModels, Pair
 from stiffarm.session.json_text import number
 from stiffarm.session.spring_words import at_widest_bound
@@ -46,7 +46,7 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
         **{
             side.links: {
                 "rms_mm": number(one.rms_mm),
-                "left_one_pose_out_rms_mm": number(one.left_out.rms_mm),
+                "left_one_pose_out_rms_mm": number(one.left_out_rms_mm),
                 "links_bar_and_crank_share": [number(float(v)) for v in side.share[one.name]],
                 "poses": pose_rows(one),
             }

@@ -2,94 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, Scheme, select_loads
+from doe import Measurements, PoseEffects, select_loads
+from doe.estimation.campaign import Campaign
 from fem import deflection_by_part
 from robots import save_description
-from robots.arrays import Array
-from stiffarm.commands.calibrate import variant as variants
+from stiffarm.commands.calibrate import payload as calibration_payload
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.payload import trained as trained_payload
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
+from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
+from stiffarm.session.frame import Frame
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.readings import open_measured
-from stiffarm.session.steps import FactorialRuns, RigidJoints, Variant
-from surrogate import Surrogate, Trained, save_surrogate
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Everything the report tells, computed once."""
-
-    given: ModelInput
-    data: Measurements
-    scheme: Scheme
-    rigid: RigidJoints
-    effects: Mapping[str, list[PoseEffects]]
-    link_models: LinkModels
-    best: Variant
-    published: Variant
-    factorial: Mapping[str, FactorialRuns]
-    trained: Mapping[str, Trained]
-    budget_mm: Mapping[str, Array]
-    budget_poses: tuple[str, ...]
-    pose_check: tuple[list[str], Array, Array]
-    seed: int
-    held_out: HeldOut | None = None
-
-    @property
-    def variants(self) -> tuple[Variant, ...]:
-        """Every load path and scheme, with the links that were asked for."""
-        return self.link_models.own.variants
-
-    @property
-    def surrogate(self) -> Surrogate:
-        """The surrogate of the recommended variant."""
-        return self.trained[self.best.name].best
+from stiffarm.session.steps import FactorialRuns, RigidJoints
+from surrogate import Trained, save_surrogate
 
 
 def run_all(
+    frame: Frame,
     model: str,
     data: Path | None,
     scheme_file: Path | None,
     links: str | None,
-    out: Path,
     points: int,
     seed: int,
-    command: list[str],
     holdout: Path | None = None,
     *,
     confirm_units: bool = False,
 ) -> dict[str, Any]:
-    """Run every step and write models, surrogates, maps, pictures and the report into ``out``.
+    """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder.
 
     ``holdout``: table of poses that no calibration sees, to judge the variants by;
     ``confirm_units``: tables are right though they look like other units.
     """
-    given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
+    given = frame.model(model, links)
+    table = frame.readings(given, data, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
     scheme = readings.read_scheme(given.robot, scheme_file)
-    if scheme_file is not None:
-        files["scheme"] = scheme_file
+    frame.reads(scheme_file=scheme_file, holdout=holdout)
     kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
-    if holdout is not None:
-        files["holdout"] = holdout
-    with OutputFolder(out, command, files, seed) as folder:
+    with frame.folder(seed) as folder:
         with folder.timed("calibration"):
             rigid, effects, compared = _calibrations(given, table, scheme)
         judged = None if kept is None else held_out.judge(compared.own.variants, kept)
@@ -105,15 +73,14 @@ def run_all(
         with folder.timed("report"):
             say("report")
             write_report(findings, drawn, folder)
-    say(f"done: open {out / 'report.html'}")
     return content
 
 
 def _calibrations(
-    given: ModelInput, table: Measurements, scheme: Scheme
+    given: ModelInput, table: Measurements, scheme: Campaign
 ) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
     used = select_loads(table, scheme.loads_N)
-    straight = scheme.sensitivity.poses
+    straight = scheme.beside.sensitivity.poses
     beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
     # Without flexible links there is no first model: beams stand in for them.
     rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
@@ -126,10 +93,9 @@ def _calibrations(
         path: steps.sensitivity(
             one,
             used,
-            scheme.sensitivity.joints,
+            scheme.beside.sensitivity.joints,
             straight,
-            scheme.low_Nm_per_rad,
-            scheme.high_Nm_per_rad,
+            *scheme.springs.ends,
         )
         for path, one in models.items()
     }
@@ -139,17 +105,22 @@ def _calibrations(
     return rigid, effects, LinkModels(own, other)
 
 
-def _say_variant(variant: Variant) -> None:
+def recommended(variants: Sequence[Calibrated]) -> Calibrated:
+    """The calibration that predicts left-out poses best (not the one that fits best)."""
+    return min(variants, key=lambda v: v.left_out_rms_mm if np.isfinite(v.left_out_rms_mm) else np.inf)
+
+
+def _say_variant(variant: Calibrated) -> None:
     say(
-        f"{variant.name}: {variant.parameters} parameters, RMS {variant.rms_mm:.3f} mm, "
-        f"left-out poses {variant.left_out.rms_mm:.3f} mm"
+        f"{variant.name}: {variant.found.count}, RMS {variant.found.rms_mm:.3f} mm, "
+        f"left-out poses {variant.left_out_rms_mm:.3f} mm"
     )
 
 
 def _learned(
     given: ModelInput,
     table: Measurements,
-    scheme: Scheme,
+    scheme: Campaign,
     rigid: RigidJoints,
     effects: dict[str, list[PoseEffects]],
     compared: LinkModels,
@@ -158,23 +129,23 @@ def _learned(
     judged: HeldOut | None,
 ) -> Findings:
     variants = compared.own.variants
-    best = steps.recommended(list(variants))
+    best = recommended(variants)
     published = variants[0]
     say(f"recommended: {best.name} (smallest error on left-out poses)")
     factorial: dict[str, FactorialRuns] = {}
     trained: dict[str, Trained] = {}
     with folder.timed("surrogates"):
         for variant in {v.name: v for v in (best, published)}.values():
-            factorial[variant.name] = steps.factorial_runs(variant.model, scheme)
+            factorial[variant.name] = steps.factorial_runs(variant.model, scheme.beside.factorial)
             trained[variant.name] = learning.learn(
                 variant.description,
                 variant.model,
-                scheme.factorial.inputs,
+                scheme.beside.factorial.inputs,
                 seed,
                 folder,
                 f"surrogates/{slug(variant.name)}",
                 variant.name,
-                degree=scheme.regression_degree,
+                degree=max((law.degree for law in scheme.regressions), default=6),
             )
     used = select_loads(table, scheme.loads_N)
     parts = deflection_by_part(best.model, used.q, used.wrench)
@@ -209,7 +180,7 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         "links": findings.given.model.link_kind,
         "rigid_joints": payload.rigid(findings.rigid),
         "sensitivity": {path: factorial.payload(e) for path, e in findings.effects.items()},
-        "variants": {v.name: variants.payload(v) for v in findings.variants},
+        "variants": {v.name: calibration_payload.calibration(v) for v in findings.variants},
         "recommended": findings.best.name,
         "link_models": payload.link_models(findings.link_models),
         "factorial": {name: payload.factorial(runs) for name, runs in findings.factorial.items()},
@@ -229,8 +200,3 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         content["holdout"] = held_out.payload(findings.held_out)
     folder.write_json("results.json", content)
     return content
-
-
-def slug(name: str) -> str:
-    """``constant, serial`` -> ``constant_serial``."""
-    return "_".join(name.replace(",", " ").split())

@@ -19,7 +19,7 @@ from fem.statics.loads import as_loaded
 from robots import InputError
 from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import spoken_unit
-from stiffarm.commands.plan.words import direction_words
+from stiffarm.session.direction_words import direction_words
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 

@@ -140,3 +140,10 @@ def test_twenty_thousand_poses_take_seconds(monkeypatch: pytest.MonkeyPatch) -> 
     assert time.process_time() - start < 20.0
     assert len(said) == 100
     assert np.isfinite(error).all()
+
+
+def test_parameters_that_no_reading_moves_with_leave_the_readings_themselves() -> None:
+    e = estimate(linear(np.zeros((6, 2)), np.arange(1.0, 7.0)), (1e-3, 1e-3))
+    error, reasons = leave_one_pose_out(e)
+    assert not reasons
+    np.testing.assert_allclose(error, np.arange(1.0, 7.0))

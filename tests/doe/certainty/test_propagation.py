@@ -12,7 +12,7 @@ from scipy.stats import binom
 from uncertain_models import along, known, sprung, table_of, with_laws, with_table
 
 import fem
-from doe import ConstantFit, Equations, Measurements, equations, fit_constant, with_constant_springs
+from doe import Measurements
 from doe.certainty.propagation import (
     compliance_gradients,
     gradients,
@@ -24,6 +24,7 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.calibration import run_campaign
 from doe.estimation.campaign import campaign_of
 from doe.model_file.applied import apply_estimates
+from doe.model_file.origin import with_origin
 from doe.model_file.uncertainty_table import calibration_table
 from fem import ArmModel, build_model
 from fem.free.named_numbers import named_numbers
@@ -210,7 +211,7 @@ def test_intervals_of_the_compliance_hold_the_truth_as_often_as_they_say(
 ) -> None:
     rng = np.random.default_rng(11)
     truth = {"j2": 1.45e6, "j3": 8e5, "j4": 4e5, "j5": 2.5e5}
-    joints = tuple(truth)
+    springs = campaign_of("xr701", tuple(f"{joint}.stiffness" for joint in truth))
     model = arm().with_springs(truth)
     q, held_out = random_poses(model.robot, 8, rng), random_poses(model.robot, 25, rng)
     load = np.array([150.0, 250.0, -600.0, 0.0, 0.0, 0.0])
@@ -219,9 +220,8 @@ def test_intervals_of_the_compliance_hold_the_truth_as_often_as_they_say(
     for k in range(times):
         noise = 2e-5 * rng.normal(size=(8, 6))
         data = readings(arm(), truth, q, load, noise_m=noise)
-        fit = _fit(equations(arm(), data, 1e-5), joints)
-        given = with_constant_springs(load_description("xr701"), arm(), fit, data, ())
-        here = arm().with_springs({s.joint: s.stiffness for s in fit.springs})
+        fit = run_campaign(load_description("xr701"), lambda _: arm(), data, springs)
+        given, here = with_origin(fit, data), fit.model
         found = propagate(here, known(given), held_out, widened=True)
         assert not found.is_lower_bound.any()
         wide += int(found.is_rough.sum())
@@ -232,10 +232,6 @@ def test_intervals_of_the_compliance_hold_the_truth_as_often_as_they_say(
     assert binom.ppf(0.0005, times, 0.95) <= one <= binom.ppf(0.9995, times, 0.95)
     # Poses of one data set go together: at worst as uncertain as one pose, four standard deviations.
     assert inside.mean() == pytest.approx(0.95, abs=4.0 * math.sqrt(0.95 * 0.05 / times))
-
-
-def _fit(system: Equations, joints: tuple[str, ...]) -> ConstantFit:
-    return fit_constant(system, joints, ("j1", "j2", "j3", "j4", "j5", "j6"), np.zeros(6), (1e5, 1e7))
 
 
 def test_the_law_s_basis_is_the_file_s() -> None:

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from doe import Scheme, factorial_poses, level_grid, two_level_factorial
-from doe.published.scheme import Factorial
+from doe import Campaign, factorial_poses, level_grid, two_level_factorial
+from doe.estimation.study_plan import Factorial
 from robots import InputError, Robot
 
 
@@ -38,8 +38,8 @@ def test_a_level_grid_changes_the_last_factor_fastest() -> None:
     assert grid.tolist() == [[1, 10], [1, 20], [1, 30], [2, 10], [2, 20], [2, 30]]
 
 
-def test_the_adjusted_factorial_has_81_reachable_runs(xr701: Robot, scheme: Scheme) -> None:
-    q = factorial_poses(xr701, scheme.factorial)
+def test_the_adjusted_factorial_has_81_reachable_runs(xr701: Robot, scheme: Campaign) -> None:
+    q = factorial_poses(xr701, scheme.beside.factorial)
     assert q.shape == (81, 6)
     assert xr701.reachable(q).all()
     assert len({tuple(row) for row in q}) == 81
@@ -51,21 +51,21 @@ def test_the_adjusted_factorial_has_81_reachable_runs(xr701: Robot, scheme: Sche
     [(3, (-35, 40, -200, 100)), (5, (-35, 40, 0, 0)), (41, (5, 77.5, 0, 0)), (77, (45, 115, 0, 0))],
 )
 def test_rows_are_numbered_as_in_the_paper(
-    xr701: Robot, scheme: Scheme, pose: int, angles_deg: tuple[float, ...]
+    xr701: Robot, scheme: Campaign, pose: int, angles_deg: tuple[float, ...]
 ) -> None:
-    q = factorial_poses(xr701, scheme.factorial)[pose - 1]
+    q = factorial_poses(xr701, scheme.beside.factorial)[pose - 1]
     # The degrees go to radians and back: round-off alone.
     np.testing.assert_allclose(np.degrees(q[1:5]), angles_deg, atol=1e-12)
 
 
-def test_levels_are_adjusted_only_where_q2_is_low(xr701: Robot, scheme: Scheme) -> None:
-    q = np.round(np.degrees(factorial_poses(xr701, scheme.factorial)), 9)
+def test_levels_are_adjusted_only_where_q2_is_low(xr701: Robot, scheme: Campaign) -> None:
+    q = np.round(np.degrees(factorial_poses(xr701, scheme.beside.factorial)), 9)
     levels = {q2: sorted(set(q[q[:, 1] == q2, 2])) for q2 in (-35, 5, 45)}
     assert levels == {-35: [40, 60, 77.5], 5: [40, 77.5, 115], 45: [40, 77.5, 115]}
 
 
-def test_without_the_adjustment_the_run_and_the_limit_are_named(xr701: Robot, scheme: Scheme) -> None:
-    plain = scheme.factorial.model_copy(update={"adjust": ()})
+def test_without_the_adjustment_the_run_and_the_limit_are_named(xr701: Robot, scheme: Campaign) -> None:
+    plain = scheme.beside.factorial.model_copy(update={"adjust": ()})
     # q2 = -35 with q3real = 115: after 2 x 9 runs at that q2, the 19th is the first.
     with pytest.raises(InputError, match=r"factorial run 19 .*forearm_deg = 30 is outside 65 to 190"):
         factorial_poses(xr701, plain)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from doe import Equations, Measurements, PoseEffects, Scheme, equations, sensitivity_study, two_level_factorial
+from doe import Campaign, Equations, Measurements, PoseEffects, equations, sensitivity_study, two_level_factorial
 from fem import ArmModel
 from robots import InputError
 
@@ -17,16 +17,16 @@ Readings = Callable[..., Measurements]
 LOW, HIGH = 1e5, 1e6
 
 
-def study(model: ArmModel, data: Measurements, scheme: Scheme) -> tuple[Equations, dict[str, PoseEffects]]:
-    system = equations(model, data, 1e-5).of_poses(scheme.sensitivity.poses)
-    effects = sensitivity_study(system, scheme.sensitivity.joints, model.robot.joint_names, LOW, HIGH)
+def study(model: ArmModel, data: Measurements, scheme: Campaign) -> tuple[Equations, dict[str, PoseEffects]]:
+    system = equations(model, data, 1e-5).of_poses(scheme.beside.sensitivity.poses)
+    effects = sensitivity_study(system, scheme.beside.sensitivity.joints, model.robot.joint_names, LOW, HIGH)
     return system, {e.pose: e for e in effects}
 
 
 @pytest.mark.parametrize("load_path", ["serial", "parallelogram"])
-def test_effects_equal_the_closed_form(arm: Arm, measured: Measurements, scheme: Scheme, load_path: str) -> None:
+def test_effects_equal_the_closed_form(arm: Arm, measured: Measurements, scheme: Campaign, load_path: str) -> None:
     system, effects = study(arm(load_path=load_path), measured, scheme)
-    columns = [arm().robot.joint_names.index(j) for j in scheme.sensitivity.joints]
+    columns = [arm().robot.joint_names.index(j) for j in scheme.beside.sensitivity.joints]
     assert system.pose == tuple(effects) == ("5", "41", "77")
     for i, effect in enumerate(effects.values()):
         exact = system.influence[i, columns] * (1.0 / HIGH - 1.0 / LOW) * 1e3
@@ -34,26 +34,28 @@ def test_effects_equal_the_closed_form(arm: Arm, measured: Measurements, scheme:
         np.testing.assert_allclose(effect.effect_mm, exact, rtol=1e-12, atol=1e-12)
 
 
-def test_runs_are_the_models_deflections(arm: Arm, measured: Measurements, scheme: Scheme, readings: Readings) -> None:
+def test_runs_are_the_models_deflections(
+    arm: Arm, measured: Measurements, scheme: Campaign, readings: Readings
+) -> None:
     # The whole chain again by the static solve: springs low or high, the others as good as rigid.
     model = arm()
     _, effects = study(model, measured, scheme)
     pose = measured.select(np.array([p == "41" for p in measured.pose]))
     for run, levels in enumerate(two_level_factorial(4)):
-        springs = {j: HIGH if s > 0 else LOW for j, s in zip(scheme.sensitivity.joints, levels, strict=True)}
+        springs = {j: HIGH if s > 0 else LOW for j, s in zip(scheme.beside.sensitivity.joints, levels, strict=True)}
         dz = readings(model, springs, pose.q, pose.wrench).displacement[0, 2]
         # Two ways of summing the same parts: round-off on tens of mm.
         assert effects["41"].runs_mm[run] == pytest.approx(dz * 1e3, rel=1e-12)
 
 
-def test_a_stiffer_spring_lifts_the_tool(arm: Arm, measured: Measurements, scheme: Scheme) -> None:
+def test_a_stiffer_spring_lifts_the_tool(arm: Arm, measured: Measurements, scheme: Campaign) -> None:
     # Load and deflection point down, so going from soft to stiff raises dz: every effect is positive.
     for effect in study(arm(load_path="serial"), measured, scheme)[1].values():
         assert (effect.effect_mm[[0, 1, 3]] > 0.0).all()
         assert effect.share.sum() == pytest.approx(1.0, abs=1e-12)  # round-off of four numbers
 
 
-def test_there_are_no_interactions(arm: Arm, measured: Measurements, scheme: Scheme) -> None:
+def test_there_are_no_interactions(arm: Arm, measured: Measurements, scheme: Campaign) -> None:
     design = two_level_factorial(4)
     for effect in study(arm(load_path="serial"), measured, scheme)[1].values():
         for size in (2, 3, 4):
@@ -65,7 +67,7 @@ def test_there_are_no_interactions(arm: Arm, measured: Measurements, scheme: Sch
 
 @pytest.mark.parametrize("pose", ["41", "77"])
 def test_the_serial_path_ranks_as_the_papers_figure_4(
-    arm: Arm, measured: Measurements, scheme: Scheme, pose: str
+    arm: Arm, measured: Measurements, scheme: Campaign, pose: str
 ) -> None:
     effect = study(arm(load_path="serial"), measured, scheme)[1][pose]
     assert effect.ranking == ("j2", "j3", "j5", "j4")
@@ -74,7 +76,7 @@ def test_the_serial_path_ranks_as_the_papers_figure_4(
 
 
 def test_with_the_parallelogram_joint_2_all_but_vanishes_at_pose_41(
-    arm: Arm, measured: Measurements, scheme: Scheme
+    arm: Arm, measured: Measurements, scheme: Campaign
 ) -> None:
     serial = study(arm(load_path="serial"), measured, scheme)[1]["41"]
     bar = study(arm(), measured, scheme)[1]["41"]
@@ -99,7 +101,7 @@ def test_of_several_loads_the_largest_counts(arm: Arm, readings: Readings) -> No
     assert np.array_equal(both[0].effect_mm, alone[0].effect_mm)
 
 
-def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Scheme, readings: Readings) -> None:
+def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Campaign, readings: Readings) -> None:
     model = arm()
     names = model.robot.joint_names
     system = equations(model, measured, 1e-5)

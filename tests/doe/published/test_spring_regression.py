@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from doe import Measurements, Scheme, SpringPoints, calibrate_staged, fit_law
+from doe import Campaign, Measurements, SpringPoints, fit_law
+from doe.estimation.calibration import run_campaign
 from doe.published.spring_regression import total_degree_exponents
 from fem import ArmModel
 from fem.springs import spring_from
-from robots import InputError, Robot
+from robots import InputError, Robot, load_description
 from robots.schema.description import LogPolynomialLaw
 
 Arm = Callable[..., ArmModel]
@@ -116,11 +117,10 @@ def law_half(law: LogPolynomialLaw) -> float:
 
 
 @pytest.mark.parametrize("load_path", ["parallelogram", "serial"])
-def test_the_xr701_laws_do_not_overshoot(arm: Arm, measured: Measurements, scheme: Scheme, load_path: str) -> None:
+def test_the_xr701_laws_do_not_overshoot(arm: Arm, measured: Measurements, scheme: Campaign, load_path: str) -> None:
     model = arm(load_path=load_path)
-    result = calibrate_staged(model, measured, scheme)
-    for joint, law in result.laws.items():
-        given = result.points[joint]
+    found = run_campaign(load_description("xr701"), lambda _: model, measured, scheme)
+    for law, given in [(s.laws[j], s.points[j]) for s in found.studies for j in s.laws]:
         k = stiffness_at(model.robot, law, given.inputs, all_angles(model.robot, given.inputs))
         assert np.isfinite(k).all()
         assert (k > 0.0).all()

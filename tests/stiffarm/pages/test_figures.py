@@ -17,18 +17,19 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
 import robots
-from doe import Measurements, PoseEffects, SpringEstimate, SpringPoints, bundled_data, fit_law, read_measurements
+from doe import Measurements, PoseEffects, SpringPoints, bundled_data, fit_law, read_measurements
 from robots import InputError
+from stiffarm.commands.calibrate.figures import springs as figures_springs
 from stiffarm.commands.fit.figures import effects as figures_surrogate
 from stiffarm.commands.fit.figures.effects import HeldOut
 from stiffarm.commands.run.figures import match as figures_match
 from stiffarm.commands.run.figures import readings as figures_data
-from stiffarm.commands.run.figures import springs as figures_springs
 from stiffarm.commands.run.figures.budget import budget_figure
 from stiffarm.commands.run.figures.match import VariantRow
 from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
 from stiffarm.pages.figure_parts import MARKERS, SERIES, joint_colour, paler, power_of_ten
 from stiffarm.pages.style import save_png
+from stiffarm.session.spring_words import SpringEstimate
 from surrogate.main_effects import main_effects
 
 # Some fifty pictures are drawn.

@@ -111,7 +111,7 @@ SCHEMES = {
     "not TOML": Case("calibrate xr701 --scheme-file FILE --out out", ("not valid TOML", "line"), "[[[", ".toml"),
     "binary": Case("calibrate xr701 --scheme-file FILE --out out", ("cannot be read",), BINARY, ".toml"),
     "missing": Case("calibrate xr701 --scheme-file nowhere.toml --out out", ("'nowhere.toml'", "check the path")),
-    "folder": Case("calibrate xr701 --scheme-file OTHER --out out", ("existing scheme TOML",)),
+    "folder": Case("calibrate xr701 --scheme-file OTHER --out out", ("an existing file",)),
     "unknown pose": Case(
         "calibrate xr701 --scheme-file FILE --out out",
         ("'999'", "3, 4, 5, 39, 40, 41, 75, 76, 77"),
@@ -122,7 +122,7 @@ SCHEMES = {
         "run xr701 --scheme-file FILE --points 2 --out out", ("999",), scheme('["5", "41", "77"]', '["999"]'), ".toml"
     ),
     "unknown joint": Case(
-        "calibrate xr701 --scheme-file FILE --out out", ("'j9'", "j1, j2"), scheme('"j5"', '"j9"'), ".toml"
+        "calibrate xr701 --scheme-file FILE --out out", ("'j9'", "j1, j2"), scheme("j5", "j9"), ".toml"
     ),
     "unknown coordinate": Case(
         "run xr701 --scheme-file FILE --out out", ("'q9_deg'", "q5_deg"), scheme("q4_deg", "q9_deg"), ".toml"
@@ -449,9 +449,9 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     out = {"a file in its place": "file", "below a file": "file/deep/er", "name too long": "x" * 300}[place]
     work = (
-        *(f"session.steps.{name}" for name in ("sensitivity", "calibrate_by_stages", "rigid_joints")),
+        *(f"session.steps.{name}" for name in ("sensitivity", "rigid_joints")),
         *("commands.simulate.readings.simulate", "commands.fit.learning.learn"),
-        *("commands.maps.step.make_map", "commands.maps.sweep.write"),
+        *("commands.maps.step.make_map", "commands.maps.sweep.write", "commands.calibrate.step.run_campaign"),
     )
     for name in work:
         monkeypatch.setattr(f"stiffarm.{name}", lambda *_, **__: pytest.fail("work was done for nothing"))

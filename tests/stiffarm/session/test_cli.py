@@ -98,7 +98,7 @@ def test_global_calibration_reaches_its_rms(
     result = outcome.json
     assert result["rms_mm"] == pytest.approx(rms_mm, abs=half_a_digit)
     assert (result["load_path"], result["links"], result["scheme"]) == (load_path, links, "global")
-    assert (result["readings"], result["parameters"]) == (9, 4)
+    assert (result["readings"], result["parameters"]["free"]) == (9, 4)
     residuals = [p["measured"] - p["simulated"] for p in result["poses"]]
     # Six significant digits in the file: 5e-6 mm on readings of up to 2 mm.
     assert np.sqrt(np.mean(np.square(residuals))) == pytest.approx(result["rms_mm"], abs=1e-5)
@@ -187,7 +187,7 @@ def test_a_second_calibration_into_the_folder_keeps_the_first(cli: Command, tmp_
 def test_a_scheme_file_serves_the_global_calibration_too(cli: Command, tmp_path: Path) -> None:
     bundled = (ROOT / "doe" / "schemes" / "xr701.toml").read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(
-        bundled.replace('[global]\njoints = ["j2", "j3", "j4", "j5"]', '[global]\njoints = ["j2", "j3"]'),
+        bundled.replace('global]\njoints = ["j2", "j3", "j4", "j5"]', 'global]\njoints = ["j2", "j3"]'),
         encoding="utf-8",
     )
     outcome = cli("calibrate", "xr701", "--scheme", "global", "--scheme-file", "mine.toml", "--out", "out", "--json")

@@ -18,7 +18,8 @@ from cli_runs import Command, environment, heed_ctrl_c, run_here, start, tree
 
 from robots import InputError
 from robots.files.reading import read_bytes, recording
-from stiffarm.session import console, interruption, outputs, steps
+from stiffarm.commands.calibrate import step
+from stiffarm.session import console, interruption, outputs
 from stiffarm.session.outputs import OutputFolder
 
 # Long enough for a busy machine, short enough to notice a process that hangs.
@@ -182,7 +183,7 @@ def broken(*_: object, **__: object) -> None:
 def test_an_internal_error_is_one_line_without_a_traceback(
     cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(steps, "calibrate_by_stages", broken)
+    monkeypatch.setattr(step, "run_campaign", broken)
     outcome = cli("calibrate", "xr701", "--scheme", "staged", "--out", "deep/out")
     assert (outcome.code, outcome.out) == (1, "")
     assert "internal error: ZeroDivisionError: by zero" in outcome.err
@@ -192,7 +193,7 @@ def test_an_internal_error_is_one_line_without_a_traceback(
 
 
 def test_debug_lets_the_traceback_through(cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(steps, "calibrate_by_stages", broken)
+    monkeypatch.setattr(step, "run_campaign", broken)
     with pytest.raises(ZeroDivisionError):
         cli("calibrate", "xr701", "--scheme", "staged", "--debug")
 

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from matplotlib.text import Annotation
 
-from doe import Equations, SpringEstimate, fit_constant
-from stiffarm.commands.calibrate.variant import estimate
-from stiffarm.commands.run.figures.springs import springs_figure
-from stiffarm.session.spring_words import bound_of, mega, spring_text
+from doe.certainty.uncertainty import certainty
+from doe.estimation.estimate import estimate as estimated
+from fem.free.kinds import KINDS
+from fem.free.parameters import Parameter
+from stiffarm.commands.calibrate.figures.springs import springs_figure
+from stiffarm.commands.calibrate.payload import spring as estimate
+from stiffarm.session.spring_words import SpringEstimate, bound_of, mega, spring_text
+from tests.doe.plain_problems import PlainModel, problem_of
 
 INF, NAN = float("inf"), float("nan")
 RIGID = SpringEstimate("j4", 1e9, (0.36e6, INF), "at bound")
@@ -44,17 +48,11 @@ def test_the_bound_is_the_one_the_fit_stands_at(deflection_mm: float, bound: str
     n = 3 if spare else 1
     # Scatter of a micrometre, so that there is an interval.
     value = 1e-3 * (deflection_mm + 1e-3 * np.array([1.0, -1.0, 0.0])[:n])
-    system = Equations(
-        influence=np.full((n, 1), 650.0),
-        rest=np.full(n, 1e-3),
-        value=value,
-        sigma=np.full(n, 1e-5),
-        row=np.arange(n),
-        component=np.full(n, 2),
-        q=np.zeros((n, 1)),
-        pose=("a", "b", "c")[:n],
-    )
-    (spring,) = fit_constant(system, ("j1",), ("j1",), np.zeros(1), (1e5, 1e6)).springs
+    free = Parameter("j1.stiffness", KINDS[0], "j1", (5,), "N m/rad", 1e6, 1e3, 1e9, "compliance")
+    lever = np.full((n, 1), 650.0)
+    model = PlainModel([free], np.array([1e-6]), lambda u: (1e-3 + lever @ u, lever))
+    (found,) = certainty(estimated(problem_of(model, value), (1e-5, 1e-5))).estimates
+    spring = SpringEstimate.of(found)
     assert spring.status == "at bound"
     assert bound_of(spring) == bound
     assert {"rigid": "rigid fits best", "soft": "the soft bound"}[bound] in spring_text(spring)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from doe import PoseFit, SpringEstimate
 from robots.arrays import Array
+from stiffarm.commands.calibrate.figures import springs as figures_springs
+from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.commands.calibrate.study_section import study_blocks
 from stiffarm.commands.run.figures import match as figures_match
 from stiffarm.commands.run.figures import readings as figures_data
-from stiffarm.commands.run.figures import springs as figures_springs
 from stiffarm.commands.run.figures.readings import Doubt
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
-from stiffarm.commands.run.workflow import Findings
+from stiffarm.commands.run.story.words import is_published_data, springs_text
 from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
-from stiffarm.pages.blocks import Pictures, is_published_data, springs_text
+from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
-from stiffarm.session.spring_words import bound_of, mega
-from stiffarm.session.steps import Variant
+from stiffarm.session.spring_words import SpringEstimate, bound_of
 
 _DOUBTS = (
     Doubt(("3", "4"), (375.0,), "outliers? (about 1.0 mm expected)"),
@@ -116,7 +117,7 @@ def first_model_section(f: Findings, pictures: Pictures) -> Section:
 
 def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
     """Effects of the springs, ranked, for each load path."""
-    figure = sensitivity_figure(f.effects, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad))
+    figure = sensitivity_figure(f.effects, f.scheme.springs.ends)
     caption = "Effect of each spring on dz (mm): positive means that the tool sags less with a stiffer spring."
     if len(f.effects) > 1:
         caption += (
@@ -135,9 +136,9 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
         "Sensitivity: which spring matters",
         (
             Text(
-                f"Two-level full factorial of {', '.join(f.scheme.sensitivity.joints)} between "
-                f"{f.scheme.low_Nm_per_rad:.0e} and {f.scheme.high_Nm_per_rad:.0e} N m/rad. Deflection is a sum "
-                "over springs, so there are no interactions."
+                f"Two-level full factorial of {', '.join(f.scheme.beside.sensitivity.joints)} between "
+                f"{f.scheme.springs.low_Nm_per_rad:.0e} and {f.scheme.springs.high_Nm_per_rad:.0e} N m/rad. "
+                "Deflection is a sum over springs, so there are no interactions."
             ),
             pictures.add(figure, "sensitivity", caption),
             Bullets(rankings),
@@ -156,64 +157,32 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
         )
     ]
     for variant in f.variants:
-        if variant.staged is None:
+        if not variant.found.studies:
             continue
-        result, path = variant.staged, variant.model.load_path
-        blocks.append(
-            Table(
-                f"Staged scheme, {path} load path: {variant.parameters} spring values, RMS {variant.rms_mm:.3f} mm",
-                (
-                    "stage",
-                    "pose",
-                    "springs (1e6 N m/rad)",
-                    "error (mm)",
-                    "runs",
-                    "would match as well (1e6 N m/rad)",
-                ),
-                tuple(_stage_row(stage, fit) for stage, fits in result.fits.items() for fit in fits),
-                text_columns=(0, 2, 5),
-            )
-        )
-        figure = figures_springs.response_surface_figure(result.laws, result.points, f.given.robot)
-        caption = (
-            f"{path.capitalize()} load path: sixth-degree regression of each spring. Filled points were "
-            "calibrated, hollow ones mirrored, grey ones held at the start value during an earlier stage."
-        )
-        blocks.append(pictures.add(figure, f"springs_against_angle_{path}", caption))
-        if variant.remarks:
-            blocks.append(Bullets(variant.remarks))
+        blocks += study_blocks(variant, pictures)
     blocks.append(Note(_LEAST_ROUGHNESS))
     return Section("Calibration in the published staged scheme", tuple(blocks))
-
-
-def _stage_row(stage: str, fit: PoseFit) -> tuple[str, ...]:
-    springs = ", ".join(f"{j} {mega(k)}" for j, k in zip(fit.joints, fit.stiffness, strict=True))
-    ranges = ", ".join(
-        f"{j} {mega(a)} to {mega(b)}" if np.isfinite(a) else f"{j}: nothing matches"
-        for j, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
-    )
-    return stage, fit.pose, springs, f"{fit.error_mm:+.3f}", str(fit.runs), ranges
 
 
 def comparison_section(f: Findings, pictures: Pictures) -> Section:
     """All variants side by side: parameters, fit, prediction, springs."""
     rows = tuple(
-        (v.name, str(v.parameters), f"{v.rms_mm:.3f}", f"{v.left_out.rms_mm:.3f}", *_held_out(f, v), springs_text(v))
+        (v.name, _count(v), f"{v.found.rms_mm:.3f}", f"{v.left_out_rms_mm:.3f}", *_held_out(f, v), springs_text(v))
         for v in f.variants
     )
-    bars = [figures_match.VariantRow(v.name, v.parameters, v.rms_mm, v.left_out.rms_mm) for v in f.variants]
-    system = f.variants[0].system
-    vertical = system.component == 2
+    bars = [figures_match.VariantRow(v.name, v.found.count.free, v.found.rms_mm, v.left_out_rms_mm) for v in f.variants]
+    first = f.variants[0]
+    vertical = first.component == 2
     match = figures_match.match_figure(
-        tuple(str(p) for p in np.array(system.pose)[vertical]),
-        system.value[vertical] * 1e3,
+        tuple(str(p) for p in np.array(first.pose)[vertical]),
+        first.measured_mm[vertical],
         {v.name: v.predicted_mm[vertical] for v in f.variants},
-        f.scheme.gauge_mm,
+        f.scheme.noise.gauge_mm,
     )
     constant: dict[str, tuple[SpringEstimate, ...]] = {
-        f"load path: {v.model.load_path}": v.constant.springs for v in f.variants if v.constant is not None
+        f"load path: {v.model.load_path}": v.springs for v in f.variants if not v.found.studies
     }
-    springs = figures_springs.springs_figure(constant, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad))
+    springs = figures_springs.springs_figure(constant, f.scheme.springs.ends)
     return Section(
         "Which calibration to trust",
         (
@@ -257,17 +226,22 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
     )
 
 
-def _held_out(f: Findings, v: Variant) -> tuple[str, ...]:
+def _count(v: Calibrated) -> str:
+    n = v.found.count
+    return f"{n.free} ({n.identified} identified, {n.at_bound} at a bound)"
+
+
+def _held_out(f: Findings, v: Calibrated) -> tuple[str, ...]:
     return () if f.held_out is None else (f"{f.held_out.rms_mm[v.name]:.3f}",)
 
 
 def _identifiability(f: Findings) -> str:
     """What the readings can and cannot tell about constant springs, in words."""
-    constant = f.best.constant or next(v.constant for v in f.variants if v.constant is not None)
+    constant = f.best if not f.best.found.studies else next(v for v in f.variants if not v.found.studies)
     known = [s.joint for s in constant.springs if s.status == "determined"]
     half = [s.joint for s in constant.springs if s.status == "one-sided" or bound_of(s) == "rigid"]
     soft = [s.joint for s in constant.springs if bound_of(s) == "soft"]
-    text = f"What {len(f.best.system)} readings can tell: "
+    text = f"What {len(f.best.found.overall)} readings can tell: "
     text += f"{', '.join(known)} determined, with both limits. " if known else "no spring has both limits. "
     if half:
         text += (
@@ -278,18 +252,19 @@ def _identifiability(f: Findings) -> str:
             f"The fit drives {', '.join(soft)} to the soft bound: the model is too stiff in a way that these springs "
             "are made to stand for. "
         )
-    rest = [j for j in f.given.robot.joint_names if j not in f.scheme.constant.joints]
+    rest = [j for j in f.given.robot.joint_names if j not in f.scheme.beside.constant.joints]
     if rest:
         text += f"{', '.join(rest)} are not in the scheme and were held as the model has them. "
-    sigma = constant.sigma_m * 1e3
+    e = constant.found.stages[-1].estimate
+    sigma = e.noise.white[0] * 1e3 if len(e.problem) > e.seen.sum() else np.nan
     if not np.isfinite(sigma):
         return text + "There are no spare readings, so no uncertainty can be given."
     return text + (
-        f"The residual standard deviation is {sigma:.3f} mm, {sigma / f.scheme.gauge_mm:.0f} times the gauge's "
+        f"The residual standard deviation is {sigma:.3f} mm, {sigma / f.scheme.noise.gauge_mm:.0f} times the gauge's "
         "digit"
         + (
             ", so something beyond constant springs is left in these readings"
-            if sigma > 2.0 * f.scheme.gauge_mm
+            if sigma > 2.0 * f.scheme.noise.gauge_mm
             else ""
         )
         + "; the intervals are from this residual, not from the gauge."

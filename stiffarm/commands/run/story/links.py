@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fem import LinkKind
+from stiffarm.commands.calibrate.figures import springs as figures_springs
 from stiffarm.commands.run.figures import match as figures_match
-from stiffarm.commands.run.figures import springs as figures_springs
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.link_models import LinkModels, SpringPair
 from stiffarm.commands.run.link_words import NOUN, sentences, share_text, signed
-from stiffarm.commands.run.workflow import Findings
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.session.spring_words import mega, spring_text
@@ -41,7 +41,7 @@ def links_section(f: Findings, pictures: Pictures) -> Section:
             f"same scheme, same joints. {_HINT[both.own.links]}"
         ),
         _error_table(both, f.best.name),
-        Bullets(sentences(both, f.best.name, f.scheme.gauge_mm)),
+        Bullets(sentences(both, f.best.name, f.scheme.noise.gauge_mm)),
         pictures.add(_springs_picture(f), "link_models_springs", _springs_caption(both)),
         _constant_table(both),
     ]
@@ -77,8 +77,8 @@ def _error_table(both: LinkModels, best: str) -> Table:
             pair.own.name.split(",")[0],
             f"{pair.other.rms_mm:.4f}",
             f"{pair.own.rms_mm:.4f}",
-            _millimetres(pair.other.left_out.rms_mm),
-            _millimetres(pair.own.left_out.rms_mm),
+            _millimetres(pair.other.left_out_rms_mm),
+            _millimetres(pair.own.left_out_rms_mm),
             share_text(both.other, pair),
             share_text(both.own, pair),
         )
@@ -101,18 +101,18 @@ def _millimetres(value: float) -> str:
 def _springs_picture(f: Findings) -> Figure:
     both = f.link_models
     rows = {
-        f"{v.model.load_path}, {NOUN[side.links]}": v.constant.springs
+        f"{v.model.load_path}, {NOUN[side.links]}": v.springs
         for path in dict.fromkeys(v.model.load_path for v in f.variants)
         for side in (both.other, both.own)
         for v in side.variants
-        if v.constant is not None and v.model.load_path == path
+        if not v.found.studies and v.model.load_path == path
     }
     heading = f"Constant joint springs with {NOUN[both.other.links]} and with {NOUN[both.own.links]}"
-    return figures_springs.springs_figure(rows, (f.scheme.low_Nm_per_rad, f.scheme.high_Nm_per_rad), heading)
+    return figures_springs.springs_figure(rows, f.scheme.springs.ends, heading)
 
 
 def _springs_caption(both: LinkModels) -> str:
-    constant = [s for pair in both.pairs if pair.own.constant is not None for s in pair.springs]
+    constant = [s for pair in both.pairs if not pair.own.found.studies for s in pair.springs]
     inside = sum(s.agreement == "within" for s in constant)
     return (
         f"Constant springs with 95 % intervals, side by side. {inside} of {len(constant)} pairs lie within each "
@@ -122,8 +122,8 @@ def _springs_caption(both: LinkModels) -> str:
 
 def _match_picture(f: Findings, path: str) -> Figure:
     both = f.link_models
-    system = both.own.variants[0].system
-    vertical = system.component == 2
+    first = both.own.variants[0]
+    vertical = first.component == 2
     simulated = {
         f"{v.name.split(',')[0]}, {NOUN[side.links]}": v.predicted_mm[vertical]
         for scheme in ("global", "staged")
@@ -132,10 +132,10 @@ def _match_picture(f: Findings, path: str) -> Figure:
         if v.scheme == scheme and v.model.load_path == path
     }
     return figures_match.match_figure(
-        tuple(str(p) for p in np.array(system.pose)[vertical]),
-        system.value[vertical] * 1e3,
+        tuple(str(p) for p in np.array(first.pose)[vertical]),
+        first.measured_mm[vertical],
         simulated,
-        f.scheme.gauge_mm,
+        f.scheme.noise.gauge_mm,
         f"Measured and simulated deflection by pose, {path} load path",
     )
 
@@ -145,8 +145,8 @@ def _constant_table(both: LinkModels) -> Table:
     rows = tuple(
         (pair.own.model.load_path, s.joint, spring_text(b), spring_text(a), _change(s), _AGREE[s.agreement])
         for pair in both.pairs
-        if pair.own.constant is not None and pair.other.constant is not None
-        for s, a, b in zip(pair.springs, pair.own.constant.springs, pair.other.constant.springs, strict=True)
+        if not pair.own.found.studies
+        for s, a, b in zip(pair.springs, pair.own.springs, pair.other.springs, strict=True)
     )
     columns = ("load path", "joint", other, own, "change", "within each other's interval")
     return Table("Constant springs in 10⁶ N m/rad with 95 % intervals", columns, rows, text_columns=(0, 1, 2, 3, 5))
@@ -165,7 +165,7 @@ def _staged_table(both: LinkModels) -> Table:
             _AGREE[s.agreement],
         )
         for pair in both.pairs
-        if pair.own.staged is not None
+        if pair.own.found.studies
         for s in pair.springs
     )
     columns = ("load path", "stage", "pose", "joint", other, own, "change", "within each other's range")

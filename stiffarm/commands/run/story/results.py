@@ -7,8 +7,8 @@ from typing import Any
 from robots.schema.quantities import Quantity
 from stiffarm.commands.fit.figures import effects as fs
 from stiffarm.commands.run.figures.budget import budget_figure
+from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.commands.run.story.budget import budget_blocks
-from stiffarm.commands.run.workflow import Findings, slug
 from stiffarm.pages.blocks import Pictures, percent
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
 from surrogate import default_sweep
@@ -36,8 +36,8 @@ def budget_section(f: Findings, pictures: Pictures) -> Section:
 def effects_section(f: Findings, pictures: Pictures) -> Section:
     """Main effects over the factorial."""
     count = len(next(iter(f.factorial.values())).poses_deg)
-    text = f"{count} runs of the full factorial of {', '.join(f.scheme.factorial.inputs)}."
-    if f.scheme.factorial.adjust:
+    text = f"{count} runs of the full factorial of {', '.join(f.scheme.beside.factorial.inputs)}."
+    if f.scheme.beside.factorial.adjust:
         text += (
             " Some levels are adjusted because the robot cannot reach every combination, so the design is not "
             "orthogonal and main effects mix a little."
@@ -68,7 +68,7 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
         (
             Text(
                 "A surrogate answers the structural stiffness under a vertical load from "
-                f"{', '.join(f.scheme.factorial.inputs)} without the FE model. Errors are relative errors of "
+                f"{', '.join(f.scheme.beside.factorial.inputs)} without the FE model. Errors are relative errors of "
                 "compliance on runs that neither the fit nor its error bars have seen; some lie on the boundary of the "
                 "domain, where polynomials are worst, and the interior columns leave those out. The last column is "
                 "the share of the interior ones inside their 95 % error bars."

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from stiffarm import __version__
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.story import calibration as story_calibration
 from stiffarm.commands.run.story import links as story_links
 from stiffarm.commands.run.story import results as story_results
-from stiffarm.commands.run.workflow import Findings
-from stiffarm.pages.blocks import Pictures, percent, short_title
+from stiffarm.commands.run.story.words import short_title
+from stiffarm.pages.blocks import Pictures, percent
 from stiffarm.pages.report import KeyFigure, render
 from stiffarm.session.outputs import OutputFolder
 
@@ -55,9 +56,9 @@ def _key_figures(f: Findings) -> list[KeyFigure]:
         ),
         KeyFigure(
             f"{f.best.rms_mm:.3f} mm",
-            f"RMS of the recommended model ({f.best.name} springs) on {len(f.best.system)} readings",
+            f"RMS of the recommended model ({f.best.name} springs) on {len(f.best.found.overall)} readings",
         ),
-        KeyFigure(f"{f.best.left_out.rms_mm:.3f} mm", "RMS when it predicts poses it has not seen"),
+        KeyFigure(f"{f.best.left_out_rms_mm:.3f} mm", "RMS when it predicts poses it has not seen"),
         KeyFigure(
             percent(error.max_relative),
             f"worst held-out error of the surrogate ({percent(error.rms_relative)} RMS)",

@@ -22,9 +22,10 @@ from stiffarm.commands.plan.figures import plan_figure
 from stiffarm.commands.plan.options import parse_directions, parse_read, parse_zone, usual_loads
 from stiffarm.commands.plan.step import Request, make_plan
 from stiffarm.session import inputs, readings
+from stiffarm.session.direction_words import direction_words
 
 XR701 = inputs.read_model("xr701", None, None)
-DATA = readings.read_data(XR701.robot, "xr701", None)
+DATA = readings.read_data(XR701.robot, None)
 SIX_AXIS = ROOT / "tests" / "robots" / "data" / "six_axis.urdf"
 
 
@@ -123,7 +124,7 @@ def _numbers(content: dict[str, object]) -> dict[str, float]:
 
 
 def test_new_labels_are_not_those_of_the_data(written: Path) -> None:
-    labelled = readings.read_data(XR701.robot, "xr701", None)
+    labelled = readings.read_data(XR701.robot, None)
     object.__setattr__(labelled, "pose", ("N2", *labelled.pose[1:]))
     planned = make_plan(XR701, labelled, Request(2, candidates=50))
     assert planned.labels == ("N3", "N4")
@@ -223,8 +224,8 @@ def test_usual_loads_are_those_of_the_data() -> None:
 
 
 def test_direction_words() -> None:
-    assert words.direction_words(np.array([0.0, 0.0, -1.0])) == "down (−z)"
-    assert words.direction_words(np.array([0.6, 0.0, -0.8])) == "along (0.6, 0, −0.8) of the base"
+    assert direction_words(np.array([0.0, 0.0, -1.0])) == "down (−z)"
+    assert direction_words(np.array([0.6, 0.0, -0.8])) == "along (0.6, 0, −0.8) of the base"
 
 
 def _foresight(before: float, after: float, seen: bool = True) -> Foresight:

@@ -11,10 +11,12 @@ import pytest
 from cli_runs import Command
 
 from doe import Measurements, read_measurements, write_measurements
+from doe.estimation.campaign import campaign_of
 from fem import deflection
 from robots import InputError
+from stiffarm.commands.calibrate.step import Request, calibrate
 from stiffarm.commands.run import held_out
-from stiffarm.session import inputs, steps
+from stiffarm.session import inputs
 
 POSES = ((12.0, 60.0, 30.0, 40.0), (-20.0, 75.0, -60.0, -50.0))
 
@@ -37,9 +39,9 @@ def given() -> inputs.ModelInput:
 
 def test_a_variant_predicts_what_it_would_do_itself(given: inputs.ModelInput, data_file: Path) -> None:
     table = read_measurements(data_file, given.robot)
-    variant = steps.calibrate_constant(given, table, ("j2", "j3", "j4", "j5"), (650.0,))
-    assert variant.constant is not None
-    springs = {s.joint: s.stiffness for s in variant.constant.springs}
+    springs_free = campaign_of("xr701", ("j2.stiffness", "j3.stiffness", "j4.stiffness", "j5.stiffness"))
+    variant = calibrate(given, table, Request(springs_free, (650.0,)))
+    springs = {s.joint: s.stiffness for s in variant.springs}
     judged = held_out.judge([variant], _made_up(given, table, springs))
     # Its own deflections: rounding.
     assert judged.rms_mm[variant.name] < 1e-9

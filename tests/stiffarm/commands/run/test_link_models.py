@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from doe import bundled_data, bundled_scheme, read_measurements, select_loads
+from doe import bundled_campaign, bundled_data, read_measurements, select_loads
 from fem import build_model, compliance
 from robots import load_description
 from stiffarm.commands.run import link_models, payload
@@ -19,7 +19,7 @@ from stiffarm.session import inputs
 
 GIVEN = inputs.read_model("xr701", "beam", None)
 DATA = read_measurements(bundled_data("xr701"), GIVEN.robot)
-SCHEME = bundled_scheme("xr701")
+SCHEME = bundled_campaign("xr701")
 BEST = "constant, parallelogram"
 INF, NAN = float("inf"), float("nan")
 
@@ -34,7 +34,7 @@ def both() -> LinkModels:
 def shifted(both: LinkModels, left_out_mm: float) -> LinkModels:
     """The own links beside themselves, but with another left-out error of the recommended calibration."""
     variants = tuple(
-        replace(v, left_out=replace(v.left_out, rms_mm=v.left_out.rms_mm + left_out_mm)) if v.name == BEST else v
+        replace(v, left_out=v.left_out * (1.0 + left_out_mm / v.left_out_rms_mm)) if v.name == BEST else v
         for v in both.own.variants
     )
     return LinkModels(replace(both.own, variants=variants), both.own)
@@ -52,7 +52,7 @@ def test_both_kinds_reach_their_errors(both: LinkModels) -> None:
         ("rigid", "constant, serial"): (0.0964, 0.1325),
     }
     found = {
-        (side.links, v.name): (v.rms_mm, v.left_out.rms_mm) for side in (both.own, both.other) for v in side.variants
+        (side.links, v.name): (v.rms_mm, v.left_out_rms_mm) for side in (both.own, both.other) for v in side.variants
     }
     assert len(found) == 8
     for key, errors in wanted.items():
@@ -119,9 +119,7 @@ def test_a_spring_at_a_bound_has_no_change() -> None:
 
 def test_poses_are_counted_once_and_only_where_both_predict() -> None:
     def variant(*error: float) -> SimpleNamespace:
-        return SimpleNamespace(
-            system=SimpleNamespace(pose=("a", "a", "b", "c")), left_out=SimpleNamespace(error_m=np.array(error))
-        )
+        return SimpleNamespace(pose=("a", "a", "b", "c"), left_out=np.array(error))
 
     # Pose a: 1 + 1 against 4 + 0; b: worse; c: not predicted by one of them.
     pair = Pair(variant(1, 1, 2, 1), variant(2, 0, 1, NAN), ())  # type: ignore[arg-type]
@@ -193,6 +191,6 @@ def test_shells_beside_beams() -> None:
     for path, alone in compared.own.alone_mm.items():
         assert alone == pytest.approx(compared.other.alone_mm[path], rel=0.25)
         assert not np.array_equal(alone, compared.other.alone_mm[path])
-    said = sentences(compared, BEST, SCHEME.gauge_mm)
+    said = sentences(compared, BEST, SCHEME.noise.gauge_mm)
     assert "shells" in said[0]
     assert "beams" in said[0]

@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from doe import SpringEstimate, SpringPoints
+from doe import SpringPoints
 from fem.springs import spring_from
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.schema.description import LogPolynomialLaw
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, log_ticks, note, power_of_ten, title
 from stiffarm.pages.style import FAINT, OKABE_ITO, house_style, new_figure
-from stiffarm.session.spring_words import UNIT, spring_text
+from stiffarm.session.spring_words import UNIT, SpringEstimate, spring_text
 
 _SURFACE: Final = OKABE_ITO["green"]
 # Marker, face and edge of a point by its origin, and what the legend calls it.
@@ -40,7 +40,7 @@ def springs_figure(
 
     Parameters
     ----------
-    rows : name of a calibration -> springs from :mod:`doe.published.constant`
+    rows : name of a calibration -> its constant springs
     start_bounds_Nm_per_rad : shaded, the range in which the fit started
 
     Raises

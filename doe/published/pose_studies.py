@@ -1,0 +1,118 @@
+"""Level studies pose by pose, then each spring against joint angles: the published scheme of the XR701."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from doe.estimation.campaign import Campaign, Stage
+from doe.estimation.study_plan import RegressionChoice
+from doe.published.parametric import PoseFit, fit_pose
+from doe.published.readings import Equations, equations, model_compliances
+from doe.published.spring_regression import SpringPoints, fit_law
+from doe.tables.measurements import Measurements
+from fem import ArmModel
+from robots.arrays import Array
+from robots.progress import Messages
+from robots.schema.description import LogPolynomialLaw
+
+# A spring whose whole influence on a reading is below this share of the gauge was not tested there.
+UNTESTED_SHARE_OF_GAUGE = 0.01
+# Springs that match as well anywhere within this factor are not identified at a pose.
+IDENTIFIED_WITHIN = 3.0
+
+
+@dataclass(frozen=True)
+class PoseStudies:
+    """A stage of level studies: ``fits`` by pose, ``points`` and ``laws`` of its springs by joint."""
+
+    stage: Stage
+    fits: tuple[PoseFit, ...]
+    points: Mapping[str, SpringPoints]
+    laws: Mapping[str, LogPolynomialLaw]
+
+    @property
+    def free(self) -> int:
+        """How many springs were chosen, each at each pose."""
+        return sum(len(fit.joints) for fit in self.fits)
+
+    @property
+    def at_bound(self) -> int:
+        """Of them, those that stand at the end of their range."""
+        return sum(remark.endswith("stands there") for fit in self.fits for remark in fit.remarks)
+
+    @property
+    def identified(self) -> int:
+        """Of them, those that match the reading nowhere else: within a factor of three of one another."""
+        ranges = np.vstack([fit.equivalent for fit in self.fits])
+        return int(np.sum(ranges[:, 1] < IDENTIFIED_WITHIN * ranges[:, 0]))
+
+
+def study_poses(
+    model: ArmModel, data: Measurements, campaign: Campaign, stage: Stage, earlier: Sequence[str],
+    spacing: str = "log", progress: Messages | None = None,
+) -> PoseStudies:  # fmt: skip
+    """Match each pose of a stage by levels of its springs, then put a law through them.
+
+    ``model``: springs of earlier stages follow their laws, which pass through their points, and those that no stage
+    has reached yet stand where the campaign says; ``earlier``: poses of the stages before; ``spacing``: of the
+    levels, "log" or "linear".
+
+    Raises
+    ------
+    InputError
+        A pose that was not read, or another spacing.
+    """
+    joints = tuple(name.removesuffix(".law") for name in stage.parameters)
+    choices = {law.joint: law for law in campaign.regressions}
+    gauge, start = campaign.noise.gauge_mm * 1e-3, campaign.springs.start_Nm_per_rad
+    system = equations(model, data, gauge)
+    columns = [model.robot.joint_names.index(joint) for joint in joints]
+    fits = []
+    for pose in stage.poses:
+        one = system.of_poses((pose,))
+        fixed = model_compliances(model, one.q[:1])[0]
+        assert stage.levels is not None  # noqa: S101 - Campaign refuses such a stage
+        fits.append(fit_pose(one, fixed, columns, joints, stage.levels, campaign.springs.ends, gauge, start, spacing))
+        if progress is not None:
+            progress(f"{stage.name}, pose {pose}: {fits[-1].runs} runs, {fits[-1].error_mm:+.3f} mm")
+    points, laws = {}, {}
+    source = " ".join(f"{campaign.title}: {stage.name}, poses {', '.join(stage.poses)} of {data.source}".split())
+    for k, joint in enumerate(joints):
+        held = _held(system.of_poses(tuple(earlier)), columns[k], gauge, start)
+        points[joint] = _points(model, system, choices[joint], fits, k, held, start)
+        laws[joint] = fit_law(model.robot, points[joint], choices[joint].degree, source)
+    return PoseStudies(stage, tuple(fits), points, laws)
+
+
+def _held(earlier: Equations, column: int, gauge_m: float, start: float) -> Array:
+    """Poses (m, dof) of earlier stages at which a spring's starting value took part in the match.
+
+    Where a spring's torque vanishes its value was never tested, and no point is claimed there.
+    """
+    share = np.abs(earlier.influence[:, column]) / start
+    return np.unique(earlier.q[share > UNTESTED_SHARE_OF_GAUGE * gauge_m], axis=0)
+
+
+def _points(
+    model: ArmModel, system: Equations, law: RegressionChoice, fits: Sequence[PoseFit], spring: int, held: Array,
+    start: float,
+) -> SpringPoints:  # fmt: skip
+    columns = [model.robot.coordinate_index(name) for name in law.inputs]
+    calibrated = np.array([system.of_poses((fit.pose,)).q[0, columns] for fit in fits])
+    angles, stiffness = [calibrated], [np.array([fit.stiffness[spring] for fit in fits])]
+    origin = ["calibrated"] * len(fits)
+    if law.symmetric_in is not None:
+        mirrored = calibrated.copy()
+        mirrored[:, law.inputs.index(law.symmetric_in)] *= -1.0
+        angles.append(mirrored)
+        stiffness.append(stiffness[0])
+        origin += ["mirrored"] * len(fits)
+    if held.size:
+        extra = np.unique(held[:, columns], axis=0)
+        angles.append(extra)
+        stiffness.append(np.full(len(extra), start))
+        origin += ["held"] * len(extra)
+    return SpringPoints(law.joint, law.inputs, np.vstack(angles), np.concatenate(stiffness), tuple(origin))
