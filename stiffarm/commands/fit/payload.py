@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from stiffarm.commands.query.answers import surrogate_errors
+from stiffarm.commands.query.errors import surrogate_errors
 from stiffarm.session.json_text import number
 
 if TYPE_CHECKING:

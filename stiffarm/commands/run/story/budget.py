@@ -6,8 +6,8 @@ import numpy as np
 
 from doe import loaded_points, select_loads
 from robots import InputError
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.story.words import short_title
-from stiffarm.commands.run.workflow import Findings
 from stiffarm.commands.simulate import field_results
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
 from stiffarm.commands.simulate.field_picture import load_text

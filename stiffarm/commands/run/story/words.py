@@ -1,9 +1,9 @@
-"""Words of the report on the whole chain: its title, its readings, its springs."""
+"""Words that several chapters of the report share."""
 
 from __future__ import annotations
 
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.commands.run.workflow import Findings
+from stiffarm.commands.run.findings import Findings
 from stiffarm.session.spring_words import spring_text
 from stiffarm.session.steps import bundled_sha256
 
