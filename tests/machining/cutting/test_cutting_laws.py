@@ -10,7 +10,8 @@ from cutting_cases import SOFT, postures, wall_task
 
 import fem
 from fem.springs import LawSpring
-from machining.cutting import ConstantForce, calibrated_uncertainty, surface_error
+from machining.cutting import ConstantForce, ToolBending, calibrated_uncertainty, surface_error
+from machining.cutting.surface_error import cutting_deflection
 from robots import ModelDescription, load_description
 from robots.library.models import parse_description, to_toml
 from robots.schema.description import Calibration, LogFourierLaw
@@ -96,3 +97,20 @@ def test_the_spread_is_that_of_the_covariance(relative: float) -> None:
         q = postures(model, task, SOFT)
         sd.append(surface_error(model, task, q, ConstantForce(F, relative_sd=0.0), stiffness=arm).sd)
     np.testing.assert_allclose(sd[1], np.sqrt(relative) * sd[0], rtol=1e-9)
+
+
+def test_points_in_memory_at_once_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    description, _ = described()
+    model = fem.build_model(description, "rigid")
+    arm = calibrated_uncertainty(model, description)
+    task = wall_task(7)
+    q = postures(model, task, SOFT)
+    tool = ToolBending(0.04, 0.008, 6e11)
+    whole = surface_error(model, task, q, ConstantForce(F), stiffness=arm, tool=tool)
+    monkeypatch.setattr("machining.cutting.surface_error.AT_ONCE", 3)
+    in_parts = surface_error(model, task, q, ConstantForce(F), stiffness=arm, tool=tool)
+    # Sums in another order: round-off.
+    np.testing.assert_allclose(in_parts.form, whole.form, rtol=1e-9, atol=1e-12 * np.abs(whole.form).max())
+    np.testing.assert_allclose(in_parts.sd, whole.sd, rtol=1e-9)
+    moved = cutting_deflection(model, task, q, whole.force, tool)
+    np.testing.assert_array_equal(moved, whole.deflection)
