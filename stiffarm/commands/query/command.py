@@ -11,8 +11,8 @@ import typer
 from robots import InputError, content_hash, load_description
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from stiffarm.commands.fit.payload import surrogate_errors
 from stiffarm.commands.query import answers
+from stiffarm.commands.query.errors import surrogate_errors
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command

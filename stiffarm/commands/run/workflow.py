@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,13 @@ from doe import Measurements, PoseEffects, select_loads
 from doe.estimation.campaign import Campaign
 from fem import deflection_by_part
 from robots import save_description
-from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.payload import trained as trained_payload
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
+from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
@@ -30,38 +30,7 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns, RigidJoints
-from surrogate import Surrogate, Trained, save_surrogate
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Everything the report tells, computed once."""
-
-    given: ModelInput
-    data: Measurements
-    scheme: Campaign
-    rigid: RigidJoints
-    effects: Mapping[str, list[PoseEffects]]
-    link_models: LinkModels
-    best: Calibrated
-    published: Calibrated
-    factorial: Mapping[str, FactorialRuns]
-    trained: Mapping[str, Trained]
-    budget_mm: Mapping[str, Array]
-    budget_poses: tuple[str, ...]
-    pose_check: tuple[list[str], Array, Array]
-    seed: int
-    held_out: HeldOut | None = None
-
-    @property
-    def variants(self) -> tuple[Calibrated, ...]:
-        """Every load path and scheme, with the links that were asked for."""
-        return self.link_models.own.variants
-
-    @property
-    def surrogate(self) -> Surrogate:
-        """The surrogate of the recommended variant."""
-        return self.trained[self.best.name].best
+from surrogate import Trained, save_surrogate
 
 
 def run_all(
@@ -231,8 +200,3 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         content["holdout"] = held_out.payload(findings.held_out)
     folder.write_json("results.json", content)
     return content
-
-
-def slug(name: str) -> str:
-    """``constant, serial`` -> ``constant_serial``."""
-    return "_".join(name.replace(",", " ").split())
