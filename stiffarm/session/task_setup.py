@@ -9,13 +9,14 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
+import machining.cell as cells
 from fem import compliance
-from machining.cell import Cell, Tool, arm_of, middle_pose, read_cell
 from machining.cutting import ConstantForce, Cut, read_milling
 from machining.setup import Setup
 from machining.toolpaths.motions import Note
 from robots import InputError, Robot
 from robots.arrays import Array
+from robots.robot import middle_pose
 from stiffarm.session.console import say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector
@@ -76,13 +77,13 @@ def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, pa
     if cell is None:
         T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
         T_part = np.eye(4) if part is None else parse_frame(part, "--part")
-        return Setup(Cell(T_world_part0=T_part, tool=Tool(T_tool)))
+        return Setup(cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool)))
     for option, value in (("--tool", tool), ("--part", part)):
         if value is not None:
             raise InputError(
                 f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
             )
-    setup = Setup(read_cell(cell), arm_of(model))
+    setup = Setup(cells.read_cell(cell), cells.arm_of(model))
     for note in setup.notes:
         say(f"note: {note}")
     return setup

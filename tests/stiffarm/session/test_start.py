@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_runs import environment
+from cli_runs import ROOT, environment
 
 # Prints the names of all modules that were loaded, after whatever the command itself prints on stdout.
 CODE = """
@@ -62,3 +62,15 @@ def test_indices_load_neither_readings_nor_pictures() -> None:
 
 def test_robots_are_listed_without_their_mechanics() -> None:
     assert loaded(modules("robots"), HEAVY | {"scipy", "fem", "doe", "surrogate", "machining"}) == set()
+
+
+def test_a_calibration_loads_neither_surrogates_nor_tables_of_others() -> None:
+    found = modules("calibrate", "xr701", "--scheme", "global")
+    assert loaded(found, HEAVY | {"surrogate", "machining"}) == set()
+
+
+def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures() -> None:
+    path = ROOT / "docs" / "examples" / "kr60_posture" / "path.csv"
+    found = modules("posture", "kr60-3", path, "--links", "rigid", "--gamma", "0")
+    # numba comes with the sweep over gamma where it is installed.
+    assert loaded(found, (HEAVY - {"numba"}) | {"surrogate"}) == set()
