@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_runs import ROOT, environment
+from cli_runs import environment
 
 # Prints the names of all modules that were loaded, after whatever the command itself prints on stdout.
 CODE = """
@@ -69,8 +69,10 @@ def test_a_calibration_loads_neither_surrogates_nor_tables_of_others() -> None:
     assert loaded(found, HEAVY | {"surrogate", "machining"}) == set()
 
 
-def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures() -> None:
-    path = ROOT / "docs" / "examples" / "kr60_posture" / "path.csv"
-    found = modules("posture", "kr60-3", path, "--links", "rigid", "--gamma", "0")
+def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")
+    task = ("--tool", "200,0,80,0,90,0", "--gamma=-180:180:30")
+    found = modules("posture", "kr60-3", path, "--links", "rigid", *task)
     # numba comes with the sweep over gamma where it is installed.
     assert loaded(found, (HEAVY - {"numba"}) | {"surrogate"}) == set()
