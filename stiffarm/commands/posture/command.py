@@ -23,6 +23,7 @@ from stiffarm.session.console import emit_json, progress, say, show_table, user_
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import (
     GammaOpt,
     PartOpt,
@@ -44,7 +45,6 @@ from stiffarm.session.task_setup import (
     parse_speed,
     read_cut,
     read_setup,
-    require_springs,
     say_notes,
 )
 
