@@ -17,6 +17,7 @@ from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
+from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
@@ -24,6 +25,7 @@ from stiffarm.session.inputs import ModelInput, model_hash
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
+from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import (
     GammaOpt,
     PartOpt,
@@ -45,7 +47,6 @@ from stiffarm.session.task_setup import (
     parse_speed,
     read_cut,
     read_setup,
-    require_springs,
     say_notes,
 )
 
@@ -196,8 +197,6 @@ def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[
 
 
 def _show(posed: Posed) -> None:
-    from stiffarm.commands.posture.report import gain_words, mean_interval, remarks
-
     _, words, factor = posture_payload.quantity(posed.request.objective)
     rows = []
     for name, course in ({CHOSEN: posed.course} | posed.others).items():

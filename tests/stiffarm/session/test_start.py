@@ -76,3 +76,10 @@ def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Pa
     found = modules("posture", "kr60-3", path, "--links", "rigid", *task)
     # numba comes with the sweep over gamma where it is installed.
     assert loaded(found, (HEAVY - {"numba"}) | {"surrogate"}) == set()
+
+
+def test_a_map_without_pictures_loads_what_computes_only(tmp_path: Path) -> None:
+    ranges = ("--x", "900:1300:400", "--z", "600:1000:400")
+    found = modules("map", "slice", "kr60-3", "--links", "rigid", *ranges, "--no-pictures", "--out", tmp_path / "out")
+    # The compiled loops are numba's.
+    assert loaded(found, (HEAVY - {"numba", "skfem"}) | {"scipy.stats", "machining.cell", "doe"}) == set()
