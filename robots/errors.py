@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, product
 
 # Faults that a message spells out; the others are counted. A screen holds about as many.
 FAULTS_SHOWN = 20
@@ -11,6 +13,10 @@ NAMES_SHOWN = 12
 # Characters of one value, of one name or sentence, and of one of several faults that a message repeats: enough to find
 # it in the file again.
 _LONGEST_VALUE, _LONGEST_TEXT, _LONGEST_OF_SEVERAL = 500, 2000, 1000
+# A name is taken as another mistyped where so much of the letters agree (difflib's ratio): one slip in four letters.
+_CLOSE = 0.75
+# Longer texts are no names, and more of them nobody has mistyped.
+_LONGEST_NAME, _MOST_NAMES = 60, 200
 
 
 def one_line(text: str) -> str:
@@ -68,8 +74,11 @@ class InputError(ValueError):
             text += f": got {_shown(value)}"
         if allowed is not None:
             text += f"; allowed: {shortened(allowed)}"
+        close = meant(value, allowed)
+        if close is not None:
+            text += f". Did you mean {shortened(close)}?"
         if remedy is not None:
-            text += f". To fix it: {shortened(remedy)}"
+            text += f"{' ' if close else '. '}To fix it: {shortened(remedy)}"
         super().__init__(text)
 
 
@@ -87,6 +96,24 @@ class InputErrors(InputError):  # noqa: N818 - the plural of InputError
         if self.count > len(lines):
             lines.append(f"  ... and {self.count - len(lines)} more")
         self.args = ("\n".join([f"{self}: {self.count} problem(s)", *lines]),)
+
+
+def meant(value: object, allowed: str | None) -> str | None:
+    """The allowed name that comes closest to a mistyped one; None where none is close or ``allowed`` lists none."""
+    if not isinstance(value, str) or allowed is None or len(value) > _LONGEST_NAME:
+        return None
+    from difflib import get_close_matches
+
+    names = [name for part in re.split("[;,] ", allowed)[:_MOST_NAMES] for name in islice(_each(part), _MOST_NAMES)]
+    close = get_close_matches(value, names, n=1, cutoff=_CLOSE)
+    return close[0] if close and close[0] != value else None
+
+
+def _each(pattern: str) -> Iterator[str]:
+    """The names that a pattern such as ``{j1,j2}.{tx|ty}`` stands for; none where it is a sentence."""
+    if " " not in pattern:
+        parts = [re.split("[,|]", part) for part in re.split("[{}]", pattern)]
+        yield from map("".join, product(*parts))
 
 
 def _among_several(error: InputError) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.readings import Readings, bundled, read_readings
+    from stiffarm.face.shop import Checked, Placement, Posture, Program, place, post, posture, verify
     from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
 
@@ -25,12 +26,16 @@ _PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining")
 __all__ = [
     "Arm",
     "Calibration",
+    "Checked",
     "Diagnosis",
     "Indices",
     "InputError",
     "InputErrors",
     "Map",
+    "Placement",
     "Plan",
+    "Posture",
+    "Program",
     "Readings",
     "Replayed",
     "Simulation",
@@ -46,11 +51,15 @@ __all__ = [
     "map_cylinder",
     "map_joints",
     "map_slice",
+    "place",
     "plan",
+    "post",
+    "posture",
     "read_readings",
     "replay",
     "robots_bundled",
     "simulate",
+    "verify",
 ]
 
 

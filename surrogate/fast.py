@@ -5,7 +5,6 @@ A pose's value is that of :class:`surrogate.expansion.Expansion` to rounding: 1e
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from robots.arrays import Array, Integers
 from robots.errors import InputError
+from robots.threads import in_shares
 from surrogate.expansion import Expansion
 
 if TYPE_CHECKING:
@@ -75,13 +75,6 @@ def kernels() -> ModuleType | None:
     return compiled
 
 
-def default_threads() -> int:
-    """Threads that numba is set to use: the processors that this process may use, or ``NUMBA_NUM_THREADS``."""
-    from numba import config
-
-    return int(config.NUMBA_NUM_THREADS)
-
-
 def _run(compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, threads: int | None) -> Array:
     out = np.empty((len(poses), expansion.n_outputs))
     kernel = compiled.sums if expansion.n_outputs < MANY else compiled.products
@@ -89,8 +82,7 @@ def _run(compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, t
     # One row more: the angle itself has a place even where there are no polynomials.
     room = len(plan.first_entry) - 1 + raw + 1
 
-    def share(first: int) -> None:
-        part = slice(first, first + SHARE)
+    def share(part: slice) -> None:
         angles, found = np.array(poses[part], order="C"), out[part]
         kernel(angles, plan, np.empty((room, compiled.BLOCK)), found)
         # Not finite, or more turns than the compiled code takes off: as slow and as exact as numpy is.
@@ -99,14 +91,7 @@ def _run(compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, t
             with np.errstate(invalid="ignore", over="ignore"):
                 found[odd] = expansion(angles[odd])
 
-    shares = range(0, len(poses), SHARE)
-    workers = min(default_threads() if threads is None else threads, len(shares))
-    if workers < 2:
-        for first in shares:
-            share(first)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(share, shares))
+    in_shares(len(poses), SHARE, threads, share)
     return out
 
 

@@ -11,11 +11,14 @@ from pathlib import Path
 import pytest
 from test_house import LAYERS, ROOT
 
+from stiffarm.cli import COMMANDS, command_of
+
 DOCS = ROOT / "docs"
 # Written by the build (docs/conf.py).
 GENERATED = (DOCS / "reference" / "commands", DOCS / "reference" / "python")
 LONGEST_README = 90
 FENCE = re.compile(r"^(`{3,}|~{3,}).*?^\1", re.MULTILINE | re.DOTALL)
+FENCE_BODY = re.compile(r"^ *```\w*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # A file of this tree as texts name it, beginning with one of its folders.
@@ -105,6 +108,41 @@ def test_files_that_texts_mention_exist() -> None:
         if not (ROOT / file).exists()
     }
     assert missing == set()
+
+
+def typed_commands(text: str) -> list[list[str]]:
+    """Commands of ``stiffarm`` in a page's examples, as words."""
+    lines = "\n".join(FENCE_BODY.findall(text)).replace("\\\n", " ").splitlines()
+    return [line.split("#")[0].split()[1:] for line in lines if line.strip().startswith("stiffarm ")]
+
+
+def unknown_words(words: list[str]) -> list[str]:
+    """What of a typed command the command line does not know: the command, or options."""
+    if words[0] not in COMMANDS:
+        return words[:1]
+    command, rest = command_of(words[0]), words[1:]
+    if below := getattr(command, "commands", {}):
+        if not rest or rest[0] not in below:
+            return rest[:1] or words[:1]
+        command = below[rest[0]]
+    known = {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+    return [word for word in rest if word.startswith("--") and word not in known | {"--help"}]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *pages()], ids=lambda p: str(p.relative_to(ROOT)))
+def test_commands_that_pages_show_exist(page: Path) -> None:
+    typed = typed_commands(page.read_text(encoding="utf-8"))
+    assert {" ".join(words): bad for words in typed if (bad := unknown_words(words))} == {}
+
+
+def test_the_page_of_commands_shows_each() -> None:
+    typed = typed_commands((DOCS / "start" / "commands.md").read_text(encoding="utf-8"))
+    assert {words[0] for words in typed} == set(COMMANDS)
+
+
+def test_a_command_that_does_not_exist_is_found() -> None:
+    page = "```sh\nstiffarm plan xr701 --poses 3 \\\n  --posse 4\nstiffarm mapp xr701\nstiffarm map xr701\n```\n"
+    assert [unknown_words(words) for words in typed_commands(page)] == [["--posse"], ["mapp"], ["xr701"]]
 
 
 @pytest.mark.slow

@@ -24,12 +24,13 @@ from index_speed import rounds_of
 from index_speed_cases import Pinocchio
 
 import fem
-from fem.compiled.compliance import FEWEST, processors, why_not_compiled
+from fem.compiled.compliance import FEWEST, why_not_compiled
 from fem.model import LinkKind
 from fem.reference import direct
 from fem.statics import flexibility
 from robots import LoadPath, load_description
 from robots.arrays import Array
+from robots.threads import default_threads
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "performance" / "maps.md"
@@ -216,7 +217,7 @@ def page(cases: list[Case]) -> str:
         block=f"{MAP_BLOCK:,}".replace(",", " "),
         fewest=FEWEST,
         load=os.getloadavg()[0],
-        cores=processors(),
+        cores=default_threads(),
         summary=summary(cases),
         tables="\n\n".join(f"### {c.robot}, {c.path}, {c.links} links\n\n{table(c)}" for c in cases),
     )

@@ -16,7 +16,7 @@ PACKAGES = ("stiffarm", "machining", "surrogate", "doe", "fem", "meshes", "robot
 INTRODUCTION = """# Python
 
 `import stiffarm` is the face: the steps of the command line as functions
-([Python in ten lines](../../start/python.md)).
+([stiffarm from Python](../../start/python.md)).
 The packages below it stay importable for those who extend them. Arrays are in SI units: m, N, rad, N m/rad; a batch of
 poses is `(n, dof)`, a wrench `(n, 6)` in the order force, moment.
 """

@@ -8,10 +8,7 @@ poses of a share at once. Small displacements; the unloaded arm is the reference
 
 from __future__ import annotations
 
-import os
 import weakref
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -27,6 +24,7 @@ from fem.statics.transfers import flat_parallelogram
 from robots import InputError
 from robots.arrays import Array
 from robots.kinematics import as_poses
+from robots.threads import in_shares
 
 if TYPE_CHECKING:
     from fem.compiled.kernel_arrays import Figures, Work
@@ -56,11 +54,6 @@ def kernels() -> ModuleType | None:
     except (ImportError, RuntimeError):
         return None
     return compliance_kernels
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def compliance(
@@ -174,13 +167,17 @@ def _solve(model: ArmModel, q: Array, wrench: Array, point: Array | None, thread
     points = _points(model, point, len(q))
     arm, figures = _plan(model, compiled)
 
-    def work(rows: slice, buffer: Work) -> int:
+    def share(rows: slice) -> int:
+        buffer: Work = kernel_arrays.work_of(len(arm.sign), len(arm.laws))
         some = _plain(q[rows])
         at, loads = (_plain(a[rows] if len(a) > 1 else a) for a in (points, wrench))
         axial, laws = arm.axial_compliance(some), arm.law_compliance(some)
-        return int(compiled.deflections(figures, some, axial, laws, at, loads, buffer, out[rows]))
+        flat = int(compiled.deflections(figures, some, axial, laws, at, loads, buffer, out[rows]))
+        return rows.start + flat if flat >= 0 else len(q)
 
-    _share_out(model, compiled, arm, len(q), threads, work)
+    first = min(in_shares(len(q), SHARE * kernel_arrays.BLOCK, threads, share))
+    if first < len(q):
+        raise flat_parallelogram(model.robot, first)
 
 
 def _points(model: ArmModel, point: Array | None, n: int) -> Array:
@@ -214,35 +211,6 @@ def _check_out(out: Array | None, n: int) -> None:
     shape = (n, 6, 6)
     if out is not None and (out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous):
         raise InputError("out", value=f"{out.dtype} {out.shape}", allowed=f"contiguous float64 of shape {shape}")
-
-
-def _share_out(
-    model: ArmModel,
-    compiled: ModuleType,
-    arm: FlatArm,
-    n: int,
-    threads: int | None,
-    work: Callable[[slice, Work], int],
-) -> None:
-    """Let threads do shares of n poses; ``work`` gives the first pose of its share that is flat, or -1."""
-    size: int = SHARE * kernel_arrays.BLOCK
-    workers = max(1, min(processors() if threads is None else threads, -(-n // size)))
-
-    def run(worker: int) -> int:
-        buffer = kernel_arrays.work_of(len(arm.sign), len(arm.laws))
-        for start in range(worker * size, n, workers * size):
-            flat = work(slice(start, min(start + size, n)), buffer)
-            if flat >= 0:
-                return start + flat
-        return n
-
-    if workers == 1:
-        first = run(0)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            first = min(pool.map(run, range(workers)))
-    if first < n:
-        raise flat_parallelogram(model.robot, first)
 
 
 def _figures(compiled: ModuleType, arm: FlatArm) -> Figures:

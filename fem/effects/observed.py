@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fem.compiled.compliance import deflection
+from fem.effects.acting import act
 from fem.effects.base import PlacedEffect
 from fem.effects.history import History, plain_history
-from fem.effects.own import act
 from fem.effects.situation import Situation
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses

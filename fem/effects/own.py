@@ -1,7 +1,4 @@
-"""A user's own effects: checked before they are used, and whenever their law is asked.
-
-A law written elsewhere is not trusted to give what its stage asks for: shapes, finite numbers, nothing at zero.
-"""
+"""A user's own effects, checked before they are used: nothing at zero amplitude, plausible numbers give something."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ import numpy as np
 from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.history import plain_history
-from fem.effects.situation import Situation
+from fem.effects.observed import observed
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses
 from robots import InputError
@@ -27,51 +24,6 @@ TRIED = 3
 LOADS = (-150.0, -650.0, 375.0)
 # Displacements at zero amplitude must equal those without the effect, m and rad.
 NOTHING = 1e-12
-
-
-def act(placed: PlacedEffect, subject: Any, situation: Situation | None) -> Any:
-    """What an effect's law gives; a user's law is checked.
-
-    Raises
-    ------
-    InputError
-        A user's law fails, or gives another shape or kind than its stage asks for, or numbers that are not finite.
-    """
-    effect = placed.effect
-    if not effect.own:
-        return effect.law(subject, situation, placed.values)
-    try:
-        with np.errstate(all="ignore"):
-            given = effect.law(subject, situation, placed.values.copy())
-    except InputError:
-        raise
-    except Exception as error:  # a law may fail in any way
-        raise InputError(
-            f"law of effect {effect.code} fails ({type(error).__name__}: {error})", remedy="mend it in its file"
-        ) from error
-    return _checked(effect, subject, situation, given)
-
-
-def _checked(effect: Effect, subject: Any, situation: Situation | None, given: Any) -> Any:
-    what = f"law of effect {effect.code} (stage {effect.stage})"
-    if effect.stage == "model":
-        if not isinstance(given, ArmModel):
-            raise InputError(what, value=type(given).__name__, allowed="an ArmModel", remedy="return the changed model")
-        return given
-    if effect.stage == "load":
-        if not isinstance(given, LoadedPoses):
-            raise InputError(what, value=type(given).__name__, allowed="LoadedPoses", remedy="return the changed loads")
-        pairs = [(getattr(given, name), getattr(subject, name), name) for name in ("q", "wrench", "point")]
-    else:
-        assert situation is not None  # noqa: S101 - these stages have one
-        pairs = [(given, np.zeros((len(situation.at), 6)), "displacement")]
-    for value, like, name in pairs:
-        if not isinstance(value, np.ndarray) or value.shape != like.shape:
-            shape = value.shape if isinstance(value, np.ndarray) else type(value).__name__
-            raise InputError(f"{what}: {name}", value=f"shape {shape}", allowed=f"an array {like.shape}")
-        if not np.issubdtype(value.dtype, np.floating) or not np.isfinite(value).all():
-            raise InputError(f"{what}: {name}", value="NaN, inf or no real numbers", allowed="finite numbers")
-    return given
 
 
 def checked_maker(make: Callable[[ArmModel], Any], where: str) -> Maker:
@@ -115,8 +67,6 @@ def _made(make: Callable[[ArmModel], Any], where: str, model: ArmModel) -> list[
 
 def _try(effect: Effect, model: ArmModel) -> None:
     """Ask the law at plausible numbers and at zero amplitude, on a few poses."""
-    from fem.effects.observed import observed  # which asks this module back
-
     if not effect.code or effect.code != effect.code.strip():
         raise InputError("effect: code", value=effect.code, allowed="a word such as my-effect:j2")
     middle = model.robot.limits.mean(axis=1)

@@ -80,6 +80,7 @@ class _Stiffness(_Entry):
 
     def known(self, model: ArmModel) -> Iterator[str]:
         rows = "|".join(ROWS)
+        yield f"{{{','.join(model.robot.joint_names)}}}.stiffness"
         yield f"{{{','.join(_places(model))}}}.{{{rows}}}, two rows joined by '-' for an entry off the diagonal"
         if model.bar is not None and model.bar.compliance > 0.0:
             yield "bar.stiffness"

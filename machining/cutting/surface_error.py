@@ -34,6 +34,8 @@ from robots.kinematics import as_poses
 OFF_PATH, OFF_AXIS = 1e-5, 1e-4
 # Random draws for the intervals of statistics: an end of a 95 % interval is then good to some 3 % of its half-width.
 DRAWS = 4000
+# Points whose dependence on the arm's variables is in memory at once: 30 MB with a hundred of them.
+AT_ONCE = 4096
 
 STATISTICS: Final = ("mean", "rms", "worst", "peak_to_valley")
 
@@ -149,29 +151,24 @@ def surface_error(
     _check_on_path(model, task, q)
     arm = stiffness or assumed_uncertainty(model)
     C = translational(model, q, task.tip)
-    influence = arm.influence(model, q, task.tip)
-    D = influence.D
-    rest = C - np.einsum("j,njab->nab", arm.value, D)
-    terms = [rest[:, None], D]
+    bending = None if tool is None else tool.matrices(task.axes)
     covariances = [np.zeros((1, 1)), arm.covariance]
     value, names, notes = [1.0, *arm.value], ("exact part", *arm.names), [arm.note]
+    whole = C if bending is None else C + bending
     if tool is not None:
-        terms.append(tool.matrices(task.axes)[:, None])
         covariances.append(np.full((1, 1), tool.relative_sd**2))
         value, names = [*value, 1.0], (*names, "tool bending")
-        C = C + terms[-1][:, 0]
         notes.append(f"tool bending {tool.compliance * 1e6:.3g} um/N, standard deviation {100 * tool.relative_sd:g} %")
     found = None
     if balance is not None:
         if not isinstance(force, MillingForce):
             raise InputError("balance of depth and deflection", value="a constant force", allowed="a milling force")
-        found = balanced(task, force, lambda f: _along(task, C, f.force), balance)
+        found = balanced(task, force, lambda f: _along(task, whole, f.force), balance)
     acting: ForceAlong = force.along(task) if found is None else found.force
     gain = np.ones(len(q)) if found is None else found.gain
-    d = np.einsum("nab,nb->na", C, acting.force)
-    refuse_beyond(model.robot, d, "deflection under the cutting force")
+    d = _moved(model, whole, acting.force)
     normal = np.einsum("na,na->n", task.normals, d)
-    form = np.einsum("na,njab,nkb->njk", task.normals, np.concatenate(terms, axis=1), acting.basis, optimize=True)
+    form, opened, is_rough = _form(model, task, q, arm, C, bending, acting)
     form = form * gain[:, None, None]
     notes.append(acting.note)
     uncertain = Uncertain(
@@ -193,12 +190,56 @@ def surface_error(
         offset=(1.0 - gain) * normal,
         uncertain=uncertain,
         balance=found,
-        open_change={
-            name: gain * _along(task, influence.open_change[:, k], acting.force)
-            for k, name in enumerate(influence.open_names)
-        },
-        is_rough=bool(influence.is_rough.any()),
+        open_change={name: gain * change for name, change in opened.items()},
+        is_rough=is_rough,
     )
+
+
+def cutting_deflection(
+    model: fem.ArmModel, task: Task, q: Array, force: Array, tool: ToolBending | None = None
+) -> Array:
+    """How far (n, 3) m a force (n, 3) N, base axes, moves the tool: as :func:`surface_error`, without its uncertainty.
+
+    Raises
+    ------
+    InputError
+        Deflections beyond small displacements.
+    """
+    C = translational(model, q, task.tip)
+    return _moved(model, C if tool is None else C + tool.matrices(task.axes), force)
+
+
+def _moved(model: fem.ArmModel, C: Array, force: Array) -> Array:
+    d = np.einsum("nab,nb->na", C, force)
+    refuse_beyond(model.robot, d, "deflection under the cutting force")
+    return np.asarray(d)
+
+
+def _form(
+    model: fem.ArmModel,
+    task: Task,
+    q: Array,
+    arm: StiffnessUncertainty,
+    C: Array,
+    bending: Array | None,
+    acting: ForceAlong,
+) -> tuple[Array, dict[str, Array], bool]:
+    """The error's form (n, j, k), changes (n,) m by what was left open, and whether the first order does not hold.
+
+    Some points at a time: what an arm of a hundred parameters depends on is a hundred matrices a point.
+    """
+    forms, changes, is_rough = [], [], False
+    names: tuple[str, ...] = ()
+    for start in range(0, len(q), AT_ONCE):
+        rows = slice(start, start + AT_ONCE)
+        found = arm.influence(model, q[rows], task.tip)
+        rest = C[rows] - np.einsum("j,njab->nab", arm.value, found.D)
+        terms = [rest[:, None], found.D, *([] if bending is None else [bending[rows, None]])]
+        normals, basis = task.normals[rows], acting.basis[rows]
+        forms.append(np.einsum("na,njab,nkb->njk", normals, np.concatenate(terms, axis=1), basis, optimize=True))
+        changes.append(np.einsum("na,nmab,nb->nm", normals, found.open_change, acting.force[rows]))
+        names, is_rough = found.open_names, is_rough or bool(found.is_rough.any())
+    return np.concatenate(forms), dict(zip(names, np.concatenate(changes).T, strict=True)), is_rough
 
 
 def _along(task: Task, C: Array, force: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 import fem
 from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, ToolBending, surface_error
 from machining.cutting.force import along_cuts
+from machining.cutting.surface_error import cutting_deflection
 from machining.programs.posting import Posted, repost
 from machining.task import REPEATED, Task
 from robots import InputError
@@ -95,11 +96,12 @@ def compensate(
     change = np.inf
     for rounds in range(1, ROUNDS + 1):
         here = posted.task()[0] if rounds > 1 else task
-        error = surface_error(model, here, posted.program.q[kept], acting, stiffness=stiffness, tool=tool)
-        deflection = (error.deflection @ task.T_base_part[:3, :3])[place]
+        q = posted.program.q[kept]
+        deflection = (cutting_deflection(model, here, q, acting.found.force, tool) @ task.T_base_part[:3, :3])[place]
         change = float(np.abs(deflection - last).max(initial=0.0))
         length = np.linalg.norm(deflection, axis=1)
         if change < AT_REST:
+            error = surface_error(model, here, q, acting, stiffness=stiffness, tool=tool)
             return Compensated(posted, nominal, error, deflection, moved, length > cap, rounds)
         last = deflection
         moved = deflection * np.minimum(1.0, cap / np.maximum(length, 1e-30))[:, None]

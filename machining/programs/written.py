@@ -162,6 +162,17 @@ class Language:
     closes: re.Pattern[str]
     jumps: re.Pattern[str]
 
+    def program(
+        self, files: Mapping[str, str], main: tuple[str, str], call: re.Pattern[str], suffix: str
+    ) -> Iterator[Statement]:
+        """Statements of a main file (name and text), then of the sub-programs that its lines ``call`` in their order.
+
+        Errors as :meth:`statements` and :func:`called`.
+        """
+        calls = [found[1] for line in main[1].splitlines() if (found := call.match(line)) is not None]
+        for source, body in [main, *called(files, calls, suffix)]:
+            yield from self.statements(source, body)
+
     def statements(self, source: str, body: str) -> Iterator[Statement]:
         """The lines of a file, without comments.
 

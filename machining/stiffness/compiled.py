@@ -11,7 +11,6 @@ two ways may differ by as much.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
@@ -30,6 +29,8 @@ from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
 from robots.inverse.wrist import BOUNDARY
 from robots.robot import LIMIT_TOLERANCE_RAD
+from robots.threads import default_threads as threads
+from robots.threads import in_shares
 
 if TYPE_CHECKING:
     from machining.stiffness.kernels import Figures
@@ -121,13 +122,6 @@ def axial_compliance(model: fem.ArmModel) -> Array | None:
     return out
 
 
-def threads() -> int:
-    """Threads that numba is set to use: the processors that this process may use, or ``NUMBA_NUM_THREADS``."""
-    from numba import config
-
-    return int(config.NUMBA_NUM_THREADS)
-
-
 def _run(
     compiled: ModuleType, figures: Figures, points: Array, along: bool, gamma: Array
 ) -> tuple[Array, NDArray[np.int8], Array]:
@@ -136,9 +130,9 @@ def _run(
     angle = gamma.ravel()
     q, reason, value = np.empty((k, 8, 6)), np.empty((k, 8), dtype=np.int8), np.empty((k, 8))
 
-    def share(first: int) -> None:
+    def share(targets: slice) -> None:
         work, found = np.zeros((rows, block)), np.empty((pairs, block))
-        for start in range(first, min(first + SHARE * block, k), block):
+        for start in range(targets.start, targets.stop, block):
             part = slice(start, min(start + block, k))
             # A block that is not full is filled up with the last target.
             target = np.minimum(np.arange(start, start + block), k - 1)
@@ -148,14 +142,7 @@ def _run(
             np.arctan2(work[:pairs], work[pairs : 2 * pairs], out=found)
             compiled.finish(figures, found, work.ravel(), q[part], reason[part], value[part])
 
-    shares = range(0, k, SHARE * block)
-    workers = min(threads(), len(shares))
-    if workers < 2:
-        for first in shares:
-            share(first)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(share, shares))
+    in_shares(k, SHARE * block, threads(), share)
     return q, reason, value
 
 

@@ -23,6 +23,8 @@ class Shown:
 
     def __repr__(self) -> str:
         frame = self.to_frame()
+        if frame.empty:
+            return self.title()
         shown = frame.head(ROWS_SHOWN).to_string(index=False, na_rep="-", float_format=lambda v: f"{v:.6g}")
         return "\n".join([self.title(), shown, *_more(len(frame))])
 

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.commands.run.workflow import Findings
 from stiffarm.pages.report import Picture
 from stiffarm.pages.style import save_png
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.spring_words import spring_text
-from stiffarm.session.steps import bundled_sha256
 
 
 class Pictures:
@@ -31,20 +27,3 @@ def percent(value: float) -> str:
     if 0.0 < value < 1e-6:
         return f"{value:.0e}"
     return f"{value * 100:.0f}\u00a0%" if value >= 0.1 else f"{value * 100:.2g}\u00a0%"
-
-
-def short_title(findings: Findings) -> str:
-    """The robot's title without what stands in brackets."""
-    return findings.given.description.title.split(" (")[0]
-
-
-def is_published_data(findings: Findings) -> bool:
-    """Whether this is the bundled data set, of which the paper's own remarks and doubts hold."""
-    return findings.data.sha256 == bundled_sha256(findings.given.robot.name)
-
-
-def springs_text(variant: Calibrated) -> str:
-    """Constant springs with their intervals, in words."""
-    if variant.found.studies:
-        return "depend on angle (see the figure above)"
-    return "; ".join(f"{s.joint} {spring_text(s)}" for s in variant.springs)

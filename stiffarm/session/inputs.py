@@ -9,7 +9,7 @@ from fem import FLANGES, LINK_KINDS, LinkKind
 from fem.arm import Arm, with_flanges
 from fem.effects import LOAD_PATH, Maker
 from fem.effects import with_load_path as described_with_load_path
-from robots import InputError, LoadPath, ModelDescription, load_description
+from robots import InputError, LoadPath, ModelDescription, content_hash, load_description
 from stiffarm.session.console import progress, say
 from stiffarm.session.softness import refuse_too_soft
 
@@ -97,3 +97,8 @@ def with_links(given: Arm, links: LinkKind) -> Arm:
     """The same arm with another kind of links; said where that takes a while."""
     with _announced(links, given.description):
         return given.with_links(links)
+
+
+def model_hash(given: ModelInput) -> str:
+    """Content hash of the model, for run.json."""
+    return content_hash(given.description)

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-from robots import content_hash
-from stiffarm.session.outputs import OutputFolder
-
-if TYPE_CHECKING:
-    from stiffarm.session.inputs import ModelInput
 
 # Options that most commands have, listed last in a group of their own.
 COMMON = "Common options"
@@ -84,29 +76,3 @@ EffectFile = Annotated[
 SchemeFile = Annotated[
     Path | None, typer.Option("--scheme-file", help="Calibration scheme (TOML). Default: the robot's bundled scheme.")
 ]
-
-
-# Stands for the robot's own table among several; a table's name ends in .csv or .xlsx.
-BUNDLED = "bundled"
-
-
-def command_line() -> list[str]:
-    """The command as the user typed it, for run.json."""
-    return ["stiffarm", *sys.argv[1:]]
-
-
-def output_folder(out: Path, files: dict[str, Path | str], seed: int | None = None) -> OutputFolder:
-    """The folder of ``--out``, with the hashes of what went in."""
-    return OutputFolder(out, command_line(), files, seed)
-
-
-def folder_if(
-    out: Path | None, files: dict[str, Path | str], seed: int | None = None
-) -> AbstractContextManager[OutputFolder | None]:
-    """The folder of ``--out``, or nothing where that was not given."""
-    return nullcontext() if out is None else output_folder(out, files, seed)
-
-
-def model_hash(given: ModelInput) -> str:
-    """Content hash of the model, for run.json."""
-    return content_hash(given.description)

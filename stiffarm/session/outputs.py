@@ -7,6 +7,7 @@ import datetime as dt
 import platform
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -44,6 +45,7 @@ class OutputFolder:
         self._command, self._inputs, self._seed = command, inputs, seed
         self._timings: dict[str, float] = {}
         self._made: list[Path] = []
+        self._published: tuple[str, ...] = ()
         self._stage: Stage | None = None
         self._guard = contextlib.ExitStack()
 
@@ -73,6 +75,7 @@ class OutputFolder:
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
                 self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
+                self._published = tuple(outputs)
         finally:
             self._close()
 
@@ -82,6 +85,12 @@ class OutputFolder:
         if self._stage is None:
             raise RuntimeError("an output folder is written inside its with block")
         return self._stage.path
+
+    def contents(self) -> str:
+        """What was written, in words: the report first, other files by name, folders with their count of files."""
+        files = sorted((n for n in self._published if "/" not in n), key=lambda n: (n != "report.html", n))
+        folders = Counter(n.partition("/")[0] for n in self._published if "/" in n)
+        return ", ".join([*files, *(f"{name}/ ({count} files)" for name, count in sorted(folders.items()))])
 
     @contextlib.contextmanager
     def timed(self, step: str) -> Iterator[None]:

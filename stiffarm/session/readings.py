@@ -9,56 +9,27 @@ from doe import Campaign, Measurements, bundled_campaign, bundled_data, load_cam
 from doe.tables.joined import join
 from robots import InputError, Robot
 from stiffarm.session.console import say_notes
-from stiffarm.session.inputs import ModelInput, read_model
-from stiffarm.session.options import BUNDLED, model_hash
+from stiffarm.session.inputs import ModelInput
 from stiffarm.session.reading_checks import check_readings
 
-
-def open_measured(
-    model: str,
-    data: Path | None,
-    links: str | None,
-    load_path: str | None,
-    *,
-    without: str | None = None,
-    confirm_units: bool = False,
-) -> tuple[ModelInput, Measurements, dict[str, Path | str]]:
-    """What commands that calibrate do first: model, table with remarks, and the hashes of both for run.json.
-
-    ``without``: as of :func:`stiffarm.session.read_model`.
-    """
-    given = read_model(model, links, load_path, without=without)
-    files: dict[str, Path | str] = {"model": model_hash(given)}
-    return given, open_table(given, model, data, files, confirm_units=confirm_units), files
+# Stands for the robot's own table among several; a table's name ends in .csv or .xlsx.
+BUNDLED = "bundled"
 
 
-def open_table(
-    given: ModelInput, model: str, data: Path | None, files: dict[str, Path | str], *, confirm_units: bool = False
-) -> Measurements:
-    """The measurement table of a model, checked; its remarks are said, its hash joins ``files``."""
-    return open_tables(given, model, () if data is None else (data,), files, confirm_units=confirm_units)
-
-
-def open_tables(
-    given: ModelInput,
-    model: str,
-    data: Sequence[Path],
-    files: dict[str, Path | str],
-    *,
-    confirm_units: bool = False,
-) -> Measurements:
-    """One or more measurement tables of a model as one, each checked by itself; none: the bundled one."""
+def read_tables(
+    given: ModelInput, data: Sequence[Path], *, confirm_units: bool = False
+) -> tuple[Measurements, dict[str, Path | str]]:
+    """One or more measurement tables as one, each checked by itself, and their hashes; none: the bundled one."""
     named = [None if str(file) == BUNDLED else file for file in data or (None,)]
-    tables = [read_data(given.robot, model, file) for file in named]
+    tables = [read_data(given.robot, file) for file in named]
     table = join(tables)
     say_notes(table.notes)
-    for number, one in enumerate(tables, start=1):
-        files["data" if number == 1 else f"data_{number}"] = one.sha256
+    for one in tables:
         check_readings(given, one, confirm_units=confirm_units)
-    return table
+    return table, {f"data_{k}" if k > 1 else "data": one.sha256 for k, one in enumerate(tables, start=1)}
 
 
-def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
+def read_data(robot: Robot, file: Path | None) -> Measurements:
     """The measurement table given, or the one bundled with the robot.
 
     Raises
@@ -72,8 +43,7 @@ def read_data(robot: Robot, name: str, file: Path | None) -> Measurements:
         bundled = bundled_data(robot.name)
     except InputError as error:
         raise InputError(
-            f"no measurements are bundled for {robot.name}",
-            remedy="give a measurement table (DATA), CSV or XLSX",
+            f"no measurements are bundled for {robot.name}", remedy="give a measurement table (DATA), CSV or XLSX"
         ) from error
     return read_measurements(bundled, robot)
 

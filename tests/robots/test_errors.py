@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robots.errors import FAULTS_SHOWN, InputError, InputErrors, line_ranges, listed, one_line, shortened
+from robots.errors import FAULTS_SHOWN, InputError, InputErrors, line_ranges, listed, meant, one_line, shortened
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\r\nfake: line\u2028\u202emirrored\x00\ud800"
 
@@ -58,3 +58,29 @@ def test_names_and_lines_are_listed_briefly() -> None:
     assert line_ranges(range(2, 300_000)) == "2-299999"
     assert line_ranges(range(0, 100, 2)).endswith(" and 38 more")
     assert shortened("abc", 2) == "ab... (3 characters)"
+
+
+@pytest.mark.parametrize(
+    ("value", "allowed", "close"),
+    [
+        ("j2.stiffnes", "{base,j1,j2}.{tx|ty}; {j1,j2}.stiffness; bar.stiffness", "j2.stiffness"),
+        ("j22", "j1, j2, j3", "j2"),
+        ("q22_deg", "q1_deg, q2_deg", "q2_deg"),
+        ("xr702", "kr60-3, xr701, or the path of a model TOML", "xr701"),
+        # Far from all of them, the same, numbers, sentences, no list: nothing is offered.
+        ("waist", "j1, j2, j3", None),
+        ("j2", "j1, j2, each once", None),
+        (5, "4, 6", None),
+        ("a finite numbr", "a finite number", None),
+        ("j22", None, None),
+        # Names that come from files may look like patterns of astronomically many names.
+        ("a", "{a,b}" * 60, None),
+    ],
+)
+def test_a_mistyped_name_is_answered_by_the_one_that_is_close(
+    value: object, allowed: str | None, close: str | None
+) -> None:
+    assert meant(value, allowed) == close
+    message = str(InputError("--free", value=value, allowed=allowed, remedy="correct it"))
+    assert (f"Did you mean {close}?" in message) == (close is not None)
+    assert message.endswith("To fix it: correct it")

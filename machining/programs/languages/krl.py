@@ -48,7 +48,7 @@ from machining.programs.words import (
     words_of,
 )
 from machining.programs.write_options import Percent, WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
 
@@ -115,26 +115,10 @@ class Krl(Controller):
 
     name, title = "krl", "KUKA KRL"
     table = ("krl", KrlOptions)
-    words = frozenset(
-        [
-            "call",
-            "def",
-            "defdat",
-            "end",
-            "false",
-            "for",
-            "if",
-            "lin",
-            "loop",
-            "ptp",
-            "return",
-            "sub",
-            "then",
-            "true",
-            "wait",
-            "while",
-        ]
-    )
+    words = frozenset((
+        "call", "def", "defdat", "end", "false", "for", "if", "lin", "loop", "ptp", "return", "sub", "then", "true",
+        "wait", "while",
+    ))  # fmt: skip
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> Integers:
         """See :class:`Controller`."""
@@ -160,19 +144,15 @@ class Krl(Controller):
 
     def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
         """See :class:`Controller`; lines that are neither motion nor speed are passed over."""
-        name, text = main_file(files, ".src")
-        lines = text.splitlines()
-        calls = [found[1] for line in lines if (found := _CALL.match(line)) is not None]
         out = Collector()
         speed = np.nan
-        for source, body in [(name, text), *called(files, calls, ".src")]:
-            for line in _LANGUAGE.statements(source, body):
-                found = _MOTION.match(line.code)
-                line.check_read("LIN and PTP {coordinates}", read=found is not None)
-                if found is not None:
-                    _motion(out, line.where, found[1].upper(), found[2], speed)
-                elif (said := _SPEED.match(line.code)) is not None:
-                    speed = number(f"{line.where}, $VEL.CP", said[1])
+        for line in _LANGUAGE.program(files, main_file(files, ".src"), _CALL, ".src"):
+            found = _MOTION.match(line.code)
+            line.check_read("LIN and PTP {coordinates}", read=found is not None)
+            if found is not None:
+                _motion(out, line.where, found[1].upper(), found[2], speed)
+            elif (said := _SPEED.match(line.code)) is not None:
+                speed = number(f"{line.where}, $VEL.CP", said[1])
         return out.moves()
 
     def frames(self, words: Array) -> Array:

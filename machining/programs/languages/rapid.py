@@ -27,7 +27,7 @@ from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import ARM, configurations_of, frame_words, part_names, plain, speeds_of, words_of
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
 
@@ -86,27 +86,10 @@ class Rapid(Controller):
 
     name, title = "rapid", "ABB RAPID"
     table = ("abb", RapidOptions)
-    words = frozenset(
-        [
-            "do",
-            "end",
-            "endmodule",
-            "endproc",
-            "false",
-            "for",
-            "if",
-            "main",
-            "module",
-            "movej",
-            "movel",
-            "proc",
-            "return",
-            "stop",
-            "then",
-            "true",
-            "while",
-        ]
-    )
+    words = frozenset((
+        "do", "end", "endmodule", "endproc", "false", "for", "if", "main", "module", "movej", "movel", "proc",
+        "return", "stop", "then", "true", "while",
+    ))  # fmt: skip
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> Integers:
         """See :class:`Controller`."""
@@ -144,18 +127,15 @@ class Rapid(Controller):
 
     def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
         """See :class:`Controller`; MoveL, MoveJ and MoveAbsJ with the target in the instruction are read."""
-        name, text = main_file(files, ".mod")
-        calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
         out = Collector()
         speed = np.nan
-        for source, body in [(name, text), *called(files, calls, ".mod")]:
-            for line in _LANGUAGE.statements(source, body):
-                motion = _MOTION.match(line.code)
-                line.check_read("MoveL [[...]], MoveAbsJ [[...]]", read=motion is not None)
-                if motion is not None:
-                    _motion(out, line.where, motion[1].lower(), motion[2], speed)
-                elif (said := _SPEED.match(line.code)) is not None:
-                    speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3
+        for line in _LANGUAGE.program(files, main_file(files, ".mod"), _CALL, ".mod"):
+            motion = _MOTION.match(line.code)
+            line.check_read("MoveL [[...]], MoveAbsJ [[...]]", read=motion is not None)
+            if motion is not None:
+                _motion(out, line.where, motion[1].lower(), motion[2], speed)
+            elif (said := _SPEED.match(line.code)) is not None:
+                speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3
         return out.moves()
 
     def frames(self, words: Array) -> Array:

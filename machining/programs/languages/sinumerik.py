@@ -25,7 +25,7 @@ from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import part_names, plain
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number
 from robots import InputError
 from robots.arrays import Bools
 
@@ -107,25 +107,10 @@ class Sinumerik(Controller):
     name, title = "sinumerik", "SINUMERIK 840D"
     kinds = ("joint",)
     table = ("sinumerik", SinumerikOptions)
-    words = frozenset(
-        [
-            "call",
-            "def",
-            "do",
-            "end",
-            "false",
-            "for",
-            "if",
-            "loop",
-            "proc",
-            "return",
-            "stop",
-            "sub",
-            "then",
-            "true",
-            "while",
-        ]
-    )
+    words = frozenset((
+        "call", "def", "do", "end", "false", "for", "if", "loop", "proc", "return", "stop", "sub", "then", "true",
+        "while",
+    ))  # fmt: skip
 
     def files(self, job: Job, made: Sandbox) -> list[ProgramFile]:
         """The main program and its sub-programs."""
@@ -160,24 +145,21 @@ class Sinumerik(Controller):
         """See :class:`Controller`; durations come from G93, with G94 from the way of all axes, mm counted as deg."""
         own, cell = options.own(SinumerikOptions), program.cell
         axes = axis_names(own, len(cell.linear_axes), cell.turntable is not None)
-        name, text = main_file(files, ".MPF")
-        calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
         out = Collector()
         inverse, before = True, None
-        for source, body in [(name, text), *called(files, calls, ".SPF")]:
-            for line in _LANGUAGE.statements(source, body):
-                code, where = line.code, line.where
-                if "G93" in code.split() or "G94" in code.split():
-                    inverse = "G93" in code.split()
-                block = _BLOCK.match(code)
-                line.check_read("G0 and G1 at the start of a block", read=block is not None)
-                if block is not None:
-                    values = _values(where, block[2], axes)
-                    way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
-                    time = _time(where, block[2], inverse, way) if block[1] == "1" else np.nan
-                    dof = len(own.axes)
-                    out.add(where, "joint", values[:dof], values[dof:], joint=block[1] == "0", duration=time)
-                    before = values
+        for line in _LANGUAGE.program(files, main_file(files, ".MPF"), _CALL, ".SPF"):
+            code, where = line.code, line.where
+            if "G93" in code.split() or "G94" in code.split():
+                inverse = "G93" in code.split()
+            block = _BLOCK.match(code)
+            line.check_read("G0 and G1 at the start of a block", read=block is not None)
+            if block is not None:
+                values = _values(where, block[2], axes)
+                way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
+                time = _time(where, block[2], inverse, way) if block[1] == "1" else np.nan
+                dof = len(own.axes)
+                out.add(where, "joint", values[:dof], values[dof:], joint=block[1] == "0", duration=time)
+                before = values
         return out.moves()
 
     def joint_moves(self, wanted: Commands, kind: Kind) -> Bools:

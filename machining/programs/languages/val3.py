@@ -28,7 +28,7 @@ from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
 from machining.programs.words import configurations_of, frame_words, plain, speeds_of, words_of
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, called, main_file, number, whole
+from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array
 
@@ -90,26 +90,10 @@ class Val3(Controller):
 
     name, title = "val3", "Staubli VAL3"
     external_axes = "still"
-    words = frozenset(
-        [
-            "begin",
-            "call",
-            "do",
-            "end",
-            "false",
-            "for",
-            "if",
-            "movej",
-            "movel",
-            "return",
-            "start",
-            "stop",
-            "then",
-            "true",
-            "wait",
-            "while",
-        ]
-    )
+    words = frozenset((
+        "begin", "call", "do", "end", "false", "for", "if", "movej", "movel", "return", "start", "stop", "then",
+        "true", "wait", "while",
+    ))  # fmt: skip
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> list[tuple[str, ...]]:
         """See :class:`Controller`."""
@@ -155,33 +139,31 @@ class Val3(Controller):
 
     def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
         """See :class:`Controller`; movel and movej to points of pPath and jPath in the data file are read."""
-        name, text = main_file({k: v for k, v in files.items() if k.endswith("start.pgx")}, ".pgx")
+        start = main_file({k: v for k, v in files.items() if k.endswith("start.pgx")}, ".pgx")
         data = _data(*main_file(files, ".dtx"))
-        calls = [found[1] for line in text.splitlines() if (found := _CALL.match(line)) is not None]
         external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
         out = Collector()
         speeds: dict[str, float] = {}
-        for source, body in [(name, text), *called(files, calls, ".pgx")]:
-            for line in _LANGUAGE.statements(source, body):
-                where = line.where
-                motion = _MOTION.match(line.code)
-                line.check_read("movel or movej to pPath[i] or jPath[i]", read=motion is not None)
-                if motion is not None:
-                    point = data.get(motion[2], {}).get(whole(f"{where}, {motion[2]}", motion[3]))
-                    if point is None:
-                        raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
-                    kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)
-                    missing = [key for key in names if key not in point]
-                    if missing:
-                        raise InputError(
-                            f"{where}: {motion[2]}[{motion[3]}]", value=f"no {missing[0]}", allowed=" ".join(names)
-                        )
-                    words = [number(where, point[key]) for key in names]
-                    sides = tuple(point[key] for key in SIDES if key in point)
-                    speed = speeds.get(motion[5], np.nan)
-                    out.add(where, kind, words, external, sides, joint=motion[1] == "movej", speed=speed)
-                elif (said := _SPEED.match(line.code)) is not None:
-                    speeds[said[1]] = number(f"{where}, tvel", said[2]) * 1e-3
+        for line in _LANGUAGE.program(files, start, _CALL, ".pgx"):
+            where = line.where
+            motion = _MOTION.match(line.code)
+            line.check_read("movel or movej to pPath[i] or jPath[i]", read=motion is not None)
+            if motion is not None:
+                point = data.get(motion[2], {}).get(whole(f"{where}, {motion[2]}", motion[3]))
+                if point is None:
+                    raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
+                kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)
+                missing = [key for key in names if key not in point]
+                if missing:
+                    raise InputError(
+                        f"{where}: {motion[2]}[{motion[3]}]", value=f"no {missing[0]}", allowed=" ".join(names)
+                    )
+                words = [number(where, point[key]) for key in names]
+                sides = tuple(point[key] for key in SIDES if key in point)
+                speed = speeds.get(motion[5], np.nan)
+                out.add(where, kind, words, external, sides, joint=motion[1] == "movej", speed=speed)
+            elif (said := _SPEED.match(line.code)) is not None:
+                speeds[said[1]] = number(f"{where}, tvel", said[2]) * 1e-3
         return out.moves()
 
     def frames(self, words: Array) -> Array:

@@ -16,8 +16,9 @@ from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
 from stiffarm.session import inputs, parsing, readings, steps
-from stiffarm.session.console import emit_json, say, say_notes, user_errors
+from stiffarm.session.console import say_notes
 from stiffarm.session.effect_words import history_notes
+from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
     Debug,
@@ -32,11 +33,7 @@ from stiffarm.session.options import (
     SchemeFile,
     Seed,
     TablesArg,
-    folder_if,
-    model_hash,
 )
-from stiffarm.session.own_effects import own_effects, own_files
-from stiffarm.session.readings import open_tables
 
 Free = Annotated[
     str | None,
@@ -119,7 +116,7 @@ def calibrate(
 
     Writes the calibrated model, the parameters with their intervals and a report into --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         staged_only = {"--spacing": spacing}
         global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}
         global_only |= {"--holdout": holdout, "--bootstrap": bootstrap or None, "--no-robust": None if robust else ""}
@@ -130,10 +127,8 @@ def calibrate(
         _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
         _refuse_both({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = parsing.parse_loads(loads)
-        own, files = own_effects(effect), own_files(effect)
-        given = inputs.read_model(model, links, load_path, own=own)
-        files["model"] = model_hash(given)
-        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
+        given = frame.model(model, links, load_path, effect=effect)
+        table = frame.readings(given, data, confirm_units=confirm_units)
         staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
         if staged:
             inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
@@ -141,9 +136,7 @@ def calibrate(
             codes = ", ".join(described.code for described in given.description.effect)
             say_notes((f"with effects: {codes}", *history_notes(given.effects, history_of(table))))
         _refuse(global_only if staged else staged_only, "staged" if staged else "global")
-        for name, file in {"scheme": scheme_file, "campaign": campaign, "holdout": holdout}.items():
-            if file is not None:
-                files[name] = file if name == "scheme" else _existing(file, f"--{name}")
+        frame.reads(scheme_file=scheme_file, campaign=campaign, holdout=holdout)
         names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         plan = _plan(given, table, scheme_file, staged)
         options = Options(
@@ -161,17 +154,12 @@ def calibrate(
             seed,
             confirm_units,
         )
-        with folder_if(out, files, seed if bootstrap else None) as folder:
+        with frame.folder_if(seed if bootstrap else None) as folder:
             found = general_calibration.run(given, table, plan, options)
             content = calibration_payload.calibration(found)
             if folder is not None:
                 general_calibration.write(found, content, folder)
-        if out is not None:
-            say(f"written: {out / 'model.toml'}, {out / 'calibration.json'}")
-        if as_json:
-            emit_json(content)
-        else:
-            calibration_tables.show(found)
+        frame.answer(content, lambda: calibration_tables.show(found))
 
 
 def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
@@ -189,13 +177,6 @@ def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | Non
         return readings.read_scheme(given.robot, scheme_file)
     bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
     return bundled_campaign(given.robot.name) if bundled else None
-
-
-def _existing(file: Path, option: str) -> Path:
-    """The file itself; the folder of results hashes it, and its reader says what is wrong inside."""
-    if not file.is_file():
-        raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
-    return file
 
 
 def _refuse_both(options: dict[str, Any]) -> None:

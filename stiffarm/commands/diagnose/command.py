@@ -18,7 +18,8 @@ from stiffarm.commands.diagnose import words as diagnosis_words
 from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.session import inputs, parsing
-from stiffarm.session.console import emit_json, say, say_notes, show_table, user_errors
+from stiffarm.session.console import say, say_notes, show_table
+from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
     Debug,
@@ -31,13 +32,9 @@ from stiffarm.session.options import (
     Out,
     Seed,
     TablesArg,
-    folder_if,
-    model_hash,
 )
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.own_effects import own_effects, own_files
 from stiffarm.session.reading_checks import read_held_out
-from stiffarm.session.readings import open_tables
 
 
 def diagnose(
@@ -92,30 +89,22 @@ def diagnose(
     Shows where the model disagrees with the readings, which physical effect explains it, and which set-ups to measure
     next. Writes diagnosis.json, the model with the identified effects and a report into --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         chosen_loads = parsing.parse_loads(loads) or ()
-        own, files = own_effects(effect), own_files(effect)
-        given = inputs.read_model(model, links, load_path, own=own)
-        files["model"] = model_hash(given)
+        given = frame.model(model, links, load_path, effect=effect)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
-        table = open_tables(given, model, data or (), files, confirm_units=confirm_units)
+        table = frame.readings(given, data, confirm_units=confirm_units)
         other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
         if other is not None:
-            files["holdout"] = other.sha256
-        with folder_if(out, files, seed) as folder:
+            frame.files["holdout"] = other.sha256
+        with frame.folder_if(seed) as folder:
             found = _run(
                 given, table, Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0), other, folder
             )
             content = diagnosis_payload.diagnosis(found)
             if folder is not None:
                 _write(found, content, folder)
-        if out is not None:
-            names = ("report.html", *(("model.toml",) if found.tells else ()), "diagnosis.json")
-            say(f"written: {', '.join(str(out / name) for name in names)}")
-        if as_json:
-            emit_json(content)
-        else:
-            _show(found)
+        frame.answer(content, lambda: _show(found))
 
 
 def _run(

@@ -11,9 +11,11 @@ import typer
 from robots import InputError
 from stiffarm import __version__
 from stiffarm.session import inputs, parsing
-from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session.console import say, say_notes
+from stiffarm.session.frame import command
+from stiffarm.session.inputs import model_hash
 from stiffarm.session.json_text import number
-from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg, model_hash, output_folder
+from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg
 
 DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 DEFAULT_LOAD = "fz_N=-650"
@@ -43,7 +45,7 @@ def export(
 
     The input file arm.inp runs as it is; our own solution is printed for comparison and written into export.json.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         if links.partition(":")[0] != "shell":
             raise InputError(
                 "--links",
@@ -59,9 +61,9 @@ def export(
                 remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",
             )
         wrench = parsing.parse_load(load)
-        given = inputs.read_model(model, links, load_path, without="the export")
+        given = frame.model(model, links, load_path, without="the export")
         q = parsing.parse_pose(given.robot, pose[0])
-        with output_folder(out, {"model": model_hash(given)}) as folder:
+        with frame.folder() as folder:
             from fem.reference.calculix.arm import arm_deck
             from fem.reference.shell_arm import all_links
 
@@ -92,14 +94,12 @@ def export(
                 "sets": deck.sets,
             }
             folder.write_json("export.json", content)
-        for note in _notes(given, q):
-            say(f"note: {note}")
+        say_notes(_notes(given, q))
         d = content["stiffarm"]
-        say(f"written: {out / 'arm.inp'} ({deck.nodes} nodes, {deck.elements} elements), {out / 'export.json'}")
+        say(f"the shell arm has {deck.nodes} nodes and {deck.elements} elements")
         say(f"stiffarm's own solution: {', '.join(f'{name} = {value:.4g}' for name, value in d.items())}")
         say("run `ccx arm` in that folder; arm.dat then has the tool point's displacement (node sets TOOL, TOOL_ROT)")
-        if as_json:
-            emit_json(content)
+        frame.answer(content)
 
 
 def _title(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:

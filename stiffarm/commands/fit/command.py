@@ -10,7 +10,8 @@ import typer
 
 from robots import InputError
 from stiffarm.session import inputs, parsing, steps
-from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session.console import say
+from stiffarm.session.frame import command
 from stiffarm.session.options import (
     Debug,
     Json,
@@ -18,9 +19,8 @@ from stiffarm.session.options import (
     LoadPathOpt,
     ModelArg,
     Seed,
-    model_hash,
-    output_folder,
 )
+from stiffarm.session.parsing import parse_word
 
 
 def fit(
@@ -107,7 +107,7 @@ def fit(
     Its errors are measured on model runs that it has not seen. Writes surrogate.json, its errors and a report into
     --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.fit import learning, payload, tables
         from stiffarm.commands.fit import portable as portable_files
         from stiffarm.commands.fit import report as surrogate_report
@@ -115,10 +115,9 @@ def fit(
         from surrogate.least_squares import SOLVERS
         from surrogate.training import BasisChoice
 
-        _choose("--basis", basis, get_args(BasisChoice))
-        _choose("--solver", solver, SOLVERS)
-        if quantity not in learning.quantities():
-            _choose("--quantity", quantity, learning.quantities())
+        parse_word(basis, get_args(BasisChoice), "--basis")
+        parse_word(solver, SOLVERS, "--solver")
+        parse_word(quantity, learning.quantities(), "--quantity")
         if accuracy is not None and not 0.0 < accuracy < 1.0:
             raise InputError(
                 "--accuracy", value=accuracy, allowed="above 0, below 1", remedy="0.001 is a tenth of a percent"
@@ -132,7 +131,7 @@ def fit(
             name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
-        given = inputs.read_model(model, links, load_path, without="the surrogate")
+        given = frame.model(model, links, load_path, without="the surrogate")
         if note := inputs.no_springs_note(given):
             say(f"note: {note}")
         names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
@@ -140,7 +139,7 @@ def fit(
         scalar = None
         if quantity != learning.STIFFNESS:
             scalar = learning.index_quantity(given.model, quantity, vectors["normal"], vectors["force"])
-        with output_folder(out, {"model": model_hash(given)}, seed) as folder:
+        with frame.folder(seed) as folder:
             trained = learning.learn(
                 given.description,
                 given.model,
@@ -164,16 +163,7 @@ def fit(
                 title = given.description.title.split(" (")[0]
                 content["files"] += surrogate_report.write_report(trained, content, folder, title=title, model=model)
             folder.write_json("surrogate_errors.json", content)
-        if as_json:
-            emit_json(content)
-            return
-        tables.surrogates(content)
-        say(f"written: {', '.join(str(out / name) for name in content['files'])} ({content['best']})")
-
-
-def _choose(option: str, value: str, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise InputError(option, value=value, allowed=", ".join(allowed), remedy="choose one of them")
+        frame.answer(content, lambda: tables.show(content))
 
 
 def _refuse_conflicts(

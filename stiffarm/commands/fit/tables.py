@@ -1,14 +1,14 @@
-"""Tables for people: the surrogates of a training, and other methods beside ours."""
+"""A table for people: the surrogates of a training."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from stiffarm.session.console import show_table
+from stiffarm.session.console import say, show_table
 
 
-def surrogates(content: dict[str, Any]) -> None:
-    """Held-out errors of the surrogates of a training."""
+def show(content: dict[str, Any]) -> None:
+    """Held-out errors of the surrogates of a training, and which one is best."""
     show_table(
         f"Relative error of {content['quantity']} on runs kept out",
         ["basis", "terms", "RMS", "worst", "in 95 % bars", "cond."],
@@ -24,3 +24,4 @@ def surrogates(content: dict[str, Any]) -> None:
             for s in content["surrogates"]
         ],
     )
+    say(f"best: {content['best']}")

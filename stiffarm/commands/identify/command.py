@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 import typer
 
-from doe import Measurements
-from doe.joint_twists import LAWS, LawKind, TwistReadings, write_twists
+from doe.joint_twists import LAWS, TwistReadings, write_twists
 from doe.joint_twists.cycles import Branches
 from doe.joint_twists.synthetic import Campaign, draw_truth, make_readings, truth_table
 from doe.joint_twists.workspace import ORIGIN_M, SIZE_M, Orientation
@@ -19,9 +17,11 @@ from stiffarm.commands.identify import payload as joint_twist_payload
 from stiffarm.commands.identify import step as joint_twist_run
 from stiffarm.commands.identify.step import JointTwists, Request
 from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, say, say_notes, show_table, user_errors
-from stiffarm.session.options import ConfirmUnits, Debug, Json, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
+from stiffarm.session.console import say, say_notes, show_table
+from stiffarm.session.frame import command
+from stiffarm.session.options import ConfirmUnits, Debug, Json, LoadPathOpt, ModelArg, Out, Seed
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.reading_checks import read_held_out
 
 SYNTHETIC = "synthetic_joint_twists.csv"
@@ -88,57 +88,44 @@ def identify(
     joint angle. Writes the model with six springs per joint, identification.json, stiffnesses.csv, a map and a report
     into --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         request = _request(law, branches, flange, window, seed)
         _check_tables(tables, out, synthetic=synthetic)
         # The two arms of a joint are taken as rigid: what they give way by is in the joint's stiffnesses.
-        given = inputs.read_model(model, "rigid", load_path)
+        given = frame.model(model, "rigid", load_path)
         inputs.refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
-        files: dict[str, Path | str] = {"model": model_hash(given)}
         other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
         if other is not None:
-            files["holdout"] = other.sha256
+            frame.files["holdout"] = other.sha256
         data = None if synthetic else joint_twist_run.read_tables(given, tables or ())
         if data is not None:
             for number, table in enumerate(tables or (), start=1):
-                files["synthetic_data" if data.synthetic else "data" if number == 1 else f"data_{number}"] = table
-        with folder_if(out, files, seed) as folder:
+                frame.files["synthetic_data" if data.synthetic else "data" if number == 1 else f"data_{number}"] = table
+        with frame.folder_if(seed) as folder:
             if data is None:
                 data = _make_up(given, seed, folder)
-                files["synthetic_data"] = data.sha256
+                frame.files["synthetic_data"] = data.sha256
             say_notes(data.notes)
-            found = _run(given, data, request, other, folder)
+            with frame.timed("identification"):
+                found = joint_twist_run.run(given, data, request, holdout=other, say=say)
             content = joint_twist_payload.identification(found)
             if folder is not None:
                 _write(found, content, folder)
-        if out is not None:
-            say(f"written: {out / 'report.html'}, {out / 'model.toml'}, {out / 'identification.json'}")
-        if as_json:
-            emit_json(content)
-        else:
-            _show(found)
+        frame.answer(content, lambda: _show(found))
 
 
 def _request(law: str | None, branches: str, flange: str, window: str, seed: int) -> Request:
-    laws: dict[str, LawKind] = {kind: kind for kind in LAWS}
-    ways: dict[str, Branches] = {"mean": "mean", "loading": "loading"}
-    turns: dict[str, Orientation] = {"base": "base", "forward": "forward", "down": "down"}
-    for option, value, allowed in (("--law", law, laws), ("--branches", branches, ways), ("--flange", flange, turns)):
-        if value is not None and value not in allowed:
-            raise InputError(option, value=value, allowed=", ".join(allowed), remedy="choose one of them")
-    try:
-        x, z, width, height = (float(part) for part in window.split(","))
-    except ValueError:
-        x = z = width = height = math.nan
-    if not (math.isfinite(x) and math.isfinite(z) and 0.0 < width < 1e5 and 0.0 < height < 1e5):
+    chosen = None if law is None else parse_word(law, LAWS, "--law")
+    ways = parse_word(branches, get_args(Branches), "--branches")
+    turned = parse_word(flange, get_args(Orientation), "--flange")
+    numbers = parse_numbers(window) or ()
+    if len(numbers) != 4 or not all(0.0 < size < 1e5 for size in numbers[2:]):
         raise InputError(
             "--window", value=window, allowed="four numbers in mm: X, Z, width and height above 0",
             remedy=f"write them as in {DEFAULT_WINDOW}",
         )  # fmt: skip
-    return Request(
-        None if law is None else laws[law], ways[branches], turns[flange], (1e-3 * x, 1e-3 * z),
-        (1e-3 * width, 1e-3 * height), seed,
-    )  # fmt: skip
+    x, z, width, height = (1e-3 * number for number in numbers)
+    return Request(chosen, ways, turned, (x, z), (width, height), seed)
 
 
 def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: bool) -> None:
@@ -167,16 +154,6 @@ def _make_up(given: inputs.ModelInput, seed: int, folder: OutputFolder | None) -
          "springs": truth_table(truth), "friction_Nm": truth.friction.tolist()},
     )  # fmt: skip
     return joint_twist_run.read_tables(given, [path])
-
-
-def _run(
-    given: inputs.ModelInput, data: TwistReadings, request: Request, holdout: Measurements | None,
-    folder: OutputFolder | None,
-) -> JointTwists:  # fmt: skip
-    if folder is None:
-        return joint_twist_run.run(given, data, request, holdout=holdout, say=say)
-    with folder.timed("identification"):
-        return joint_twist_run.run(given, data, request, holdout=holdout, say=say)
 
 
 def _write(found: JointTwists, content: dict[str, Any], folder: OutputFolder) -> None:

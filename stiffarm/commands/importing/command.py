@@ -11,8 +11,9 @@ import typer
 from meshes.surfaces.reading import SUFFIXES
 from robots import InputError, content_hash, load_description
 from robots.urdf.reading import read_urdf
-from stiffarm.session.console import emit_json, progress, say, user_errors
-from stiffarm.session.options import Debug, Json, output_folder
+from stiffarm.session.console import progress, say
+from stiffarm.session.frame import command
+from stiffarm.session.options import Debug, Json
 from stiffarm.session.parsing import parse_pairs
 
 
@@ -103,7 +104,7 @@ def import_command(
 
     A URDF with its meshes becomes a model with shell links; a surface file becomes one shell link of an existing model.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.importing import results as import_results
         from stiffarm.commands.importing import step as importing
 
@@ -133,7 +134,8 @@ def import_command(
         if suffix == ".urdf":
             _refuse({"--model": model, "--link": link, "--scale": scale}, "a URDF names its links and scales itself")
             urdf = read_urdf(source, tip=tip, base=base)
-            with output_folder(out, {"source": source}) as folder:
+            frame.reads(source=source)
+            with frame.folder() as folder:
                 with progress("links") as bar, folder.timed("links"):
                     result = importing.import_robot(urdf, options, bar)
                 content = import_results.write_robot(result, options, folder)
@@ -149,14 +151,13 @@ def import_command(
                     remedy="say which, with --model MODEL --link NAME; `stiffarm robots MODEL` shows a model",
                 )
             given = load_description(model)
-            with output_folder(out, {"source": source, "model": content_hash(given)}) as folder:
+            frame.files |= {"source": source, "model": content_hash(given)}
+            with frame.folder() as folder:
                 done = importing.import_into_model(source, given, link, options, scale, _metres(wall_mm))
                 content = import_results.write_link(done, given, source.name, folder)
             for line in (*done.shell.report, *(w for w in content["warnings"] if w not in done.shell.report)):
                 say(line)
-        say(f"written: {out / 'model.toml'}, {out / 'import.json'}, {out / 'import.png'}")
-        if as_json:
-            emit_json(content)
+        frame.answer(content)
 
 
 def _metres(value_mm: float | None) -> float | None:

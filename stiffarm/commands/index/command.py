@@ -13,10 +13,11 @@ from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.index import results as index_results
-from stiffarm.session import inputs, parsing
-from stiffarm.session.console import emit_json, say, say_notes, show_table, user_errors
+from stiffarm.session import parsing
+from stiffarm.session.console import say, say_notes, show_table
+from stiffarm.session.frame import command
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
 from stiffarm.session.task_options import NormalOpt, ToolOpt
@@ -68,8 +69,8 @@ def index(
 
     Also the Rayleigh quotient, directional stiffness, weakest and stiffest direction, and isotropy.
     """
-    with user_errors(debug):
-        given = inputs.read_model(model, links, load_path, without="the indices")
+    with command(out, as_json=as_json, debug=debug) as frame:
+        given = frame.model(model, links, load_path, without="the indices")
         q, labels = _poses(given, pose, table)
         question = index_results.IndexQuestion(
             q,
@@ -81,16 +82,11 @@ def index(
         )
         found = index_results.answer(given.model, question)
         content = index_results.payload(given.robot, found)
-        files: dict[str, Path | str] = {"model": model_hash(given)} | ({} if table is None else {"poses": table})
-        with folder_if(out, files) as folder:
+        frame.reads(poses=table)
+        with frame.folder_if() as folder:
             if folder is not None:
                 _write(folder, content, found, given)
-        if as_json:
-            emit_json(content)
-            return
-        _show(given, content, tool_of(given.robot, tool))
-        if out is not None:
-            say(f"written: {out / 'index.csv'}, index.json, ellipsoid.png")
+        frame.answer(content, lambda: _show(given, content, tool_of(given.robot, tool)))
 
 
 def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tuple[Array, tuple[str, ...]]:

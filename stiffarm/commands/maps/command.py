@@ -18,9 +18,10 @@ from robots.library.models import bundled_names
 from stiffarm.commands.maps import surrogate_input, words
 from stiffarm.commands.maps.options import FORMATS, POSES
 from stiffarm.commands.maps.request import MERITS, SHORTS
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, progress, say, user_errors
-from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
+from stiffarm.session.console import progress, say, say_notes, user_errors
+from stiffarm.session.frame import Frame, command
+from stiffarm.session.inputs import model_hash
+from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from surrogate.maps.layouts import PLANES
 
@@ -152,15 +153,15 @@ def joints_command(
     """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers."""
     own = {"--points": str(points), "--layers": layers}
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         if surrogate_file is not None:
             refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
             for name in (name for name, value in refused.items() if value is not None):
                 raise InputError(f"{name} cannot be combined with --surrogate", remedy="leave one of them out")
-            content = _surrogate_map(model, out, surrogate_file, points, layers, pictures, links, load_path)
+            content = _surrogate_map(model, frame, surrogate_file, points, layers, pictures, links, load_path)
         else:
-            content = _arm_map("joints", model, out, own | shared, (html, svg, pictures), seed, links)
-        _say(content, out, as_json)
+            content = _arm_map("joints", model, frame, own | shared, (html, svg, pictures), seed, links)
+        _say(content, frame)
 
 
 @map_command.command("slice")
@@ -202,8 +203,8 @@ def slice_command(
     """Map the arm over tool points in a plane of the base frame."""
     own = {"--plane": plane, "--at": at, "--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
-    with user_errors(debug):
-        _say(_arm_map("slice", model, out, own | shared, (html, svg, pictures), seed, links), out, as_json)
+    with command(out, as_json=as_json, debug=debug) as frame:
+        _say(_arm_map("slice", model, frame, own | shared, (html, svg, pictures), seed, links), frame)
 
 
 @map_command.command("box")
@@ -236,8 +237,8 @@ def box_command(
     """Map the arm over tool points in a box along the base's axes."""
     own = {"--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
-    with user_errors(debug):
-        _say(_arm_map("box", model, out, own | shared, (html, svg, pictures), seed, links), out, as_json)
+    with command(out, as_json=as_json, debug=debug) as frame:
+        _say(_arm_map("box", model, frame, own | shared, (html, svg, pictures), seed, links), frame)
 
 
 @map_command.command("cylinder")
@@ -275,8 +276,8 @@ def cylinder_command(
     """Map the arm over tool points in a cylinder about the base's z axis."""
     own = {"--r": r, "--phi": phi, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
-    with user_errors(debug):
-        _say(_arm_map("cylinder", model, out, own | shared, (html, svg, pictures), seed, links), out, as_json)
+    with command(out, as_json=as_json, debug=debug) as frame:
+        _say(_arm_map("cylinder", model, frame, own | shared, (html, svg, pictures), seed, links), frame)
 
 
 _PART = f"Values along {{0}} of the part, in mm: {_FORM}. One of --x, --y and --z may be one number."
@@ -345,7 +346,7 @@ def index_command(
     from stiffarm.commands.maps.index import files
     from stiffarm.commands.maps.index import request as asking
 
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
         asked = asking.read_request(
             {
@@ -354,13 +355,13 @@ def index_command(
                 "--workpiece": workpiece, "--aim": aim, "--partly": "" if partly else None,
             }
         )  # fmt: skip
-        given = inputs.read_model(model, links, load_path, without="the map")
-        with output_folder(out, {"model": model_hash(given)}, seed) as folder:
+        given = frame.model(model, links, load_path, without="the map")
+        with frame.folder(seed) as folder:
             with folder.timed("map"), progress("map points") as bar:
                 made = asking.map_of(given, asked, np.random.default_rng(seed), bar)
             with folder.timed("files"):
                 content = files.write(made, folder, pictures)
-        _say(content, out, as_json)
+        _say(content, frame)
 
 
 def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, Text]:
@@ -377,21 +378,20 @@ def _shared(
     }  # fmt: skip
 
 
-def _say(content: Mapping[str, Any], out: Path, as_json: bool) -> None:
-    if as_json:
-        emit_json(content)
-        return
+def _say(content: Mapping[str, Any], frame: Frame) -> None:
+    frame.answer(content, lambda: _show(content))
+
+
+def _show(content: Mapping[str, Any]) -> None:
     if "by_gamma" in content:
         words.show_index_map(content)
     elif "quantities" in content:
         words.show_map(content)
-    say(f"written: {', '.join(str(out / name) for name in content['files'])}")
-    for message in content["messages"]:
-        say(f"note: {message}")
+    say_notes(content["messages"])
 
 
 def _arm_map(
-    kind: str, model: str, out: Path, options: Mapping[str, Text], drawn: tuple[bool, bool, bool], seed: int,
+    kind: str, model: str, frame: Frame, options: Mapping[str, Text], drawn: tuple[bool, bool, bool], seed: int,
     links: Text,
 ) -> dict[str, Any]:  # fmt: skip
     """Quantities of the arm over joints or space, from the model."""
@@ -402,7 +402,7 @@ def _arm_map(
 
     # Before the model: shells take a while, and a wrong option need not wait for them.
     check_options(kind, options)
-    given = inputs.read_model(model, links, options["--load-path"], without="the map")
+    given = frame.model(model, links, options["--load-path"], without="the map")
     require_springs(given, "map")
     asked = read_map_options(given, kind, options, seed)
     html, svg, pictures = drawn
@@ -411,22 +411,22 @@ def _arm_map(
         asked.formats, figures=options["--values"] is not None or svg, pictures=pictures, svg=svg, html=html,
         dask=options["--dask"], work=None if work is None else Path(work),
     )  # fmt: skip
-    with output_folder(out, {"model": model_hash(given)}, seed) as folder, progress("map points") as bar:
+    with frame.folder(seed) as folder, progress("map points") as bar:
         return step.make_map(given, asked, folder, wanted, bar)
 
 
 def _surrogate_map(
-    model: str, out: Path, file: Path, points: int, layers: Text, pictures: bool, links: Text, load_path: Text
+    model: str, frame: Frame, file: Path, points: int, layers: Text, pictures: bool, links: Text, load_path: Text
 ) -> dict[str, Any]:
     """Structural stiffness over the joint coordinates, from a surrogate."""
     from stiffarm.commands.maps import sweep
 
-    given = inputs.read_model(model, links, load_path, without="the map")
+    given = frame.model(model, links, load_path, without="the map")
     learned = surrogate_input.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
     wanted = surrogate_input.parse_layers(given.robot, layers)
-    files: dict[str, Path | str] = {"model": model_hash(given), "surrogate": file}
-    with output_folder(out, files) as folder, progress("map poses") as bar:
+    frame.reads(surrogate=file)
+    with frame.folder() as folder, progress("map poses") as bar:
         made = sweep.learned_map(given, learned, points, wanted, bar)
         return sweep.write(made, given, folder, pictures)

@@ -20,12 +20,12 @@ from robots import InputError
 from robots.files.csv_text import records_text
 from stiffarm.commands.place import payload as placement_payload
 from stiffarm.pages.arm_uncertainty import sentence
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
+from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.frame import command
 from stiffarm.session.inputs import ModelInput
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, folder_if, model_hash
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import parse_joint_figures
+from stiffarm.session.parsing import parse_joint_figures, parse_word
 from stiffarm.session.task_options import GammaOpt, parse_gammas
 from stiffarm.session.task_setup import MillingOpt, read_cut, require_springs
 
@@ -152,15 +152,15 @@ def place(
     The base stands or moves on the linear axes of the cell. Writes placement.csv, placement.json and a report into
     --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         cutting = _force(force, force_axes, milling)
-        given = inputs.read_model(model, links, load_path, without="the placement")
+        given = frame.model(model, links, load_path, without="the placement")
         require_springs(given, "placement")
         described = read_cell(cell)
         request = PlaceRequest(
             cell=described,
             given=read_given_path(path),
-            goal=Goal(_aim(aim), cutting, _criterion(alpha, beta), by_length),
+            goal=Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length),
             gamma=parse_gammas(gamma),
             drive=Drive(speed=_speed(given, described, speed), jump=float(np.radians(jump))),
             how=_how(mode, anywhere, cost, gamma_course),
@@ -170,9 +170,8 @@ def place(
             stiffness=stiffness_uncertainty(given.model, given.description, given.own),
         )
         scene, notes = scene_for(described, model) if collisions else (None, ())
-        files: dict[str, Path | str] = {"model": model_hash(given), "path": path, "cell": cell}
-        files |= {} if milling is None else {"milling": milling}
-        with folder_if(out, files) as folder:
+        frame.reads(path=path, cell=cell, milling=milling)
+        with frame.folder_if() as folder:
             with progress("place") as bar:
                 step = place_along(
                     given.model, request, scene, notes, lambda _, done, total: bar(done, total),
@@ -181,18 +180,7 @@ def place(
             content = placement_payload.payload(step)
             if folder is not None:
                 _write(folder, given, step, content)
-        if as_json:
-            emit_json(content)
-            return
-        _show(step)
-        if out is not None:
-            say(f"written: {out / 'report.html'}, placement.csv, placement.json")
-
-
-def _aim(text: str) -> Any:
-    if text not in AIMS:
-        raise InputError("--aim", value=text, allowed=", ".join(AIMS), remedy="choose one of them")
-    return text
+        frame.answer(content, lambda: _show(step))
 
 
 def _force(force: str | None, axes: str, milling: Path | None) -> CuttingForce:

@@ -17,7 +17,8 @@ from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
 from stiffarm.commands.plan.step import Planned, Request, make_plan
 from stiffarm.session import inputs, parsing
-from stiffarm.session.console import emit_json, progress, say, user_errors
+from stiffarm.session.console import progress, say
+from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import (
     ConfirmUnits,
     DataArg,
@@ -28,11 +29,8 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
-    folder_if,
-    model_hash,
 )
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.readings import open_table
 
 TABLE, PAGE, RESULT, FIGURE = "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png"
 
@@ -196,14 +194,13 @@ def plan(
 
     Chooses poses, loads and load directions; the filled-in sheet is read back by calibrate and diagnose.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         _check_kind(poses, design_only, iso)
-        given = inputs.read_model(model, links, load_path, without="the plan")
+        given = frame.model(model, links, load_path, without="the plan")
         zone = plan_options.parse_zone(given.description, floor, keep_out or (), clearance)
-        files: dict[str, Path | str] = {"model": model_hash(given)}
         if iso:
             _refuse({"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--free": free}, True)
-            _iso_sheet(given, pose, rated, zone, out, files, as_json)
+            _iso_sheet(given, pose, rated, zone, frame)
             return
         _refuse({"--pose": pose, "--rated-N": rated}, False)
         wanted = Request(
@@ -215,26 +212,18 @@ def plan(
             vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"), hold_deg=_held(given.robot, hold),
             zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
         )  # fmt: skip
-        table = None if without_data else _readings(given, model, data, files, confirm_units)
-        _plan(given, table, wanted, out, files, as_json)
+        table = None if without_data else _readings(frame, given, data, confirm_units)
+        _plan(given, table, wanted, frame)
 
 
-def _plan(
-    given: inputs.ModelInput, table: Measurements | None, wanted: Request, out: Path | None,
-    files: dict[str, Path | str], as_json: bool,
-) -> None:  # fmt: skip
-    with folder_if(out, files, wanted.seed) as folder:
+def _plan(given: inputs.ModelInput, table: Measurements | None, wanted: Request, frame: Frame) -> None:
+    with frame.folder_if(wanted.seed) as folder:
         with progress("choosing set-ups") as bar:
             planned = make_plan(given, table, wanted, bar)
         content = plan_results.payload(given, table, planned)
         if folder is not None:
             _write(given, table, planned, content, folder)
-    if as_json:
-        emit_json(content)
-        return
-    plan_results.show(given, planned)
-    if out is not None:
-        say(f"written: {', '.join(str(out / name) for name in (TABLE, PAGE, RESULT, FIGURE))}")
+    frame.answer(content, lambda: plan_results.show(given, planned))
 
 
 def _write(
@@ -259,10 +248,7 @@ def _write_sheet(given: inputs.ModelInput, sheet: sheets.Sheet, folder: OutputFo
     folder.write_text(PAGE, sheets.render_sheet(sheet, pictures))
 
 
-def _iso_sheet(
-    given: inputs.ModelInput, pose: list[str] | None, rated: float | None, zone: Zone, out: Path | None,
-    files: dict[str, Path | str], as_json: bool,
-) -> None:  # fmt: skip
+def _iso_sheet(given: inputs.ModelInput, pose: list[str] | None, rated: float | None, zone: Zone, frame: Frame) -> None:
     load = plan_options.rated_load(given.description, rated, "--rated-N", "give the rated load, as in --rated-N 1300")
     if pose:
         q = np.array([parsing.parse_pose(given.robot, text) for text in pose])
@@ -270,17 +256,16 @@ def _iso_sheet(
         q = iso9283.middle_pose(given.robot, zone)[None]
     sheet = iso9283.sheet(given.robot, plan_results.robot_title(given), q, load, usual=not pose)
     content = iso9283.payload(given.robot, q, load)
-    with folder_if(out, files) as folder:
+    with frame.folder_if() as folder:
         if folder is not None:
             folder.write_json(RESULT, content)
             _write_sheet(given, sheet, folder)
-    if as_json:
-        emit_json(content)
-        return
-    for fact in sheet.facts:
-        say(": ".join(fact))
-    if out is not None:
-        say(f"written: {', '.join(str(out / name) for name in (TABLE, PAGE, RESULT))}")
+
+    def show() -> None:
+        for fact in sheet.facts:
+            say(": ".join(fact))
+
+    frame.answer(content, show)
 
 
 def _check_kind(poses: int | None, design_only: int | None, iso: bool) -> None:
@@ -333,13 +318,11 @@ def _gauges(length: float, turn: float) -> tuple[float, float]:
     return length * 1e-3, turn * 1e-3
 
 
-def _readings(
-    given: inputs.ModelInput, model: str, data: Path | None, files: dict[str, Path | str], confirm_units: bool
-) -> Measurements | None:
+def _readings(frame: Frame, given: inputs.ModelInput, data: Path | None, confirm_units: bool) -> Measurements | None:
     """The table given, else the bundled one, else none: a first campaign."""
     if data is None:
         try:
             bundled_data(given.robot.name)
         except InputError:
             return None
-    return open_table(given, model, data, files, confirm_units=confirm_units)
+    return frame.readings(given, data, confirm_units=confirm_units)

@@ -23,10 +23,10 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.targets import parse_targets
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, model_hash, output_folder
-from stiffarm.session.parsing import parse_numbers
+from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.frame import command
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed
+from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
     CellOpt,
@@ -133,9 +133,9 @@ def post(
 
     Cartesian and joint programs come from one run. Writes the programs, post.json and a report into --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         targets = parse_targets(formats, coordinates)
-        given = inputs.read_model(model, links, load_path, without="the programs")
+        given = frame.model(model, links, load_path, without="the programs")
         setup = read_setup(model, given.robot, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         if compensate and cut is None:
@@ -149,8 +149,6 @@ def post(
         say_notes(motions.notes, path)
         place = _place(setup.cell, placement, motions, travel, table, gamma)
         written = WriteOptions() if options is None else read_options(options)
-        if rapid not in ("linear", "joint"):
-            raise InputError("--rapid", value=rapid, allowed="linear, joint", remedy="choose one of them")
         settings = PostSettings(
             gamma=place.gamma,
             objective=Objective(),
@@ -158,7 +156,7 @@ def post(
             travel=place.travel,
             table=place.table,
             tolerance=tolerance * 1e-6,
-            rapid="joint" if rapid == "joint" else "linear",
+            rapid=parse_word(rapid, ("linear", "joint"), "--rapid"),
             near=place.near,
             reference=parse_reference(reference),
             seed=seed,
@@ -175,10 +173,8 @@ def post(
             cap * 1e-6,
             stiffness_uncertainty(given.model, given.description, given.own),
         )
-        files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
-        named = (("cell", cell), ("milling", milling), ("options", options), ("placement", placement))
-        files |= {name: file for name, file in named if file is not None}
-        with output_folder(out, files) as folder:
+        frame.reads(path=path, cell=cell, milling=milling, options=options, placement=placement)
+        with frame.folder() as folder:
             with progress("posture along the path") as bar:
                 run = run_post(given.model, request, folder.path, bar)
             if place.found is not None:
@@ -186,11 +182,7 @@ def post(
             content = post_report.payload(run) | {"effects_left_out": effects_left_out(given)}
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder)
-        if as_json:
-            emit_json(content)
-            return
-        _show(run)
-        say(f"written: {', '.join(str(out / target.folder) for target in run.written)}, {out / 'report.html'}")
+        frame.answer(content, lambda: _show(run))
 
 
 @dataclass(frozen=True, eq=False)

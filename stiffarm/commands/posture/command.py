@@ -18,11 +18,12 @@ from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.pages.arm_uncertainty import sentence
-from stiffarm.session import inputs
-from stiffarm.session.console import emit_json, progress, say, show_table, user_errors
-from stiffarm.session.inputs import ModelInput
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, folder_if, model_hash
+from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.frame import command
+from stiffarm.session.inputs import ModelInput, model_hash
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import parse_word
 from stiffarm.session.task_options import (
     GammaOpt,
     PartOpt,
@@ -131,8 +132,8 @@ def posture(
     Chooses the redundant angle gamma, branch and turns of the joints such that the path can be driven. Writes
     posture.csv, posture.json and a report into --out.
     """
-    with user_errors(debug):
-        given = inputs.read_model(model, links, load_path, without="the postures")
+    with command(out, as_json=as_json, debug=debug) as frame:
+        given = frame.model(model, links, load_path, without="the postures")
         setup = read_setup(model, given.robot, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
@@ -157,9 +158,8 @@ def posture(
             tuple(effects_left_out(given)),
             stiffness_uncertainty(given.model, given.description, given.own),
         )
-        files: dict[str, Path | str] = {"model": model_hash(given), "path": path}
-        files |= {name: file for name, file in (("cell", cell), ("milling", milling)) if file is not None}
-        with folder_if(out, files, seed) as folder:
+        frame.reads(path=path, cell=cell, milling=milling)
+        with frame.folder_if(seed) as folder:
             with progress("posture along the path") as bar:
                 posed = pose_along(given.model, request, bar)
             content = posture_payload.payload(posed) | {
@@ -170,22 +170,14 @@ def posture(
             }
             if folder is not None:
                 _write(folder, given, posed, content)
-        if as_json:
-            emit_json(content)
-            return
-        _show(posed)
-        if out is not None:
-            say(f"written: {out / 'report.html'}, posture.csv, posture.json")
+        frame.answer(content, lambda: _show(posed))
 
 
 def _objective(quantity: str, aim: str, force: Array | None) -> Objective:
-    if aim not in ("mean", "worst"):
-        raise InputError("--aim", value=aim, allowed="mean, worst", remedy="choose one of them")
-    if quantity not in (*INDICES, *DISPLACEMENTS):
-        raise InputError("--quantity", value=quantity, allowed=", ".join((*INDICES, *DISPLACEMENTS)))
+    parse_word(quantity, (*INDICES, *DISPLACEMENTS), "--quantity")
     if force is None and (quantity in DISPLACEMENTS or "force" in INDICES[quantity].uses):
         raise InputError(f"--quantity {quantity} needs a force", remedy="give --force or --milling")
-    return Objective(quantity, force, "worst" if aim == "worst" else "mean")
+    return Objective(quantity, force, parse_word(aim, ("mean", "worst"), "--aim"))
 
 
 def _gammas(text: str) -> GammaRange:

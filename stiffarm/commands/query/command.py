@@ -11,11 +11,12 @@ import typer
 from robots import InputError, content_hash, load_description
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from stiffarm.commands.fit.payload import surrogate_errors
 from stiffarm.commands.query import answers
+from stiffarm.commands.query.errors import surrogate_errors
 from stiffarm.session import parsing
-from stiffarm.session.console import emit_json, say, say_notes, user_errors
-from stiffarm.session.options import Debug, Json, Out, output_folder
+from stiffarm.session.console import say, say_notes
+from stiffarm.session.frame import command
+from stiffarm.session.options import Debug, Json, Out
 from surrogate import Surrogate, load_surrogate
 from surrogate import query as ask
 from surrogate.model import COMPLIANCE
@@ -69,7 +70,7 @@ def query(
 
     Poses outside the fitted domain, out of reach or close to a singularity are flagged.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         learned = load_surrogate(surrogate_file)
         if of is not None:
             _require_same_model(learned, of, surrogate_file)
@@ -87,18 +88,15 @@ def query(
             "errors": surrogate_errors(learned),
             "answers": rows,
         }
-        if out is not None:
-            files = {"surrogate": surrogate_file} | ({} if table is None else {"poses": table})
-            with output_folder(out, dict(files)) as folder:
+        frame.reads(surrogate=surrogate_file, poses=table)
+        with frame.folder_if() as folder:
+            if folder is not None:
                 folder.write_json("query.json", content)
                 folder.write_text("query.csv", records_text(rows))
         unanswered = int(np.count_nonzero(~result.answered))
         if unanswered:
             say(f"note: {unanswered} of {len(rows)} poses are outside of what was fitted and have no value: see flags")
-        if as_json:
-            emit_json(content)
-        else:
-            answers.show_answers(learned, rows)
+        frame.answer(content, lambda: answers.show_answers(learned, rows))
 
 
 def _load_direction(learned: Surrogate, along: Array | None) -> list[float] | None:

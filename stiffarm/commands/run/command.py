@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stiffarm.session.console import emit_json, user_errors
+from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
     DataArg,
@@ -16,7 +16,6 @@ from stiffarm.session.options import (
     Links,
     SchemeFile,
     Seed,
-    command_line,
 )
 
 
@@ -52,11 +51,8 @@ def run(
 
     First model, sensitivity, calibration, surrogate, maps and one report that tells the whole story.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.run.workflow import run_all
 
-        content = run_all(
-            model, data, scheme_file, links, out, points, seed, command_line(), holdout, confirm_units=confirm_units
-        )
-        if as_json:
-            emit_json(content)
+        content = run_all(frame, model, data, scheme_file, links, points, seed, holdout, confirm_units=confirm_units)
+        frame.answer(content)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,85 +13,51 @@ from doe import Measurements, PoseEffects, select_loads
 from doe.estimation.campaign import Campaign
 from fem import deflection_by_part
 from robots import save_description
-from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.payload import trained as trained_payload
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
+from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
+from stiffarm.session.frame import Frame
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.readings import open_measured
 from stiffarm.session.steps import FactorialRuns, RigidJoints
-from surrogate import Surrogate, Trained, save_surrogate
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Everything the report tells, computed once."""
-
-    given: ModelInput
-    data: Measurements
-    scheme: Campaign
-    rigid: RigidJoints
-    effects: Mapping[str, list[PoseEffects]]
-    link_models: LinkModels
-    best: Calibrated
-    published: Calibrated
-    factorial: Mapping[str, FactorialRuns]
-    trained: Mapping[str, Trained]
-    budget_mm: Mapping[str, Array]
-    budget_poses: tuple[str, ...]
-    pose_check: tuple[list[str], Array, Array]
-    seed: int
-    held_out: HeldOut | None = None
-
-    @property
-    def variants(self) -> tuple[Calibrated, ...]:
-        """Every load path and scheme, with the links that were asked for."""
-        return self.link_models.own.variants
-
-    @property
-    def surrogate(self) -> Surrogate:
-        """The surrogate of the recommended variant."""
-        return self.trained[self.best.name].best
+from surrogate import Trained, save_surrogate
 
 
 def run_all(
+    frame: Frame,
     model: str,
     data: Path | None,
     scheme_file: Path | None,
     links: str | None,
-    out: Path,
     points: int,
     seed: int,
-    command: list[str],
     holdout: Path | None = None,
     *,
     confirm_units: bool = False,
 ) -> dict[str, Any]:
-    """Run every step and write models, surrogates, maps, pictures and the report into ``out``.
+    """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder.
 
     ``holdout``: table of poses that no calibration sees, to judge the variants by;
     ``confirm_units``: tables are right though they look like other units.
     """
-    given, table, files = open_measured(model, data, links, None, confirm_units=confirm_units)
+    given = frame.model(model, links)
+    table = frame.readings(given, data, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
     scheme = readings.read_scheme(given.robot, scheme_file)
-    if scheme_file is not None:
-        files["scheme"] = scheme_file
+    frame.reads(scheme_file=scheme_file, holdout=holdout)
     kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
-    if holdout is not None:
-        files["holdout"] = holdout
-    with OutputFolder(out, command, files, seed) as folder:
+    with frame.folder(seed) as folder:
         with folder.timed("calibration"):
             rigid, effects, compared = _calibrations(given, table, scheme)
         judged = None if kept is None else held_out.judge(compared.own.variants, kept)
@@ -107,7 +73,6 @@ def run_all(
         with folder.timed("report"):
             say("report")
             write_report(findings, drawn, folder)
-    say(f"done: open {out / 'report.html'}")
     return content
 
 
@@ -235,8 +200,3 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         content["holdout"] = held_out.payload(findings.held_out)
     folder.write_json("results.json", content)
     return content
-
-
-def slug(name: str) -> str:
-    """``constant, serial`` -> ``constant_serial``."""
-    return "_".join(name.replace(",", " ").split())

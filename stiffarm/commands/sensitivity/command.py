@@ -17,7 +17,8 @@ from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
 from stiffarm.commands.sensitivity.screening import Method, Study
 from stiffarm.session import parsing, steps
-from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session.console import say, show_table
+from stiffarm.session.frame import command
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -30,10 +31,8 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
-    folder_if,
 )
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.readings import open_measured
 
 _METHODS: tuple[Method, ...] = ("morris", "sobol", "derivative")
 _SAMPLES, _TRAJECTORIES = 512, 40
@@ -100,7 +99,7 @@ def sensitivity(
     By a factorial of the joint stiffnesses (the published method), or by Morris, Sobol or derivatives of any
     parameters.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         if not (0.0 < low < high and np.isfinite(high)):
             raise InputError(
                 "--low, --high",
@@ -112,17 +111,15 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parsing.parse_parameters(free)
-        given, table, files = open_measured(
-            model, data, links, load_path, without="the sensitivities", confirm_units=confirm_units
-        )
-        if campaign is not None and campaign.is_file():
-            files["campaign"] = campaign
+        given = frame.model(model, links, load_path, without="the sensitivities")
+        table = frame.readings(given, data, confirm_units=confirm_units)
+        frame.reads(campaign=campaign)
         bundled = bundled_campaign(given.robot.name)
         scheme = None if bundled is None else bundled.compare
         springs = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         springs = springs or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
         labels = _labels(poses, table, scheme)
-        with folder_if(out, files, None if chosen is None else seed) as folder:
+        with frame.folder_if(None if chosen is None else seed) as folder:
             if chosen is None:
                 result, show = _factorial(given, table, springs, labels, (low, high), folder)
             else:
@@ -133,10 +130,7 @@ def sensitivity(
                     samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
                 )  # fmt: skip
                 result, show = _screened(given, found, folder)
-        if as_json:
-            emit_json(result)
-        else:
-            show()
+        frame.answer(result, show)
 
 
 def _method(text: str | None, joints: str | None, options: dict[str, Any]) -> Method | None:

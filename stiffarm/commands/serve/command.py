@@ -15,10 +15,10 @@ from machining.service.wire import LONGEST_LINE
 from machining.setup import Setup
 from robots import InputError
 from stiffarm import __version__
-from stiffarm.session import inputs
-from stiffarm.session.console import EXIT_OTHER, say, user_errors
-from stiffarm.session.inputs import ModelInput
-from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, model_hash
+from stiffarm.session.console import EXIT_OTHER, say
+from stiffarm.session.frame import command
+from stiffarm.session.inputs import ModelInput, model_hash
+from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from stiffarm.session.task_setup import CellOpt, read_setup
@@ -43,8 +43,8 @@ def serve_command(
     Reads one JSON object per line on stdin and answers on stdout: kinematics, stiffness, best posture. Meant for
     postprocessors; docs/reference/serve.md describes the protocol. Ends at the end of the input.
     """
-    with user_errors(debug):
-        given = inputs.read_model(model, links, load_path, without="the answers")
+    with command(debug=debug) as frame:
+        given = frame.model(model, links, load_path, without="the answers")
         setup = read_setup(model, given.robot, cell, tool, part)
         session = open_session(given, setup)
         answers = _claim_stdout()

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from stiffarm.commands.simulate import step as simulation
-from stiffarm.session import inputs, parsing
-from stiffarm.session.console import emit_json, user_errors
+from stiffarm.session import parsing
+from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
     DataArg,
@@ -19,10 +19,7 @@ from stiffarm.session.options import (
     LoadPathOpt,
     ModelArg,
     Out,
-    folder_if,
-    model_hash,
 )
-from stiffarm.session.own_effects import own_effects, own_files
 
 
 def simulate(
@@ -78,21 +75,18 @@ def simulate(
 
     At one pose under one load, or for every reading of a measurement table.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         simulation.check_request(pose, data, load, out, field, scale, unload_from)
-        own, files = own_effects(effect), own_files(effect)
         asked = simulation.field_links(model, links) if field else links
-        given = inputs.read_model(model, asked, load_path, own=own, without="the fields" if field else None)
-        files["model"] = model_hash(given)
+        given = frame.model(model, asked, load_path, effect=effect, without="the fields" if field else None)
         if pose is not None:
             q, wrench = parsing.parse_pose(given.robot, pose), parsing.parse_load("fz_N=-650" if load is None else load)
             before = None if unload_from is None else parsing.parse_load(unload_from, "--unload-from")
         else:
             from stiffarm.commands.simulate.readings import of_table
-            from stiffarm.session.readings import open_table
 
-            table = open_table(given, model, data, files, confirm_units=confirm_units)
-        with folder_if(out, files) as folder:
+            table = frame.readings(given, data, confirm_units=confirm_units)
+        with frame.folder_if() as folder:
             result = (
                 of_table(given, table, rigid_joints)
                 if pose is None
@@ -102,7 +96,4 @@ def simulate(
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:
                 folder.write_json("simulation.json", result)
-        if as_json:
-            emit_json(result)
-        else:
-            simulation.show(result)
+        frame.answer(result, lambda: simulation.show(result))

@@ -11,13 +11,15 @@ import typer
 from machining.cell import described_arm, read_cell
 from machining.verification import Demands, Verification, verify
 from machining.verification.given import read_program
-from robots import InputError, content_hash
+from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import offence_words, sentence, value_words
-from stiffarm.session.console import EXIT_OTHER, emit_json, progress, say, show_table, user_errors
-from stiffarm.session.options import Debug, Json, ModelArg, Out, folder_if
+from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
+from stiffarm.session.frame import command
+from stiffarm.session.options import Debug, Json, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import parse_word
 
 # Offences shown on the screen.
 SHOWN = 12
@@ -78,9 +80,9 @@ def verify_command(
     warnings); 1: offences, the first one is named; 2: bad input. Writes report.html, replay.html, verification.json,
     offences.csv and moves.csv into --out.
     """
-    with user_errors(debug):
+    with command(out, as_json=as_json, debug=debug) as frame:
         demands = Demands(
-            interpolation=_interpolation(interpolation),  # type: ignore[arg-type]
+            interpolation=parse_word(interpolation, ("joint", "linear", "mixed"), "--interpolation"),
             safety=None if safety is None else safety * 1e-3,
             resolution=resolution * 1e-3,
             tolerance=tolerance * 1e-3,
@@ -90,28 +92,17 @@ def verify_command(
         )
         description, arm = described_arm(model)
         given = read_program(program, arm.robot, read_cell(cell))
-        files: dict[str, Path | str] = {"model": content_hash(description), "program": program, "cell": cell}
-        with folder_if(out, files) as folder:
+        frame.files |= {"model": content_hash(description), "program": program, "cell": cell}
+        with frame.folder_if() as folder:
             with progress("moves checked") as bar:
                 found = verify(given.program, arm, demands, nc_lines=given.lines, progress=bar)
             content = payload(found)
             if folder is not None:
                 _write(folder, found, description.title.split(" (")[0], content)
-        if as_json:
-            emit_json(content)
-        else:
-            _show(found)
-            if out is not None:
-                say(f"written: {out / 'report.html'}, replay.html, verification.json, offences.csv, moves.csv")
+        frame.answer(content, lambda: _show(found))
         if not found.clean:
             say(f"stiffarm: this program must not run: {sentence(found.errors[0])}")
             raise typer.Exit(EXIT_OTHER)
-
-
-def _interpolation(text: str) -> str:
-    if text not in ("joint", "linear", "mixed"):
-        raise InputError("--interpolation", value=text, allowed="joint, linear, mixed", remedy="choose one of them")
-    return text
 
 
 def _write(folder: OutputFolder, found: Verification, title: str, content: dict[str, Any]) -> None:

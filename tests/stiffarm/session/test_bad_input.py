@@ -111,7 +111,7 @@ SCHEMES = {
     "not TOML": Case("calibrate xr701 --scheme-file FILE --out out", ("not valid TOML", "line"), "[[[", ".toml"),
     "binary": Case("calibrate xr701 --scheme-file FILE --out out", ("cannot be read",), BINARY, ".toml"),
     "missing": Case("calibrate xr701 --scheme-file nowhere.toml --out out", ("'nowhere.toml'", "check the path")),
-    "folder": Case("calibrate xr701 --scheme-file OTHER --out out", ("existing scheme TOML",)),
+    "folder": Case("calibrate xr701 --scheme-file OTHER --out out", ("an existing file",)),
     "unknown pose": Case(
         "calibrate xr701 --scheme-file FILE --out out",
         ("'999'", "3, 4, 5, 39, 40, 41, 75, 76, 77"),

@@ -45,3 +45,20 @@ def test_a_mistyped_command_or_option_is_answered_by_the_one_that_is_close(
     assert outcome.code == 2
     assert "Did you mean" in outcome.err
     assert meant in outcome.err.split("Did you mean")[1]
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        (("plan", "xr701", "--poses", "3", "--free", "j2.stiffnes"), "j2.stiffness"),
+        (("diagnose", "xr701", "--free", "j22"), "j2"),
+        (("simulate", "xr701", "--pose", "q22_deg=5"), "q2_deg"),
+        (("robots", "xr702"), "xr701"),
+    ],
+)
+def test_a_mistyped_parameter_joint_coordinate_or_robot_is_answered_by_the_one_that_is_close(
+    cli: Command, typed: tuple[str, ...], meant: str
+) -> None:
+    outcome = cli(*typed)
+    assert outcome.code == 2
+    assert f"Did you mean {meant}?" in outcome.err

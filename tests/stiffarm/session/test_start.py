@@ -40,7 +40,7 @@ def loaded(found: set[str], names: set[str]) -> set[str]:
     return {name for name in names if any(m == name or m.startswith(f"{name}.") for m in found)}
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("--show-completion", "bash")])
+@pytest.mark.parametrize("arguments", [("--help",), ("--version",)])
 def test_help_and_version_load_no_library(arguments: tuple[str, ...]) -> None:
     assert loaded(modules(*arguments), LIBRARIES | HEAVY) == set()
 

@@ -6,12 +6,13 @@ import numpy as np
 
 from doe import loaded_points, select_loads
 from robots import InputError
-from stiffarm.commands.run.workflow import Findings
+from stiffarm.commands.run.findings import Findings
+from stiffarm.commands.run.story.words import short_title
 from stiffarm.commands.simulate import field_results
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
 from stiffarm.commands.simulate.field_picture import load_text
 from stiffarm.commands.simulate.figures import energy_share_figure, workspace_budget_figure
-from stiffarm.pages.blocks import Pictures, short_title
+from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Note, Picture, Text
 
 

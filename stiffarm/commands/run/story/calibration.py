@@ -11,10 +11,11 @@ from stiffarm.commands.calibrate.study_section import study_blocks
 from stiffarm.commands.run.figures import match as figures_match
 from stiffarm.commands.run.figures import readings as figures_data
 from stiffarm.commands.run.figures.readings import Doubt
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
-from stiffarm.commands.run.workflow import Findings
+from stiffarm.commands.run.story.words import is_published_data, springs_text
 from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
-from stiffarm.pages.blocks import Pictures, is_published_data, springs_text
+from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.session.spring_words import SpringEstimate, bound_of
 

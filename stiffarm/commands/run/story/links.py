@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from fem import LinkKind
 from stiffarm.commands.calibrate.figures import springs as figures_springs
 from stiffarm.commands.run.figures import match as figures_match
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.link_models import LinkModels, SpringPair
 from stiffarm.commands.run.link_words import NOUN, sentences, share_text, signed
-from stiffarm.commands.run.workflow import Findings
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.session.spring_words import mega, spring_text

@@ -7,8 +7,8 @@ from typing import Any
 from robots.schema.quantities import Quantity
 from stiffarm.commands.fit.figures import effects as fs
 from stiffarm.commands.run.figures.budget import budget_figure
+from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.commands.run.story.budget import budget_blocks
-from stiffarm.commands.run.workflow import Findings, slug
 from stiffarm.pages.blocks import Pictures, percent
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
 from surrogate import default_sweep

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from stiffarm import __version__
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.story import calibration as story_calibration
 from stiffarm.commands.run.story import links as story_links
 from stiffarm.commands.run.story import results as story_results
-from stiffarm.commands.run.workflow import Findings
-from stiffarm.pages.blocks import Pictures, percent, short_title
+from stiffarm.commands.run.story.words import short_title
+from stiffarm.pages.blocks import Pictures, percent
 from stiffarm.pages.report import KeyFigure, render
 from stiffarm.session.outputs import OutputFolder
 

@@ -67,7 +67,7 @@ def test_the_report_has_each_link_and_says_what_stays_rigid(imported: tuple[Outc
     mass = 2 * (a * b + (a + b) * length) * 0.01 * 2700
     assert upper["casing_mass_kg"] == pytest.approx(mass, rel=0.08)
     assert upper["urdf_mass_kg"] == 60.0
-    for words in ("Imported: test_arm", "upper_arm", "note: link hand stays rigid", "written:"):
+    for words in ("Imported: test_arm", "upper_arm", "note: link hand stays rigid", "written to"):
         assert words in outcome.err
 
 

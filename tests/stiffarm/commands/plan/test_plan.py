@@ -25,7 +25,7 @@ from stiffarm.session import inputs, readings
 from stiffarm.session.direction_words import direction_words
 
 XR701 = inputs.read_model("xr701", None, None)
-DATA = readings.read_data(XR701.robot, "xr701", None)
+DATA = readings.read_data(XR701.robot, None)
 SIX_AXIS = ROOT / "tests" / "robots" / "data" / "six_axis.urdf"
 
 
@@ -124,7 +124,7 @@ def _numbers(content: dict[str, object]) -> dict[str, float]:
 
 
 def test_new_labels_are_not_those_of_the_data(written: Path) -> None:
-    labelled = readings.read_data(XR701.robot, "xr701", None)
+    labelled = readings.read_data(XR701.robot, None)
     object.__setattr__(labelled, "pose", ("N2", *labelled.pose[1:]))
     planned = make_plan(XR701, labelled, Request(2, candidates=50))
     assert planned.labels == ("N3", "N4")

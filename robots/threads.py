@@ -1,0 +1,26 @@
+"""Work on arrays shared out to threads: compiled loops, which let others run beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Found = TypeVar("Found")
+
+
+def default_threads() -> int:
+    """Threads that numba is set to use: the processors that this process may use, or ``NUMBA_NUM_THREADS``."""
+    from numba import config
+
+    return int(config.NUMBA_NUM_THREADS)
+
+
+def in_shares(n: int, size: int, threads: int | None, share: Callable[[slice], Found]) -> list[Found]:
+    """What ``share`` gives for the rows of each share of n, in their order; None: :func:`default_threads`."""
+    shares = [slice(first, min(first + size, n)) for first in range(0, n, size)]
+    workers = min(default_threads() if threads is None else threads, len(shares))
+    if workers < 2:
+        return [share(rows) for rows in shares]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(share, shares))

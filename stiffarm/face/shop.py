@@ -1,0 +1,363 @@
+"""The shop floor: posture along a path, placement of the base, programs, and their verification."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from robots import InputError
+from stiffarm.face.arms import Arm
+from stiffarm.face.calls import called
+from stiffarm.face.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from machining import GammaRange
+    from machining.cutting.milling_file import Cut
+    from machining.placement.study import PlacedStep
+    from machining.posture.posing import Posed
+    from machining.programs.run import PostRun
+    from machining.setup import Setup
+    from machining.verification.verify import Verification
+
+# First value, last value and step.
+Range = tuple[float, float, float]
+Axes = Literal["base", "part", "process"]
+Aim = Literal["ksf", "mean", "worst", "error"]
+Mode = Literal["fixed", "steps", "moving"]
+
+
+@dataclass(frozen=True, repr=False)
+class Posture(Shown):
+    """The posture along a path; ``gain``: how much stiffer it is than the best fixed gamma, with its 95 % interval."""
+
+    robot: str
+    gain: tuple[float, float, float] | None
+    found: Posed
+
+    def title(self) -> str:
+        """Robot, number of points, and the gain over the best fixed gamma."""
+        gain = "" if self.gain is None else "; {:.4g} times the best fixed gamma ({:.4g} to {:.4g})".format(*self.gain)
+        return f"Posture of {self.robot} along {self.found.request.task.path.n} points{gain}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a point: gamma, joint angles in degrees, the index, distances to limits and singularities."""
+        import pandas as pd
+
+        from stiffarm.commands.posture.payload import rows
+
+        return pd.DataFrame(rows(self.found))
+
+
+@dataclass(frozen=True, repr=False)
+class Placement(Shown):
+    """Where the base should stand; ``save`` writes what :func:`stiffarm.post` follows."""
+
+    robot: str
+    found: PlacedStep
+
+    def title(self) -> str:
+        """Robot and number of points."""
+        return f"Placement of {self.robot} for {self.found.request.given.path.n} points"
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a point: where the axes and joints stand, and how stiff the arm is there."""
+        import pandas as pd
+
+        from stiffarm.commands.place.payload import rows
+
+        return pd.DataFrame(rows(self.found))
+
+
+@dataclass(frozen=True, repr=False)
+class Program(Shown):
+    """Programs that were written and read back: ``files`` by their names."""
+
+    robot: str
+    files: tuple[Path, ...]
+    found: PostRun
+
+    def title(self) -> str:
+        """Robot, number of moves and of files."""
+        return f"Program for {self.robot}: {self.found.posted.program.n} moves, {len(self.files)} files"
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a format: how far the program that was read back is from what was written."""
+        import pandas as pd
+
+        trips = self.found.trips
+        return pd.DataFrame(
+            {
+                "format": [target.folder for target in trips],
+                "tip_um": [trip.tip * 1e6 for trip in trips.values()],
+                "turned_urad": [trip.turned * 1e6 for trip in trips.values()],
+            }
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(Shown):
+    """A verified program; ``clean``: whether it may run."""
+
+    robot: str
+    found: Verification
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing was found that must not happen."""
+        return self.found.clean
+
+    def title(self) -> str:
+        """Robot, and whether the program may run."""
+        errors = len(self.found.errors)
+        return f"Verification for {self.robot}: " + ("clean" if self.clean else f"{errors} offences, must not run")
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row an offence: line, what it is, where."""
+        import pandas as pd
+
+        from stiffarm.commands.verify.payload import offence_rows
+
+        return pd.DataFrame(offence_rows(self.found))
+
+
+def posture(
+    arm: Arm,
+    path: str | Path,
+    *,
+    cell: str | Path | None = None,
+    gamma_deg: Range = (-180.0, 180.0, 5.0),
+    quantity: str = "k_fs",
+    aim: Literal["mean", "worst"] = "mean",
+    force_N: Sequence[float] | None = None,
+    milling: str | Path | None = None,
+    seed: int = 0,
+) -> Posture:
+    """Find the stiffest posture along a tool path that can be driven: gamma, branch and turns of the joints.
+
+    Parameters
+    ----------
+    arm : the arm; where it was calibrated, intervals rest on the calibration's covariance
+    path : tool path (APT, CLS, G-code or CSV)
+    cell : cell file; default: the model's tool, the part's frame in the robot's base
+    gamma_deg : first and last angle about the tool axis, and step
+    quantity : index to optimise
+    aim : the mean over the points, or the worst point
+    force_N : on the tool, base axes; ``milling``: a milling file instead
+
+    Raises
+    ------
+    InputError
+        A point out of reach, a model in which nothing gives way, or a path that cannot be read.
+    """
+    from machining import Drive, Objective
+    from machining.cutting import stiffness_uncertainty
+    from machining.posture.posing import FIXED, PostureRequest, pose_along
+    from machining.toolpaths import read_given_path
+    from stiffarm.session.task_setup import effects_left_out, require_springs
+
+    with called():
+        require_springs(arm, "posture")
+        setup, cut = _setup(arm, cell), _cut(force_N, "base", milling)
+        task = setup.task(read_given_path(Path(path)).path)
+        request = PostureRequest(
+            task,
+            Objective(quantity, None if cut is None else cut.force.along(task).force, aim),
+            _gammas(gamma_deg),
+            setup.drive(Drive()),
+            seed=seed,
+            cut=cut,
+            left_out=tuple(effects_left_out(arm)),
+            stiffness=stiffness_uncertainty(arm.model, arm.description, arm.own),
+        )
+        found = pose_along(arm.model, request)
+    gain = found.gain(FIXED) if FIXED in found.others else None
+    return Posture(arm.name, None if gain is None else (gain.value, gain.low, gain.high), found)
+
+
+def place(
+    arm: Arm,
+    path: str | Path,
+    cell: str | Path,
+    *,
+    force_N: Sequence[float] | None = None,
+    force_axes: Axes = "part",
+    milling: str | Path | None = None,
+    aim: Aim = "ksf",
+    mode: Mode = "fixed",
+    gamma_deg: Range = (-180.0, 180.0, 10.0),
+    collisions: bool = True,
+) -> Placement:
+    """Find where the base should stand, or how it should move, on the cell's linear axes for the stiffest cut.
+
+    Parameters
+    ----------
+    arm : the arm; where it was calibrated, intervals rest on the calibration's covariance
+    path : tool path (APT, CLS, G-code or CSV)
+    cell : cell file with the linear axes
+    force_N, force_axes : cutting force on the tool; ``milling``: a milling file instead; one of the two is needed
+    aim : "ksf" (the criterion K_sf), "mean", "worst" or "error"
+    mode : "fixed", "steps" or "moving"
+    gamma_deg : first and last angle about the tool axis, and step
+    collisions : keep the arm clear of the cell
+
+    Raises
+    ------
+    InputError
+        No position from which the whole path can be reached, or a cell without linear axes.
+    """
+    from machining import Drive
+    from machining.cell import arm_bodies, read_cell, scene_of
+    from machining.cutting import stiffness_uncertainty
+    from machining.placement import Goal, How
+    from machining.placement.study import PlaceRequest, place_along
+    from machining.toolpaths import read_given_path
+    from stiffarm.session.task_setup import require_springs
+
+    with called():
+        require_springs(arm, "placement")
+        cut = _cut(force_N, force_axes, milling)
+        if cut is None:
+            raise InputError("place needs a cutting force", allowed="force_N or milling", remedy="give one of the two")
+        described = read_cell(Path(cell))
+        request = PlaceRequest(
+            cell=described,
+            given=read_given_path(Path(path)),
+            goal=Goal(aim, cut.force),
+            gamma=_gammas(gamma_deg),
+            drive=Drive(speed=described.joint_speed),
+            how=How(mode),
+            ranges={},
+            table=0.0,
+            clearance=described.safety,
+            stiffness=stiffness_uncertainty(arm.model, arm.description, arm.own),
+        )
+        scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
+        found = place_along(arm.model, request, scene, () if scene is None else scene.notes, mapped=False)
+    return Placement(arm.name, found)
+
+
+def post(
+    arm: Arm,
+    path: str | Path,
+    folder: str | Path,
+    *,
+    cell: str | Path | None = None,
+    formats: Sequence[str] = ("json",),
+    coordinates: Literal["cartesian", "joint", "both"] = "both",
+    gamma_deg: float | Range = 0.0,
+    tolerance_um: float = 100.0,
+    seed: int = 0,
+) -> Program:
+    """Write robot programs from a tool path, read them back and compare.
+
+    Parameters
+    ----------
+    arm : the arm
+    path : tool path (APT, CLS, G-code or CSV)
+    folder : where the programs go; it must not hold any yet
+    cell : cell file; default: the model's tool, the part's frame in the robot's base
+    formats : names of program formats, as "krl", "rapid", "val3", "sinumerik", "json"
+    coordinates : "cartesian", "joint" or "both"
+    gamma_deg : one angle about the tool axis, or first and last angle and step to choose the stiffest from
+    tolerance_um : allowed deviation of joint motion from a straight line between points
+    seed : of the random numbers
+
+    Raises
+    ------
+    InputError
+        A point out of reach, an unknown format, a folder that is not empty, or a program that does not read back.
+    """
+    from machining import Drive, Objective
+    from machining.cutting import stiffness_uncertainty
+    from machining.programs.posting import PostSettings
+    from machining.programs.run import PostRequest, run_post
+    from machining.programs.write_options import WriteOptions
+    from machining.toolpaths import read_toolpath
+    from stiffarm.commands.post.targets import parse_targets
+
+    place = Path(folder)
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise InputError("folder", value=str(place), allowed="a new or empty folder", remedy="choose another name")
+    with called():
+        targets = parse_targets(",".join(formats), coordinates)
+        setup, motions = _setup(arm, cell), read_toolpath(Path(path))
+        axes = len(setup.cell.linear_axes)
+        settings = PostSettings(
+            gamma=float(np.radians(gamma_deg)) if isinstance(gamma_deg, int | float) else _gammas(gamma_deg),
+            objective=Objective(),
+            drive=setup.drive(Drive(), clear=False),
+            travel=np.zeros(axes) if axes else None,
+            tolerance=tolerance_um * 1e-6,
+            seed=seed,
+            clearance=setup.clearance(),
+        )
+        stiffness = stiffness_uncertainty(arm.model, arm.description, arm.own)
+        request = PostRequest(motions, setup, settings, targets, WriteOptions(), stiffness=stiffness)
+        files: list[Path] = []
+
+        def path_of(name: str) -> Path:
+            files.append(place / name)
+            files[-1].parent.mkdir(parents=True, exist_ok=True)
+            return files[-1]
+
+        found = run_post(arm.model, request, path_of)
+    return Program(arm.name, tuple(files), found)
+
+
+def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
+    """Check a neutral program (JSON) for collisions, limits, speeds, singularities and deviations from the path.
+
+    Parameters
+    ----------
+    arm : the arm
+    program : part.json of the format "json"
+    cell : cell file
+
+    Raises
+    ------
+    InputError
+        A program of another arm or cell, or one that cannot be read.
+    """
+    from machining.cell import arm_bodies, read_cell
+    from machining.verification import Demands, verify
+    from machining.verification.given import read_program
+
+    with called():
+        bodies = arm_bodies(arm.description)
+        given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
+        return Checked(arm.name, verify(given.program, bodies, Demands(), nc_lines=given.lines))
+
+
+def _setup(arm: Arm, cell: str | Path | None) -> Setup:
+    from machining.cell import Cell, Tool, arm_bodies, read_cell
+    from machining.setup import Setup
+
+    if cell is None:
+        return Setup(Cell(T_world_part0=np.eye(4), tool=Tool(arm.robot.T_flange_tool)))
+    return Setup(read_cell(Path(cell)), arm_bodies(arm.description))
+
+
+def _cut(force_N: Sequence[float] | None, axes: Axes, milling: str | Path | None) -> Cut | None:
+    from machining.cutting import ConstantForce, read_milling
+    from machining.cutting.milling_file import Cut
+
+    if force_N is not None and milling is not None:
+        raise InputError("force_N and milling", value="both", allowed="one of the two")
+    if milling is not None:
+        return read_milling(Path(milling))
+    return None if force_N is None else Cut(ConstantForce(np.array(force_N, dtype=np.float64), axes))
+
+
+def _gammas(degrees: Range) -> GammaRange:
+    from machining import GammaRange
+
+    first, last, step = np.radians(degrees)
+    if not step > 0.0:
+        raise InputError("gamma_deg", value=degrees, allowed="first and last angle, and a step above 0")
+    return GammaRange(float(first), float(last), round(float((last - first) / step)) + 1)

@@ -1,0 +1,108 @@
+"""The frame of every command: what it reads and the hashes of that, its output folder, and how it answers.
+
+>>> with command(out, as_json=as_json, debug=debug) as frame:
+...     given = frame.model(model, links, load_path)
+...     with frame.folder_if(seed) as folder:
+...         content = ...
+...     frame.answer(content, lambda: show(...))
+
+Errors become one message and the agreed exit code. Models and readings are loaded by modules that only those commands
+import which ask for them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robots import InputError
+from stiffarm.session.console import emit_json, say, user_errors
+from stiffarm.session.outputs import OutputFolder
+
+if TYPE_CHECKING:
+    from doe import Measurements
+    from stiffarm.session.inputs import ModelInput
+
+
+@contextmanager
+def command(out: Path | None = None, *, as_json: bool = False, debug: bool = False) -> Iterator[Frame]:
+    """The frame of one command: its errors, its files, its answer."""
+    with user_errors(debug):
+        yield Frame(out, as_json)
+
+
+@dataclass(eq=False)
+class Frame:
+    """One command at work. ``files``: what it has read, by name: a path, or a hash; for run.json."""
+
+    out: Path | None
+    as_json: bool
+    files: dict[str, Path | str] = field(default_factory=dict)
+    _folder: OutputFolder | None = None
+
+    def model(
+        self,
+        name: str,
+        links: str | None = None,
+        load_path: str | None = None,
+        *,
+        effect: Sequence[Path] | None = None,
+        without: str | None = None,
+    ) -> ModelInput:
+        """The model asked for; ``effect``: files of own effects, else as :func:`stiffarm.session.inputs.read_model`."""
+        from stiffarm.session.inputs import model_hash, read_model
+        from stiffarm.session.own_effects import own_effects, own_files
+
+        given = read_model(name, links, load_path, own=own_effects(effect), without=without)
+        self.files |= {**own_files(effect), "model": model_hash(given)}
+        return given
+
+    def readings(
+        self, given: ModelInput, data: Path | Sequence[Path] | None = None, *, confirm_units: bool = False
+    ) -> Measurements:
+        """One or more measurement tables as one, checked, with their remarks said; none: the bundled one."""
+        from stiffarm.session.readings import read_tables
+
+        files = (data,) if isinstance(data, Path) else tuple(data or ())
+        table, hashes = read_tables(given, files, confirm_units=confirm_units)
+        self.files |= hashes
+        return table
+
+    def reads(self, **files: Path | None) -> None:
+        """Files of options, by the option's name: they must exist, and their hashes go into run.json."""
+        for name, file in files.items():
+            if file is None:
+                continue
+            if not file.is_file():
+                option = f"--{name.replace('_', '-')}"
+                raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
+            self.files[name.removesuffix("_file")] = file
+
+    @contextmanager
+    def folder(self, seed: int | None = None) -> Iterator[OutputFolder]:
+        """The folder of ``--out``, of a command that must have one."""
+        if self.out is None:
+            raise InputError("--out", value="none", allowed="a folder for the results", remedy="give --out FOLDER")
+        with OutputFolder(self.out, ["stiffarm", *sys.argv[1:]], self.files, seed) as self._folder:
+            yield self._folder
+
+    def folder_if(self, seed: int | None = None) -> AbstractContextManager[OutputFolder | None]:
+        """The folder of ``--out``, or None where that was not given."""
+        return nullcontext() if self.out is None else self.folder(seed)
+
+    def timed(self, step: str) -> AbstractContextManager[None]:
+        """Record how long a step took, for run.json."""
+        return nullcontext() if self._folder is None else self._folder.timed(step)
+
+    def answer(self, content: Mapping[str, Any], show: Callable[[], None] = lambda: None) -> None:
+        """Say what was found: as JSON on stdout, or to people by ``show``; and which files were written."""
+        if self.as_json:
+            emit_json(content)
+        else:
+            show()
+        if self._folder is not None:
+            say(f"written to {self.out}: {self._folder.contents()}")
