@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from fem import ArmModel
+from fem import ArmModel, compliance
+from fem.arm import Arm
 from fem.statics.small_displacements import FLAG, LIMIT, beyond_small, refuse_beyond, worst_turns
 from robots import InputError, ModelDescription, Robot
 from robots.arm_class import arm_class, usual_load
 from robots.arrays import Array
+from robots.robot import middle_pose
 from stiffarm.session.console import say
 
 
@@ -62,3 +64,19 @@ def flagged(robot: Robot, displacement: Array, what: str) -> list[dict[str, Any]
     if beyond.any():
         say(f"note: {what}: {int(beyond.sum())} of {beyond.size} beyond small displacements, flagged; they do not hold")
     return [{FLAG: True} if odd else {} for odd in beyond.tolist()]
+
+
+def require_springs(given: Arm, what: str) -> None:
+    """Refuse a model in which nothing gives way, before any work is done.
+
+    Raises
+    ------
+    InputError
+        No link, joint, base or tool has a compliance.
+    """
+    if not compliance(given.model, middle_pose(given.robot)[None]).any():
+        raise InputError(
+            f"{what} of {given.robot.name}: nothing in this model gives way",
+            allowed="a model with joint springs or flexible links",
+            remedy="give the joints a stiffness, or take --links beam",
+        )

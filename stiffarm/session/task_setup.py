@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from fem import compliance
-from machining.cell import Cell, Tool, arm_of, middle_pose, read_cell
+from machining.cell import Cell, Tool, arm_of, read_cell
 from machining.cutting import ConstantForce, Cut, read_milling
 from machining.setup import Setup
 from machining.toolpaths.motions import Note
@@ -104,22 +103,6 @@ def parse_reference(text: str | None) -> Array | None:
 def effects_left_out(given: ModelInput) -> list[str]:
     """Codes of the model's effects that only readings know of: no posture, program or placement has them in it."""
     return [placed.effect.code for placed in given.effects]
-
-
-def require_springs(given: ModelInput, what: str) -> None:
-    """Refuse a model in which nothing gives way, before any work is done.
-
-    Raises
-    ------
-    InputError
-        No link, joint, base or tool has a compliance.
-    """
-    if not compliance(given.model, middle_pose(given.robot)[None]).any():
-        raise InputError(
-            f"{what} of {given.robot.name}: nothing in this model gives way",
-            allowed="a model with joint springs or flexible links",
-            remedy="give the joints a stiffness, or take --links beam",
-        )
 
 
 def parse_speed(robot: Robot, text: str | None) -> Array | None:

@@ -37,8 +37,10 @@ WIDEST = 1.2
 RANDOM, OTHER_STARTS = 12, 2
 # Of a map of many points each tries one in so many of the axes; fewer points than FEW try all, from MORE starts.
 SHARES, FEW, MORE = 4, 256, 4
-# Neighbours that a point is given poses of, peaks that are kept meanwhile, how often, and rounds of the climbs between.
-NEIGHBOURS, KEPT, TURNS = 6, 2, 4
+# Neighbours that a point is given poses of; peaks that are kept meanwhile and how often, where joint 6 is free, and
+# where it is not and there are more peaks; rounds of the climbs between.
+NEIGHBOURS = 6
+FREE_KEPT, FREE_TURNS, KEPT, TURNS = 2, 4, 3, 6
 FIRST_CLIMB, SHORT_CLIMB, LAST_CLIMB = 3, 2, 30
 # Relative change by which a merit counts as independent of joint 6.
 SAME = 1e-9
@@ -103,7 +105,7 @@ class Extreme:
     What is found is a peak to some 1e-5 of its merit. That it is the highest peak is not certain: one that is narrow
     can be missed. Over slices of some 1200 points (XR701, KR 60, TX200) one extreme in a hundred fell short by more
     than 1e-4 of what some search found, one of 2800 by more than 1 %; of arms whose tool point lies beside the axis of
-    joint 6 one in ten, one in a hundred by more than 1 %. :func:`shortfall` measures it anywhere.
+    joint 6 one in twenty, one in a hundred by more than 1 %. :func:`shortfall` measures it anywhere.
 
     Arms whose inverse kinematics is no closed form, and those with other than six joints, start from ``axes`` random
     poses instead, each brought to the point.
@@ -163,9 +165,10 @@ class Extreme:
     def _spread(self, arm: Arm, points: Array, peaks: Peaks, sign: float, step: float) -> Peaks:
         """Peaks improved at each point and given to its neighbours, by turns."""
         neighbours = cKDTree(points).query(points, min(NEIGHBOURS + 1, len(points)))[1].reshape(len(points), -1)[:, 1:]
-        kept = KEPT if len(points) >= FEW else MORE * KEPT
+        kept, turns = (FREE_KEPT, FREE_TURNS) if arm.last_is_free else (KEPT, TURNS)
+        kept *= 1 if len(points) >= FEW else MORE
         peaks = climbed(arm, peaks, sign, step, FIRST_CLIMB).best(kept)
-        for _ in range(TURNS):
+        for _ in range(turns):
             step *= 0.5
             peaks = shared(arm, points, peaks, neighbours, sign).best(kept)
             peaks = climbed(arm, peaks, sign, step, SHORT_CLIMB)

@@ -398,7 +398,7 @@ def _arm_map(
     from stiffarm.commands.maps import step
     from stiffarm.commands.maps.files import Files
     from stiffarm.commands.maps.options import check_options, read_map_options
-    from stiffarm.session.task_setup import require_springs
+    from stiffarm.session.softness import require_springs
 
     # Before the model: shells take a while, and a wrong option need not wait for them.
     check_options(kind, options)

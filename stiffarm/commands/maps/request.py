@@ -12,8 +12,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from doe.certainty.parameter_uncertainty import parameter_uncertainty
-from doe.certainty.propagation import relative_sd
 from fem import LINK_KINDS, ArmModel
 from fem.effects import build_arm
 from machining.stiffness.map_rows import index_rows
@@ -151,6 +149,12 @@ def uncertainty_of(
     description: ModelDescription, model: ArmModel, direction: Array, point: Array
 ) -> Callable[[Array], Array] | None:
     """Relative standard uncertainty (n,) of poses by the covariance that a calibration left in the model file."""
+    if description.calibration is None:
+        return None
+    # Only calibrated models need them, and they take their time to load.
+    from doe.certainty.parameter_uncertainty import parameter_uncertainty
+    from doe.certainty.propagation import relative_sd
+
     table = parameter_uncertainty(description)
     if table is None:
         return None

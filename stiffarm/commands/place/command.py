@@ -26,8 +26,9 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_joint_figures, parse_word
+from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import GammaOpt, parse_gammas
-from stiffarm.session.task_setup import MillingOpt, read_cut, require_springs
+from stiffarm.session.task_setup import MillingOpt, read_cut
 
 
 def place(

@@ -24,6 +24,7 @@ from stiffarm.session.inputs import ModelInput, model_hash
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
+from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import (
     GammaOpt,
     PartOpt,
@@ -45,7 +46,6 @@ from stiffarm.session.task_setup import (
     parse_speed,
     read_cut,
     read_setup,
-    require_springs,
     say_notes,
 )
 

@@ -62,3 +62,10 @@ def test_indices_load_neither_readings_nor_pictures() -> None:
 
 def test_robots_are_listed_without_their_mechanics() -> None:
     assert loaded(modules("robots"), HEAVY | {"scipy", "fem", "doe", "surrogate", "machining"}) == set()
+
+
+def test_a_map_without_pictures_loads_what_computes_only(tmp_path: Path) -> None:
+    ranges = ("--x", "900:1300:400", "--z", "600:1000:400")
+    found = modules("map", "slice", "kr60-3", "--links", "rigid", *ranges, "--no-pictures", "--out", tmp_path / "out")
+    # The compiled loops are numba's.
+    assert loaded(found, (HEAVY - {"numba", "skfem"}) | {"scipy.stats", "machining.cell", "doe"}) == set()
