@@ -11,7 +11,6 @@ step of Fisher scoring needs no good start, and one with a variance at zero need
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -95,7 +94,9 @@ class Point:
 
     def slope_and_information(self) -> tuple[Array, Array]:
         """Slope (k,) of the log-likelihood by the variances and their expected information (k, k)."""
-        own, shared = self._own, self._shared
+        # Not kept: they hold this point, and a circle of large arrays waits for the collector.
+        own = _Own(self, np.array([x.pattern for x in self.of.terms if not x.common]).reshape(-1, len(self.Pe)))
+        shared = _Shared(self, np.array([x.pattern for x in self.of.terms if x.common]).reshape(-1, len(self.Pe)))
         traces, squares = zip(own.traces(), shared.traces(), strict=True)
         slope = 0.5 * (np.concatenate(squares) - np.concatenate(traces))
         A = np.concatenate([own.projected, shared.projected]).reshape(len(slope), -1)
@@ -118,14 +119,6 @@ class Point:
         scale = 1.0 / np.sqrt(np.maximum(np.diag(expected), 1e-300))
         size, way = np.linalg.eigh((B.T @ self.V.solve(B) - Zb.T @ Zb - expected) * np.outer(scale, scale))
         return np.asarray((way * np.maximum(np.abs(size), CONVEX)) @ way.T / np.outer(scale, scale))
-
-    @cached_property
-    def _own(self) -> _Own:
-        return _Own(self, np.array([x.pattern for x in self.of.terms if not x.common]).reshape(-1, len(self.Pe)))
-
-    @cached_property
-    def _shared(self) -> _Shared:
-        return _Shared(self, np.array([x.pattern for x in self.of.terms if x.common]).reshape(-1, len(self.Pe)))
 
 
 class _Shared:

@@ -12,7 +12,7 @@ import numpy as np
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import error_count, free_numbers
 from doe.model_file.carried_on import carried_on
-from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
+from doe.model_file.uncertainty_table import FoundNumber, calibration_table, uncertainty_table
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
 from fem.free.parameters import TURN, parameter
 from robots import ModelDescription
@@ -22,6 +22,7 @@ from robots.schema.description import CalibrationUncertainty
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
+from stiffarm.session.spring_words import bound_of
 
 SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
 
@@ -57,6 +58,29 @@ def fitted_springs(state: State) -> tuple[FittedSpring, ...]:
     return tuple(out)
 
 
+def springs_of(d: Diagnosed) -> tuple[FittedSpring, ...]:
+    """Springs of the new model: as `calibrate` finds them where nothing is added to the model, else as fitted with it.
+
+    The same springs of the same model and readings have one value and one interval.
+    """
+    found = _calibrated_springs(d)
+    return fitted_springs(d.found.after) if found is None else found
+
+
+def _calibrated_springs(d: Diagnosed) -> tuple[FittedSpring, ...] | None:
+    """Those of `calibrate`; None where the model has effects, or a spring has no value that a file can hold."""
+    if d.calibrated is None or d.found.after.setting.accepted:
+        return None
+    out = []
+    for s in d.calibrated.springs:
+        rigid = bound_of(s) == "rigid"
+        if s.status == "not identified" or (s.status == "at bound" and not rigid):
+            return None
+        stiffness, status = (math.inf, "rigid") if rigid else (s.stiffness, s.status)
+        out.append(FittedSpring(s.joint, stiffness, *s.interval, status))
+    return tuple(out)
+
+
 def described(d: Diagnosed) -> ModelDescription:
     """The new model: what was given, with springs fitted and effects found.
 
@@ -84,13 +108,13 @@ def described(d: Diagnosed) -> ModelDescription:
         rms_mm=after.fit_rms_mm,
         loads_N=d.request.loads,
         notes=_origin_notes(d),
-        uncertainty=uncertainty_of(after),
+        uncertainty=_uncertainty(d),
     ).model_dump()
     return ModelDescription.model_validate(data)
 
 
 def _with_springs(d: Diagnosed, after: State) -> ModelDescription:
-    springs = {s.joint: s for s in fitted_springs(after)}
+    springs = {s.joint: s for s in springs_of(d)}
     joints = []
     for joint in d.given.description.joint:
         s = springs.get(joint.name)
@@ -135,11 +159,16 @@ def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
     if codes:
         out.append(f"provisional, these readings do not settle it: {codes}")
     out += [
-        f"spring {s.joint}: rigid fits best, at least {s.low:.3g} N m/rad"
-        for s in fitted_springs(d.found.after)
-        if s.status == "rigid"
+        f"spring {s.joint}: rigid fits best, at least {s.low:.3g} N m/rad" for s in springs_of(d) if s.status == "rigid"
     ]
     return tuple(out)
+
+
+def _uncertainty(d: Diagnosed) -> CalibrationUncertainty | None:
+    """The covariance that belongs to the springs of the new model."""
+    if d.calibrated is not None and _calibrated_springs(d) is not None:
+        return calibration_table(d.calibrated.found)
+    return uncertainty_of(d.found.after)
 
 
 def uncertainty_of(state: State) -> CalibrationUncertainty | None:

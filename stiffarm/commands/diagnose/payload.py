@@ -13,7 +13,7 @@ from doe.estimation.noise import origin
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
-from stiffarm.commands.diagnose.model import FittedSpring, fitted_springs
+from stiffarm.commands.diagnose.model import FittedSpring, springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.json_text import number
 
@@ -51,7 +51,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
         "calibration": None if d.calibrated is None else calibration_payload.answer(d.calibrated),
-        "springs": {s.joint: spring(s) for s in fitted_springs(found.after) if d.tells},
+        "springs": {s.joint: spring(s) for s in springs_of(d) if d.tells},
         "noise": noise(found.after),
         "remarks": list(d.remarks),
     }

@@ -15,7 +15,7 @@ from stiffarm.commands.diagnose.figures.laws import law_figure, numbers_figure
 from stiffarm.commands.diagnose.figures.match import Fit, gap_figure, match_figure, residuals_figure
 from stiffarm.commands.diagnose.figures.ranking import Bar, ranking_figure, twins_figure, where_figure
 from stiffarm.commands.diagnose.laws import curves_of
-from stiffarm.commands.diagnose.model import fitted_springs
+from stiffarm.commands.diagnose.model import springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
@@ -231,7 +231,7 @@ def how(d: Diagnosed) -> Section:
     springs = tuple(
         (s.joint, "rigid" if math.isinf(s.stiffness) else mega(s.stiffness), mega(s.low),
          "no upper limit" if math.isinf(s.high) else mega(s.high), s.status.replace("rigid", "rigid fits best"))
-        for s in fitted_springs(found.after)
+        for s in springs_of(d)
     )  # fmt: skip
     ranked = tuple(
         (h.code, words.percent(h.probability), f"{h.log_evidence:.1f}", f"{h.bic:.1f}", f"{h.lopo_rms_mm:.4f}")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from plain_problems import linear
@@ -97,3 +100,28 @@ def test_what_the_derivatives_follow_is_not_taken_for_noise() -> None:
     of = Likelihood(_blocks(), (Term("white", np.ones(N), common=False),), np.zeros(N), X, y)
     residual = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
     assert maximise(of, np.ones(1), np.zeros(1))[0] == pytest.approx(residual @ residual / (N - 12), rel=CLOSE)
+
+
+def test_near_its_end_the_curvature_is_that_of_the_log_likelihood() -> None:
+    rng = np.random.default_rng(2)
+    of = _one_way(rng.normal(size=GROUPS)[POSE] + 0.5 * rng.normal(size=N))
+    t, h = maximise(of, np.array([0.5, 0.5]), np.zeros(2)), 1e-4
+    at = of.at(t)
+    expected = at.slope_and_information()[1]
+    slopes = [[of.at(t + s * h * e).slope_and_information()[0] for s in (1, -1)] for e in np.eye(2)]
+    differences = -np.array([(up - down) / (2.0 * h) for up, down in slopes])
+    # Central differences of slopes: their third derivative times 1e-8.
+    np.testing.assert_allclose(at.curvature(expected), differences, rtol=1e-5)
+
+
+def test_a_point_of_the_likelihood_is_let_go_at_once() -> None:
+    """It holds arrays as large as all readings; in a circle they pile up until the collector comes by."""
+    at = _one_way(np.random.default_rng(3).normal(size=N)).at(np.array([0.5, 0.5]))
+    at.curvature(at.slope_and_information()[1])
+    kept = weakref.ref(at)
+    gc.disable()
+    try:
+        del at
+        assert kept() is None
+    finally:
+        gc.enable()

@@ -33,12 +33,19 @@ def _said(content: dict[str, Any]) -> dict[str, Any]:
 def test_calibrate_diagnose_and_plan_agree(cli: Command, nine: str, path: str) -> None:
     arm = ("xr701", nine, "--load-path", path, "--json")
     calibrated = cli("calibrate", *arm, "--free", FREE).json
-    diagnosed = cli("diagnose", *arm, "--free", ",".join(JOINTS), "--next", "0").json["calibration"]
+    found = cli("diagnose", *arm, "--free", ",".join(JOINTS), "--next", "0").json
+    diagnosed = found["calibration"]
     planned = cli("plan", *arm, "--free", FREE, "--poses", "1", "--candidates", "20").json["calibration"]
     assert _said(diagnosed) == _said(calibrated)
     assert _said(planned) == _said(calibrated)
     assert planned["numbers"] == diagnosed["numbers"] == calibrated["stages"][0]["numbers"]
     if path == "parallelogram":
+        # Nothing is missing there: the springs of the diagnosed model are the same.
+        assert not [*found["effects"], *found["provisional"]]
+        for joint, spring in found["springs"].items():
+            same = calibrated["springs"][joint]
+            assert spring["k_Nm_per_rad"] == same["k_Nm_per_rad"]
+            assert spring["interval95_Nm_per_rad"] == same["interval95_Nm_per_rad"]
         # Half a digit of the last: intervals whose coverage is nearest 95 % (docs/decisions).
         assert calibrated["springs"]["j2"]["interval95_Nm_per_rad"] == pytest.approx([962_677.0, 2_962_380.0], rel=1e-5)
 
