@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from machining.cell import ArmBodies, Cell, clearance, clearance_of, scene_of
+import machining.cell as cells
 from machining.posture.drive import Drive
 from machining.task import Task, ToolPath
 from robots.arrays import Array
+
+if TYPE_CHECKING:
+    from machining.cell import ArmBodies, Cell
 
 # Clearance is weighed from this many times the safety distance on, and from this far at least, m.
 ZONE = 3.0
@@ -33,7 +37,7 @@ class Setup:
         drive = replace(drive, clearance_zone=self.zone, clearance_least=self.cell.safety)
         if not clear:
             return drive
-        return replace(drive, clearance_of=clearance_of(self.cell, self.arm, within=self.zone))
+        return replace(drive, clearance_of=cells.clearance_of(self.cell, self.arm, within=self.zone))
 
     @property
     def zone(self) -> float:
@@ -43,14 +47,14 @@ class Setup:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is not looked at for collisions."""
-        return () if self.arm is None else scene_of(self.cell, self.arm).notes
+        return () if self.arm is None else cells.scene_of(self.cell, self.arm).notes
 
     def clearance(self, table: float = 0.0) -> Callable[[Array, Array], Array] | None:
         """Clearance (k,) m of poses (k, dof) rad with the linear axes at (k, axes) m; None without surfaces."""
         if self.arm is None:
             return None
-        scene, zone = scene_of(self.cell, self.arm), self.zone
-        return lambda q, e: clearance(scene, q, e, np.array([table]), within=zone).distance
+        scene, zone = cells.scene_of(self.cell, self.arm), self.zone
+        return lambda q, e: cells.clearance(scene, q, e, np.array([table]), within=zone).distance
 
     def task(self, path: ToolPath, reference: Array | None = None) -> Task:
         """The path on the part where the cell has it, all axes at 0; gamma counts from ``reference`` (3,)."""

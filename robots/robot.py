@@ -122,12 +122,16 @@ class Robot:
 
 
 def middle_pose(robot: Robot) -> Array:
-    """A pose (dof,) rad to show the robot in: mid-range, moved towards zero until it can be taken."""
-    zero = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
-    middle = robot.limits.mean(axis=1)
-    trials = middle + np.linspace(0.0, 1.0, 21)[:, None] * (zero - middle)
-    reachable = np.flatnonzero(robot.reachable(trials))
-    return np.asarray(trials[reachable[0] if reachable.size else 0])
+    """Middle of the joint ranges (dof,) rad; moved along couplings until these hold too."""
+    q = robot.limits.mean(axis=1)
+    for _ in range(100):
+        if robot.reachable(q[None])[0]:
+            break
+        for c in robot.couplings:
+            value = c.offset + float(c.factors @ q)
+            q = q - c.factors * (value - np.clip(value, c.lower, c.upper)) / (c.factors @ c.factors)
+        q = np.clip(q, robot.limits[:, 0], robot.limits[:, 1])
+    return np.asarray(q)
 
 
 def _deg(angle: float) -> str:

@@ -14,10 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from SALib.analyze import morris as morris_analysis
-from SALib.analyze import sobol as sobol_analysis
-from SALib.sample import morris as morris_sample
-from SALib.sample import sobol as sobol_sample
 
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
@@ -78,9 +74,13 @@ def screen(
     study, shape = _study(parameters), (len(free.at), len(parameters))
     sobol, morris, runs = (np.full(shape, np.nan),) * 4, (np.full(shape, np.nan),) * 2, 0
     if "sobol" in methods:
+        from SALib.sample import sobol as sobol_sample  # with pandas, which only screenings need
+
         base = sobol_sample.sample(study, samples, calc_second_order=False, seed=seed)
         sobol, runs = _sobol(study, evaluate_runs(free, inner(parameters, base), component), seed), len(base)
     if "morris" in methods:
+        from SALib.sample import morris as morris_sample  # with pandas, which only screenings need
+
         paths = morris_sample.sample(study, trajectories, num_levels=LEVELS, seed=seed)
         morris = _morris(study, paths, evaluate_runs(free, inner(parameters, paths), component), seed)
         runs += len(paths)
@@ -167,6 +167,8 @@ def _sobol(study: dict[str, Any], outputs: Array, seed: int) -> tuple[Array, Arr
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)
+            from SALib.analyze import sobol as sobol_analysis  # with pandas, which only screenings need
+
             found = sobol_analysis.analyze(study, column, calc_second_order=False, seed=seed)
         for name in parts:
             parts[name][j] = found[name]
@@ -176,6 +178,8 @@ def _sobol(study: dict[str, Any], outputs: Array, seed: int) -> tuple[Array, Arr
 def _morris(study: dict[str, Any], points: Array, outputs: Array, seed: int) -> tuple[Array, Array]:
     mean, spread = (np.zeros((outputs.shape[1], study["num_vars"])) for _ in range(2))
     for j, column in enumerate(outputs.T):
+        from SALib.analyze import morris as morris_analysis  # with pandas, which only screenings need
+
         found = morris_analysis.analyze(study, points, column, num_levels=LEVELS, seed=seed)
         mean[j], spread[j] = found["mu_star"], found["sigma"]
     return mean, spread

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.cell.solids import Body
 from machining.inputs import as_frame, as_units
 from robots import InputError
 from robots.arrays import Array, Bools
+
+if TYPE_CHECKING:
+    from machining.cell.solids import Body
 
 MOST_LINEAR_AXES = 3
 # Name that stands for the floor in pairs of bodies.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.cell.arm_bodies import ArmBodies
+from machining.cell.arm_solids import ArmBodies
 from machining.cell.bounds import box_gaps, sphere_gaps
 from machining.cell.cell import Cell
 from machining.cell.exact import OVERLAP, exact_distance

@@ -9,13 +9,14 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.cell.arm_bodies import ArmBodies
+from machining.cell.arm_solids import ArmBodies
 from machining.cell.bounds import Bounds, bounds_of, stacked
 from machining.cell.cell import FLOOR, Cell, inverse
 from machining.cell.exact import ExactSolid, exact_distance
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.robot import middle_pose
 
 Pair = tuple[str, str]
 # What a body is, for the rules of which pairs are checked.
@@ -127,19 +128,6 @@ def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
         _solid_pairs(wanted, owner), pose, (), arm.notes,
     )  # fmt: skip
     return _without_overlaps(scene)
-
-
-def middle_pose(robot: Robot) -> Array:
-    """Middle of the joint ranges (dof,) rad; moved along couplings until these hold too."""
-    q = robot.limits.mean(axis=1)
-    for _ in range(100):
-        if robot.reachable(q[None])[0]:
-            break
-        for c in robot.couplings:
-            value = c.offset + float(c.factors @ q)
-            q = q - c.factors * (value - np.clip(value, c.lower, c.upper)) / (c.factors @ c.factors)
-        q = np.clip(q, robot.limits[:, 0], robot.limits[:, 1])
-    return np.asarray(q)
 
 
 def _members(cell: Cell, arm: ArmBodies) -> tuple[Member, ...]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from machining.cell import middle_pose
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.posture.points import GammaRange
 from machining.programs.compensation import CAP, Compensated, compensate
@@ -23,6 +22,7 @@ from machining.setup import Setup
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.progress import Progress
+from robots.robot import middle_pose
 
 # A controller cannot hold the path better than this, m and rad: a program that is farther off is refused.
 WRITTEN_TO = 1e-6

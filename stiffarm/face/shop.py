@@ -159,7 +159,8 @@ def posture(
     from machining.cutting import stiffness_uncertainty
     from machining.posture.posing import FIXED, PostureRequest, pose_along
     from machining.toolpaths import read_given_path
-    from stiffarm.session.task_setup import effects_left_out, require_springs
+    from stiffarm.session.softness import require_springs
+    from stiffarm.session.task_setup import effects_left_out
 
     with called():
         require_springs(arm, "posture")
@@ -217,7 +218,7 @@ def place(
     from machining.placement import Goal, How
     from machining.placement.study import PlaceRequest, place_along
     from machining.toolpaths import read_given_path
-    from stiffarm.session.task_setup import require_springs
+    from stiffarm.session.softness import require_springs
 
     with called():
         require_springs(arm, "placement")

@@ -21,8 +21,6 @@ from robots import InputError
 from robots.arrays import Array
 from robots.files.reading import read_sha256
 from stiffarm.session.inputs import ModelInput
-from surrogate import Surrogate, full_poses
-from surrogate.model import predict_compliance
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
@@ -113,15 +111,3 @@ def default_inputs(model: ArmModel) -> tuple[str, ...]:
     """Joint coordinates that move the stiffness: all but the first, and but the last of six."""
     names = model.robot.coordinates
     return names[1:5] if model.robot.dof == 6 else names[1:]
-
-
-def nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
-    """Surrogate and model stiffness (n,) N/mm at the distinct measured poses, with their labels."""
-    rows = [rows[0] for rows in data.pose_groups().values()]
-    q = data.q[rows]
-    columns = [model.robot.coordinate_index(name) for name in learned.inputs]
-    return (
-        [data.pose[i] for i in rows],
-        1e-3 / predict_compliance(learned, q[:, columns]),
-        directional_stiffness(model, full_poses(model.robot, learned, q[:, columns])) * 1e-3,
-    )

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from machining.cell import Cell, Tool, arm_of, read_cell
+import machining.cell as cells
 from machining.cutting import ConstantForce, Cut, read_milling
 from machining.setup import Setup
 from machining.toolpaths.motions import Note
@@ -75,13 +75,13 @@ def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, pa
     if cell is None:
         T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
         T_part = np.eye(4) if part is None else parse_frame(part, "--part")
-        return Setup(Cell(T_world_part0=T_part, tool=Tool(T_tool)))
+        return Setup(cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool)))
     for option, value in (("--tool", tool), ("--part", part)):
         if value is not None:
             raise InputError(
                 f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
             )
-    setup = Setup(read_cell(cell), arm_of(model))
+    setup = Setup(cells.read_cell(cell), cells.arm_of(model))
     for note in setup.notes:
         say(f"note: {note}")
     return setup

@@ -15,7 +15,6 @@ from machining.cell import (
     Turntable,
     arm_of,
     box,
-    middle_pose,
     read_cell,
     sphere,
 )
@@ -26,6 +25,7 @@ from machining.verification import Demands, Verification, verify
 from robots import inverse_kinematics
 from robots.arrays import Array
 from robots.inverse.branches import BRANCH_NAMES
+from robots.robot import middle_pose
 
 CELL = """
 schema = "stiffarm-cell/1"

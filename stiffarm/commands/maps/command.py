@@ -117,7 +117,7 @@ def new_form(args: list[str]) -> str:
 
 map_command = typer.Typer(
     cls=_Maps, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
-    help="Map the stiffness over joints or over points in space, as files for ParaView, with pictures.",
+    help="Map the stiffness over joints or over points in space.",
 )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.posture import payload as posture_payload
+from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
@@ -196,8 +197,6 @@ def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[
 
 
 def _show(posed: Posed) -> None:
-    from stiffarm.commands.posture.report import gain_words, mean_interval, remarks
-
     _, words, factor = posture_payload.quantity(posed.request.objective)
     rows = []
     for name, course in ({CHOSEN: posed.course} | posed.others).items():

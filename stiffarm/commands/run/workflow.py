@@ -11,8 +11,9 @@ import numpy as np
 
 from doe import Measurements, PoseEffects, select_loads
 from doe.estimation.campaign import Campaign
-from fem import deflection_by_part
+from fem import ArmModel, deflection_by_part, directional_stiffness
 from robots import save_description
+from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
@@ -30,7 +31,8 @@ from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns, RigidJoints
-from surrogate import Trained, save_surrogate
+from surrogate import Surrogate, Trained, full_poses, save_surrogate
+from surrogate.model import predict_compliance
 
 
 def run_all(
@@ -162,7 +164,7 @@ def _learned(
         trained=trained,
         budget_mm={name: d[:, 2] * 1e3 for name, d in parts.items()},
         budget_poses=used.pose,
-        pose_check=steps.nine_pose_check(trained[best.name].best, best.model, used),
+        pose_check=_nine_pose_check(trained[best.name].best, best.model, used),
         seed=seed,
         held_out=judged,
     )
@@ -200,3 +202,15 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         content["holdout"] = held_out.payload(findings.held_out)
     folder.write_json("results.json", content)
     return content
+
+
+def _nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
+    """Surrogate and model stiffness (n,) N/mm at the distinct measured poses, with their labels."""
+    rows = [rows[0] for rows in data.pose_groups().values()]
+    q = data.q[rows]
+    columns = [model.robot.coordinate_index(name) for name in learned.inputs]
+    return (
+        [data.pose[i] for i in rows],
+        1e-3 / predict_compliance(learned, q[:, columns]),
+        directional_stiffness(model, full_poses(model.robot, learned, q[:, columns])) * 1e-3,
+    )

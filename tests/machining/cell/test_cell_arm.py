@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from machining.cell import ArmBodies, Body, Cell, Tool, arm_bodies, arm_of, box, middle_pose, scene_of
+from machining.cell import ArmBodies, Body, Cell, Tool, arm_bodies, arm_of, box, scene_of
 from machining.cell.solids import all_nodes
 from meshes import casing_mesh, link_beam_mesh, save_shell
 from robots import InputError, load_description, load_robot
 from robots.arrays import Array
 from robots.library.models import parse_description
-from robots.robot import robot_from
+from robots.robot import middle_pose, robot_from
 from robots.schema.description import ModelDescription, Surface
 from robots.schema.quantities import PositiveLength
 

@@ -7,6 +7,7 @@ import re
 
 import pytest
 from cli_runs import Command, run_here
+from prose_files import FOLDER, parts, prose
 
 from stiffarm.cli import COMMANDS, command_of
 
@@ -14,7 +15,7 @@ from stiffarm.cli import COMMANDS, command_of
 DIALECT = re.compile(r"\b(be told|heed|hangs? on|some ten|gives? way|as the axes like|what else one would)\b")
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "map"])
+@pytest.mark.parametrize("name", COMMANDS)
 def test_the_list_of_commands_says_what_the_command_says(name: str) -> None:
     assert inspect.cleandoc(command_of(name).help).split("\n")[0] == COMMANDS[name].summary
 
@@ -26,12 +27,19 @@ def test_the_list_fits_a_screen_with_one_line_a_command() -> None:
         assert f"─ {entry.group} ─" in shown
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "map"])
+@pytest.mark.parametrize("name", COMMANDS)
 def test_each_option_is_explained_in_whole_phrases(name: str) -> None:
-    for parameter in command_of(name).params:
-        text = parameter.help
-        assert re.fullmatch(r"[A-Z].*\.", text, re.DOTALL), f"{name} {parameter.opts}: {text}"
-        assert not DIALECT.search(text), f"{name} {parameter.opts}: {text}"
+    for full, command in parts(name, command_of(name)):
+        for parameter in command.params:
+            text = parameter.help
+            assert re.fullmatch(r"[A-Z].*\.", text, re.DOTALL), f"{full} {parameter.opts}: {text}"
+            assert not DIALECT.search(text), f"{full} {parameter.opts}: {text}"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_prose_of_a_command_is_as_written_down(name: str) -> None:
+    """A change of texts is seen in review: `python tests/stiffarm/session/prose_files.py` writes the files anew."""
+    assert prose(name) == (FOLDER / f"{name}.txt").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

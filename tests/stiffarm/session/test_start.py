@@ -64,6 +64,20 @@ def test_robots_are_listed_without_their_mechanics() -> None:
     assert loaded(modules("robots"), HEAVY | {"scipy", "fem", "doe", "surrogate", "machining"}) == set()
 
 
+def test_a_calibration_loads_neither_surrogates_nor_tables_of_others() -> None:
+    found = modules("calibrate", "xr701", "--scheme", "global")
+    assert loaded(found, HEAVY | {"surrogate", "machining"}) == set()
+
+
+def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")
+    task = ("--tool", "200,0,80,0,90,0", "--gamma=-180:180:30")
+    found = modules("posture", "kr60-3", path, "--links", "rigid", *task)
+    # numba comes with the sweep over gamma where it is installed.
+    assert loaded(found, (HEAVY - {"numba"}) | {"surrogate"}) == set()
+
+
 def test_a_map_without_pictures_loads_what_computes_only(tmp_path: Path) -> None:
     ranges = ("--x", "900:1300:400", "--z", "600:1000:400")
     found = modules("map", "slice", "kr60-3", "--links", "rigid", *ranges, "--no-pictures", "--out", tmp_path / "out")
