@@ -125,7 +125,7 @@ def calibrate(
     readings : measured deflections (:func:`stiffarm.read_readings`)
     free : names of the free parameters, as "j2.stiffness" or "base.ry"; default: the springs that the readings see
     campaign : a calibration TOML instead of ``free``
-    loads_N : load magnitudes to use, N; default: all
+    loads_N : load magnitudes to use, N; default: those of the campaign, else all
     holdout : readings that the calibration does not see, to judge it by
     robust : outliers lose weight
     bootstrap : how often to draw poses with replacement
@@ -151,7 +151,7 @@ def calibrate(
         raise InputError("free and campaign: one of them at a time", remedy="leave one of them out")
     names = None if free is None else tuple(free)
     options = general.Options(
-        free=names, campaign=None if campaign is None else Path(campaign), loads=tuple(map(float, loads_N)),
+        free=names, campaign=None if campaign is None else Path(campaign), loads=tuple(map(float, loads_N)) or None,
         robust=robust, bootstrap=bootstrap, seed=seed,
     )  # fmt: skip
     with called():
