@@ -1,4 +1,4 @@
-"""Where a plan sets out from: the numbers to be told, what is known of them, and the scatter to reckon with."""
+"""Starting point of a plan: parameters to identify, prior knowledge, expected noise."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Outset:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The numbers to be told."""
+        """The parameters to identify."""
         return self.free.parameters
 
     @property

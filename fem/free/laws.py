@@ -1,7 +1,7 @@
 """Springs over joint angles as free parameters: ln(stiffness) is linear in coefficients of a basis.
 
 Whatever the coefficients, the stiffness stays positive. Bases over scaled angles ``u = (q - centre) / half_range``:
-polynomials (total degree up to six, orthogonal or not is the solver's affair: monomials, as in the model file),
+polynomials (total degree up to six; monomials, as in the model file; the solver orthogonalises them),
 Fourier series ``1, cos m q, sin m q`` in the angle itself, tables (piecewise linear between nodes, constant
 beyond the ends). Fitted on the angles that were read: beyond them a polynomial runs away.
 """

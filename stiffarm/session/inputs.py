@@ -62,8 +62,8 @@ def no_springs_note(arm: Arm) -> str | None:
     if len(arm.joints_without_springs) < len(arm.model.joints):
         return None
     return (
-        f"no joint of {arm.robot.name} has a stiffness in this model, so only its links give way: some ten times too "
-        "stiff as a rule; `stiffarm calibrate` finds the joints' from readings"
+        f"no joint of {arm.robot.name} has a stiffness in this model, so only the links deflect; "
+        "results are typically about ten times too stiff. `stiffarm calibrate` finds the joints' from readings"
     )
 
 

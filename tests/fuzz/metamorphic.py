@@ -78,7 +78,7 @@ def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answ
     given = arm(name)
     plan = read_scheme(given.robot, None) if name == "xr701" else None
     data = join(tables)
-    asked = general_calibration.request_of(given, data, plan, general_calibration.Options(joints=joints))
+    asked = general_calibration.request_of(given, data, plan, general_calibration.Options(joints=joints, loads=()))
     found = calibrating.calibrate(given, data, asked)
     estimates = certainty(found.stages[0].result.estimate).estimates
     numbers = {"rms_mm": found.found.rms_mm, "left out": found.left_out_rms_mm}

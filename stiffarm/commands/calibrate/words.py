@@ -234,7 +234,7 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
             "the model lacks, or a spring held stiffer than it is, may stand behind it. "
         )
     if not ratios:
-        return text + "Left out of the noise it would have to be called lack of fit."
+        return text + "Without this noise term, the scatter would be reported as lack of fit."
     low, middle, high = min(ratios), float(np.median(ratios)), max(ratios)
     spread = f" ({low:.2g} to {high:.2g})" if len(ratios) > 1 else ""
     if middle < 1.05:

@@ -1,4 +1,4 @@
-"""The same calibrations with two models of the links: what of the result hangs on how links are modelled."""
+"""The same calibrations with two models of the links: which results depend on the link model."""
 
 from __future__ import annotations
 

@@ -143,6 +143,17 @@ def test_a_folder_of_our_name_gives_one_clear_message(tmp_path: Path, name: str,
         assert done.returncode == 0, done.stderr
 
 
+def test_the_command_line_says_so_too(tmp_path: Path) -> None:
+    (tmp_path / "meshes.py").touch()
+    code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}]; sys.path.append({str(ROOT)!r})\n"
+    code += "from stiffarm.__main__ import main; main()"
+    command = [sys.executable, "-c", code, "robots"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603 - our own text
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "'meshes' is hidden by" in done.stderr
+
+
 def test_a_pose_is_simulated_as_on_the_command_line(arm: sa.Arm) -> None:
     found = sa.simulate(arm, {"q2_deg": 5, "q3real_deg": 77.5}, {"fz_N": -650})
     total = found.to_frame().set_index("part").loc["total", "dz_mm"]
