@@ -5,9 +5,11 @@ being imported, is lost in some of them and a traceback in others. So the proces
 first line to its last.
 """
 
+from stiffarm import refuse_strangers
 from stiffarm.session.interruption import heed_for_life
 from stiffarm.session.streams import plug, silence, tell
 
+EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
 
 
@@ -15,6 +17,11 @@ def main() -> None:
     """Load the command line and run it."""
     heed_for_life()
     plug()
+    try:
+        refuse_strangers()
+    except ImportError as error:
+        tell(f"stiffarm: {error}")
+        raise SystemExit(EXIT_BAD_INPUT) from None
     from stiffarm.cli import app
 
     try:

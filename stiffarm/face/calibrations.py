@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
@@ -110,8 +110,9 @@ def calibrate(
     readings: Readings,
     *,
     free: Sequence[str] | None = None,
+    scheme: Literal["staged", "global"] | None = None,
     campaign: str | Path | None = None,
-    loads_N: Sequence[float] = (),
+    loads_N: Sequence[float] | None = None,
     holdout: Readings | None = None,
     robust: bool = True,
     bootstrap: int = 0,
@@ -123,9 +124,12 @@ def calibrate(
     ----------
     arm : the arm before; it is not changed
     readings : measured deflections (:func:`stiffarm.read_readings`)
-    free : names of the free parameters, as "j2.stiffness" or "base.ry"; default: the springs that the readings see
+    free : names of the free parameters, as "j2.stiffness" or "base.ry"
+    scheme : "staged", the published scheme, or "global", all parameters at once; default: staged where a scheme is
+        bundled with the robot and neither ``free`` nor ``campaign`` is given
     campaign : a calibration TOML instead of ``free``
-    loads_N : load magnitudes to use, N; default: those of the campaign, else all
+    loads_N : load magnitudes to use, N, all if empty; default: those of the robot's scheme for its bundled readings,
+        else all
     holdout : readings that the calibration does not see, to judge it by
     robust : outliers lose weight
     bootstrap : how often to draw poses with replacement
@@ -150,12 +154,15 @@ def calibrate(
     if campaign is not None and free is not None:
         raise InputError("free and campaign: one of them at a time", remedy="leave one of them out")
     names = None if free is None else tuple(free)
-    options = general.Options(
-        free=names, campaign=None if campaign is None else Path(campaign), loads=tuple(map(float, loads_N)) or None,
-        robust=robust, bootstrap=bootstrap, seed=seed,
-    )  # fmt: skip
+    file = None if campaign is None else Path(campaign)
+    loads = None if loads_N is None else tuple(map(float, loads_N))
     with called():
-        request = general.request_of(arm, readings.table, None, options)
+        staged = general.is_staged(scheme, arm, None, named=names is not None or file is not None)
+        plan = general.plan_of(arm, readings.table, None, staged=staged)
+        options = general.Options(
+            free=names, campaign=file, loads=loads, staged=staged, robust=robust, bootstrap=bootstrap, seed=seed
+        )
+        request = general.request_of(arm, readings.table, plan, options)
         found = step.calibrate(arm, readings.table, request, holdout=None if holdout is None else holdout.table)
         made = arm.of(found.description, arm.model.link_kind, arm.model.load_path, arm.own)
     estimates = [e for s in found.found.stages for e in s.certainty.estimates]

@@ -7,15 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from doe import Measurements
-from doe.estimation.campaign import Campaign, bundled_campaign
 from doe.tables.load_history import history_of
 from robots import InputError
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.session import inputs, parsing, readings, steps
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say_notes
 from stiffarm.session.effect_words import history_notes
 from stiffarm.session.frame import command
@@ -129,7 +127,9 @@ def calibrate(
         chosen_loads = parsing.parse_loads(loads)
         given = frame.model(model, links, load_path, effect=effect)
         table = frame.readings(given, data, confirm_units=confirm_units)
-        staged = _is_staged(scheme, given, scheme_file, named=free is not None or campaign is not None)
+        staged = general_calibration.is_staged(
+            scheme, given, scheme_file, named=free is not None or campaign is not None
+        )
         if staged:
             inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
         elif given.description.effect:
@@ -138,7 +138,7 @@ def calibrate(
         _refuse(global_only if staged else staged_only, "staged" if staged else "global")
         frame.reads(scheme_file=scheme_file, campaign=campaign, holdout=holdout)
         names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
-        plan = _plan(given, table, scheme_file, staged)
+        plan = general_calibration.plan_of(given, table, scheme_file, staged=staged)
         options = Options(
             names,
             parsing.parse_parameters(free),
@@ -160,23 +160,6 @@ def calibrate(
             if folder is not None:
                 general_calibration.write(found, content, folder)
         frame.answer(content, lambda: calibration_tables.show(found))
-
-
-def _is_staged(scheme: str | None, given: inputs.ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
-    """The published scheme where one is known and nothing says otherwise."""
-    if scheme is not None:
-        return scheme == "staged"
-    if named or given.description.effect:
-        return False
-    return scheme_file is not None or bundled_campaign(given.robot.name) is not None
-
-
-def _plan(given: inputs.ModelInput, table: Measurements, scheme_file: Path | None, staged: bool) -> Campaign | None:
-    """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
-    if staged or scheme_file is not None:
-        return readings.read_scheme(given.robot, scheme_file)
-    bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
-    return bundled_campaign(given.robot.name) if bundled else None
 
 
 def _refuse_both(options: dict[str, Any]) -> None:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from doe import Measurements
-from doe.estimation.campaign import Campaign, NoiseChoice, load_campaign
+from doe.estimation.campaign import Campaign, NoiseChoice, bundled_campaign, load_campaign
 from meshes.array_cache import user_cache
 from robots import InputError, save_description
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
-from stiffarm.session import steps
+from stiffarm.session import readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
@@ -44,6 +44,23 @@ class Options:
     bootstrap: int = 0
     seed: int = 0
     confirm_units: bool = False
+
+
+def is_staged(scheme: str | None, given: ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
+    """The published scheme where one is known and nothing says otherwise."""
+    if scheme is not None:
+        return scheme == "staged"
+    if named or given.description.effect:
+        return False
+    return scheme_file is not None or bundled_campaign(given.robot.name) is not None
+
+
+def plan_of(given: ModelInput, table: Measurements, scheme_file: Path | None, *, staged: bool) -> Campaign | None:
+    """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
+    if staged or scheme_file is not None:
+        return readings.read_scheme(given.robot, scheme_file)
+    bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
+    return bundled_campaign(given.robot.name) if bundled else None
 
 
 def run(given: ModelInput, table: Measurements, plan: Campaign | None, options: Options) -> Calibrated:

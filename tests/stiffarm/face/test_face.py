@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cli_runs import run_here
 
 import stiffarm as sa
 from stiffarm.face.shown import ROWS_SHOWN, Shown
@@ -142,6 +143,17 @@ def test_a_folder_of_our_name_gives_one_clear_message(tmp_path: Path, name: str,
         assert done.returncode == 0, done.stderr
 
 
+def test_the_command_line_says_so_too(tmp_path: Path) -> None:
+    (tmp_path / "meshes.py").touch()
+    code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}]; sys.path.append({str(ROOT)!r})\n"
+    code += "from stiffarm.__main__ import main; main()"
+    command = [sys.executable, "-c", code, "robots"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603 - our own text
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "'meshes' is hidden by" in done.stderr
+
+
 def test_a_pose_is_simulated_as_on_the_command_line(arm: sa.Arm) -> None:
     found = sa.simulate(arm, {"q2_deg": 5, "q3real_deg": 77.5}, {"fz_N": -650})
     total = found.to_frame().set_index("part").loc["total", "dz_mm"]
@@ -151,8 +163,10 @@ def test_a_pose_is_simulated_as_on_the_command_line(arm: sa.Arm) -> None:
         sa.simulate(arm, {"q3real_deg": 77.5}, {"fz_n": -650})
 
 
-def test_calibrated_readings_are_replayed_at_their_rms(calibration: sa.Calibration, readings: sa.Readings) -> None:
-    assert sa.replay(calibration.arm, readings).rms_mm == pytest.approx(calibration.rms_mm, rel=1e-5)  # six digits
+def test_calibrated_readings_are_replayed_at_their_rms(arm: sa.Arm, readings: sa.Readings) -> None:
+    of_all_loads = sa.calibrate(arm, readings, free=["j2.stiffness", "j3.stiffness"], loads_N=[])
+    # The command prints six digits.
+    assert sa.replay(of_all_loads.arm, readings).rms_mm == pytest.approx(of_all_loads.rms_mm, rel=1e-5)
 
 
 def test_a_plan_is_a_sheet_that_can_be_filled_in(arm: sa.Arm, readings: sa.Readings, tmp_path: Path) -> None:
@@ -179,3 +193,22 @@ def test_a_map_is_saved_drawn_and_framed(tmp_path: Path) -> None:
     assert m.plot(tmp_path / "map.png").png.startswith(b"\x89PNG")
     with pytest.raises(sa.InputError, match=r"\.vti"):
         m.save(tmp_path / "map.stl")
+
+
+@pytest.mark.parametrize(
+    ("options", "arguments"),
+    [
+        ([], {}),
+        (["--scheme", "global"], {"scheme": "global"}),
+        (["--free", "j2.stiffness,j3.stiffness"], {"free": ["j2.stiffness", "j3.stiffness"]}),
+    ],
+)
+def test_defaults_are_those_of_the_command_line(
+    arm: sa.Arm, readings: sa.Readings, options: list[str], arguments: dict[str, object]
+) -> None:
+    asked = run_here("calibrate", "xr701", *options, "--json")
+    told = {n["name"]: n["value"] for s in asked.json["stages"] for n in s["numbers"]}
+    found = {p.name: p.value for p in sa.calibrate(arm, readings, **arguments).parameters}  # type: ignore[arg-type]
+    assert {name for name, value in found.items() if value is None} == {n for n, v in told.items() if v is None}
+    for name, value in found.items():
+        assert value is None or value == pytest.approx(told[name], rel=1e-5)  # the command prints six digits
