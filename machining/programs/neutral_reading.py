@@ -122,7 +122,10 @@ def moves_from_csv(text: str, dof: int, linear: int, where: str = "program") -> 
     lines = text.splitlines()
     if not lines or lines[0].strip() != f"# {SCHEMA}":
         raise InputError(f"{where}, first line", value=lines[0][:80] if lines else "", allowed=f"# {SCHEMA}")
-    records = list(csv.reader(lines[1:]))
+    try:
+        records = list(csv.reader(lines[1:]))
+    except csv.Error as error:
+        raise InputError(f"{where} is not valid CSV ({error})", remedy="write the program again") from error
     wanted = columns(dof, linear)
     if not records or records[0] != wanted:
         raise InputError(f"{where}, names of columns", allowed=",".join(wanted))

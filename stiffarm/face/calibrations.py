@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -26,7 +27,8 @@ class Identified:
 
     ``value`` in ``unit``, None where it is not identified or stands at a bound; ``interval95``: its 95 % interval in
     the same unit, inf where the readings do not exclude a rigid part, NaN where nothing can be said; ``status``:
-    "determined", "one-sided", "at bound" or "not identified".
+    "determined", "one-sided", "at bound" or "not identified"; of springs at one pose (the staged scheme, whose laws
+    go through them) "matched" or "not matched", without an interval.
     """
 
     name: str
@@ -57,17 +59,17 @@ class Calibration(Shown):
     @property
     def free(self) -> int:
         """How many parameters were free."""
-        return len(self.parameters)
+        return self.found.found.count.free
 
     @property
     def at_bound(self) -> int:
         """How many parameters stand at an end of their range."""
-        return sum(p.status == "at bound" for p in self.parameters)
+        return self.found.found.count.at_bound
 
     @property
     def identified(self) -> int:
         """How many parameters the readings determine, at least from one side."""
-        return sum(p.status in ("determined", "one-sided") for p in self.parameters)
+        return self.found.found.count.identified
 
     def __getitem__(self, name: str) -> Identified:
         for parameter in self.parameters:
@@ -102,6 +104,8 @@ class Calibration(Shown):
         from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
         from stiffarm.face.pictures import picture_of
 
+        if not self.found.stages:
+            raise InputError("plot of springs pose by pose", allowed="a calibration with intervals: scheme='global'")
         return picture_of(intervals_figure(self.found.stages[-1].result.certainty.estimates)).kept(file)
 
 
@@ -166,8 +170,9 @@ def calibrate(
         found = step.calibrate(arm, readings.table, request, holdout=None if holdout is None else holdout.table)
         made = arm.of(found.description, arm.model.link_kind, arm.model.load_path, arm.own)
     estimates = [e for s in found.found.stages for e in s.certainty.estimates]
+    parameters = (*_at_poses(found), *map(_identified, estimates))
     return Calibration(
-        as_face(made), tuple(map(_identified, estimates)), found.found.rms_mm, found.left_out_rms_mm,
+        as_face(made), parameters, found.found.rms_mm, found.left_out_rms_mm,
         None if found.holdout is None else found.holdout.rms_mm, found.remarks, found,
     )  # fmt: skip
 
@@ -175,3 +180,12 @@ def calibrate(
 def _identified(e: ParameterEstimate) -> Identified:
     value = e.value if e.status in ("determined", "one-sided") else None
     return Identified(e.parameter.name, value, e.parameter.unit, e.interval, e.status)
+
+
+def _at_poses(found: Calibrated) -> Iterator[Identified]:
+    """Springs of the staged scheme's studies, pose by pose."""
+    for fit in (fit for study in found.found.studies for fit in study.fits):
+        for joint, stiffness in zip(fit.joints, fit.stiffness, strict=True):
+            status = "matched" if fit.matched else "not matched"
+            name = f"{joint}.stiffness at pose {fit.pose}"
+            yield Identified(name, float(stiffness), "N m/rad", (math.nan, math.nan), status)

@@ -252,6 +252,7 @@ def test_neutral_moves_that_are_not_right() -> None:
         ("\n".join([*lines[:2], lines[2] + ",1"]), "fields"),
         ("\n".join([*lines[:2], lines[2].replace(",0.0,", ",x,")]), "line 3"),
         ("\n".join([*lines[:2], lines[2].replace(",0.0,", ",nan,")]), "finite"),
+        (table + '"' + "x" * 200_000, "not valid CSV"),  # beyond what the csv module takes for one field
     ):
         with pytest.raises(InputError, match=message):
             moves_from_csv(bad, 6, 0)

@@ -208,7 +208,12 @@ def test_defaults_are_those_of_the_command_line(
 ) -> None:
     asked = run_here("calibrate", "xr701", *options, "--json")
     told = {n["name"]: n["value"] for s in asked.json["stages"] for n in s["numbers"]}
-    found = {p.name: p.value for p in sa.calibrate(arm, readings, **arguments).parameters}  # type: ignore[arg-type]
+    made = sa.calibrate(arm, readings, **arguments)  # type: ignore[arg-type]
+    counts = {"free": made.free, "at_bound": made.at_bound, "identified": made.identified}
+    assert counts == asked.json["parameters"]
+    found = {p.name: p.value for p in made.parameters}
     assert {name for name, value in found.items() if value is None} == {n for n, v in told.items() if v is None}
-    for name, value in found.items():
+    for name, value in ((name, value) for name, value in found.items() if name in told):
         assert value is None or value == pytest.approx(told[name], rel=1e-5)  # the command prints six digits
+    studies = (fit for fits in asked.json.get("studies", {}).values() for fit in fits)
+    assert len(found) == len(told) + sum(key.startswith("k") for fit in studies for key in fit) > 0

@@ -28,7 +28,6 @@ STORY = (
     "Main effects",
     "surrogate",
     "stiffness map",
-    "findings on our map",
     "Assumptions and sources",
 )
 # Elements that load or run something.

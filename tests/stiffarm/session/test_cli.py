@@ -118,9 +118,9 @@ def test_staged_calibration_in_a_process_of_its_own(data_file: Path) -> None:
     outcome = run_apart("calibrate", "xr701", data_file, "--scheme", "staged", "--json")
     assert outcome.code == 0
     result = outcome.json
-    assert set(result["stages"]) == {"step 1", "step 2", "step 3"}
+    assert set(result["studies"]) == {"step 1", "step 2", "step 3"}
     assert set(result["laws"]) == {"j2", "j3", "j4", "j5"}
-    assert result["parameters"] == 12
+    assert result["parameters"]["free"] == 12
     # Twelve parameters on nine readings must beat the four constants of the same load path.
     assert result["rms_mm"] < 0.0535
     assert result["left_one_pose_out_rms_mm"] > result["rms_mm"]
