@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from doe.diagnosis.diagnose import Found
 from doe.diagnosis.scatter import SETUP
 from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calls import called
@@ -147,10 +146,6 @@ def diagnose(
     outside = (
         (before.left_out_rms_mm, after.left_out_rms_mm) if held is None else (held.rms_before_mm, held.rms_after_mm)
     )
-    codes = tuple(_code(f) for f in found.in_model)
+    codes = tuple(f.code for f in found.in_model)
     gap = Gap(before.fit_rms_mm, after.fit_rms_mm, *outside, noise_floor_mm(found.found))
     return Diagnosis(made, found.found.verdict, found.found.reason, codes, gap, found.remarks, found)
-
-
-def _code(found: Found) -> str:
-    return found.placed.effect.code
