@@ -30,11 +30,11 @@ def degrees_of_freedom(e: Estimate, covariance: Array, seen: Bools) -> Array:
     p, names = e.problem, e.estimated
     if not names:
         return np.full(len(e.u), math.inf)
-    of = likelihood(p, e.covariance.blocks, names, e.noise, e.prediction, e.jacobian[:, seen], e.residual, e.weight)
+    of = likelihood(p, names, e.noise, e.prediction, e.jacobian[:, seen], e.residual, e.weight)
     if of.basis.shape[1] >= len(p):
         return np.full(len(e.u), math.nan)
     at = of.at(e.noise.variances(names))
-    _, information = at.slope_and_information()
+    information = at.information()
     Y = at.V.solve(e.jacobian) @ covariance
     slopes = []
     for term in of.terms:
