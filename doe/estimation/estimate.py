@@ -29,6 +29,8 @@ CHOOSING = (0, 1)
 # Parameters and noise have settled when all predictions together (and the distances from priors) are nearer than this
 # to where they are going, in standard deviations: no parameter, nor any combination of them, is farther by its own.
 SETTLED = 1e-6
+# The noise has when no reading's standard deviation changed by a larger share than this: what is left is a tenth of it.
+STILL_NOISE = 1e-5
 # Rounds are not counted on to shrink by more than this, though the last ones did.
 LEAST_RATE = 0.05
 # Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
@@ -107,7 +109,7 @@ def estimate(
     u = p.free.start
     f, J = p.evaluate(u)
     known: dict[tuple[str, ...], Known | None] = {}
-    prior, moved, settled = prior_residual(p, u)[0], np.inf, False
+    prior, moved, settled, spread = prior_residual(p, u)[0], np.inf, False, noise.spread(p, f)
     # Noise that is given and hangs on no prediction leaves nothing to go back for.
     once = fixed_noise is not None and not robust and not (fixed_noise.share or fixed_noise.pose_share)
     for turn in range(ROUNDS):
@@ -115,8 +117,10 @@ def estimate(
         before, (f, J) = (f, prior), p.evaluate(u)
         error, prior = p.value - f, prior_residual(p, u)[0]
         sd, last = np.sqrt(noise.variance(p, f)), moved
+        earlier, spread = spread, noise.spread(p, f)
+        still = np.abs(spread / earlier - 1.0).max() < STILL_NOISE
         moved = float(np.hypot(np.linalg.norm((f - before[0]) / sd), np.linalg.norm(prior - before[1])))
-        if once or (turn > (fixed_noise is None) and _to_go(moved, last) < SETTLED):
+        if once or (turn > (fixed_noise is None) and still and _to_go(moved, last) < SETTLED):
             settled = True
             break
         if fixed_noise is None:

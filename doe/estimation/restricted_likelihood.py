@@ -178,8 +178,8 @@ class Known:
 def maximise(of: Likelihood, start: Array, low: Array, known: Known | None = None) -> tuple[Array, Known | None]:
     """Variances (k,) >= ``low`` (k,) of the largest likelihood, from ``start`` (k,).
 
-    The information is dear beside the slope, and hardly changes near the end: it is worked out where what is
-    ``known`` does not serve, and given back for the next time.
+    The information is dear beside the slope, and hardly changes near the end: where what is ``known`` serves at the
+    start, that is taken; what it was last is given back for the next time.
     """
     here = of.at(np.maximum(start, low))
     for _ in range(STEPS):
@@ -202,7 +202,7 @@ def maximise(of: Likelihood, start: Array, low: Array, known: Known | None = Non
         else:
             break
         assert there is not None  # noqa: S101 - left by the break above
-        here = there
+        here, known = there, None
     return here.t, known
 
 
