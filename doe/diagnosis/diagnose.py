@@ -18,8 +18,8 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count
 from doe.diagnosis.testable import not_testable, twins
 from doe.estimation.noise import Noise, within_readings
-from doe.published.readings import rms_mm
-from doe.tables.telling import told_by
+from doe.plausibility.telling import told_by
+from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
 from robots.arrays import Array
 from robots.progress import Messages

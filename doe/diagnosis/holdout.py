@@ -9,9 +9,9 @@ import numpy as np
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.setting import Setting
 from doe.estimation.problem import problem
-from doe.published.readings import rms_mm
 from doe.tables.checks import refuse_seen
 from doe.tables.load_history import history_of
+from doe.tables.loaded import rms_mm
 from doe.tables.measurements import Measurements
 from robots.arrays import Array
 

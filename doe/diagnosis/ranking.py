@@ -23,7 +23,7 @@ from doe.diagnosis.signatures import Signature
 from doe.diagnosis.unknown import discrepancies
 from doe.diagnosis.weighing import Row, at_noise, rough_at, unknown_at, with_springs
 from doe.estimation.noise import Noise
-from doe.published.readings import rms_mm
+from doe.tables.loaded import rms_mm
 from robots.arrays import Array
 
 # Set-ups may scatter this much where something unknown acts on them.

@@ -14,7 +14,8 @@ from doe.diagnosis.scatter import with_setup
 from doe.diagnosis.setting import Setting
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem
-from doe.published.readings import COMPONENTS, rms_mm
+from doe.published.equations import COMPONENTS
+from doe.tables.loaded import rms_mm
 from robots.arrays import Array
 
 # Set-ups scatter by so much of the deflection as a rule; more of it counts as disagreement.

@@ -9,12 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from doe.certainty.uncertainty import ParameterEstimate
-from doe.estimation.calibration import Calibration
-from doe.model_file.carried_on import NOTHING, CarriedOn, carried_on
-from doe.model_file.stage_covariance import stage_covariance
-from fem.free.named_numbers import described_variables, named_numbers
-from fem.free.parameters import Parameter, Scale
+from doe.model_file.carried_on import NOTHING, CarriedOn
+from fem.free.parameters import Scale
 from robots.arrays import Array
 from robots.schema.uncertainty import (
     MOST_DEGREES_OF_FREEDOM,
@@ -28,11 +24,6 @@ Status = Literal["determined", "one-sided", "at bound", "not identified"]
 
 VARIABLES: dict[Scale, NumberVariable] = {"compliance": "1/value", "log": "ln value", "linear": "value"}
 FIXED = "what the calibration held fixed counts as exact"
-NO_COVARIANCE = (
-    "no covariance of the springs is kept: studies pose by pose take the best of their levels, with no spare reading "
-    "to judge their errors by (--scheme global gives one)"
-)
-NO_SPARE = "no covariance of the springs is kept: as many springs as readings leave nothing to judge their errors by"
 
 
 @dataclass(frozen=True)
@@ -82,70 +73,9 @@ def uncertainty_table(
     )
 
 
-def calibration_table(found: Calibration) -> CalibrationUncertainty | None:
-    """Of a campaign's numbers, all stages; estimates are the calibrated model's own.
-
-    Numbers of an earlier calibration that this one held stay in the covariance, and what their errors make of the
-    new ones is added, as if their readings were others than these.
-    """
-    if not found.stages:
-        return None
-    last = {e.parameter.name: e for s in found.stages for e in s.certainty.estimates}
-    # Until its origin is written anew the description has that of the calibration before.
-    before = carried_on(found.description, found.model, tuple(last), found.effects)
-    names, covariance, shares_readings = stage_covariance(found, before)
-    named = named_numbers(found.model, names, found.effects)
-    own = described_variables(found.description, named)
-    units = [named.parameters[k] for k in named.columns]
-    numbers = [
-        _carried(before, k, units[k], own[k])
-        if k < len(before.names)
-        else _number(last[name], own[k], float(covariance[k, k]))
-        for k, name in enumerate(names)
-    ]
-    note = "generalised least squares with estimated noise, priors included"
-    if len(found.stages) > 1:
-        note += "; later stages carry the errors of what earlier ones found"
-    if shares_readings:
-        note += ", taken as independent of their own though stages share readings"
-    if any(s.study is not None for s in found.stages):
-        note += "; stages by levels as least squares around the best levels"
-    if before.names:
-        note += f"; from an earlier calibration, readings taken as others than these: {', '.join(before.names)}"
-    return uncertainty_table(numbers, covariance, _blind(found, names, before), note, before)
-
-
 def _lost(before: CarriedOn, names: set[str]) -> list[str]:
     lost = [name for name in (*before.names, *before.lost) if name not in names]
     return [f"of an earlier calibration and now held: {', '.join(lost)}"] if lost else []
-
-
-def _carried(before: CarriedOn, k: int, p: Parameter, own: float) -> FoundNumber:
-    nan = math.nan
-    return FoundNumber(
-        before.names[k], p.unit, p.scale, own, (nan, nan), before.status[k], before.degrees_of_freedom[k],
-        has_variance=True,
-    )  # fmt: skip
-
-
-def _number(e: ParameterEstimate, own: float, variance: float) -> FoundNumber:
-    p = e.parameter
-    has = e.status != "at bound" and not math.isnan(e.value) and variance > 0.0
-    return FoundNumber(p.name, p.unit, p.scale, own, e.interval, e.status, e.degrees_of_freedom, has)
-
-
-def _blind(found: Calibration, names: Sequence[str], before: CarriedOn) -> Array:
-    """Directions that no reading of the last stage with these numbers determines, over all names."""
-    last = {e.parameter.name: number for number, s in enumerate(found.stages) for e in s.certainty.estimates}
-    rows = np.zeros((len(before.directions), len(names)))
-    rows[:, : len(before.names)] = before.directions
-    for number, s in enumerate(found.stages):
-        mine = [e.parameter.name for e in s.certainty.estimates]
-        now = np.array([last[name] == number for name in mine], dtype=np.bool_)
-        more = np.zeros((len(s.certainty.null), len(names)))
-        more[:, [names.index(name) for name in mine]] = np.where(now, s.certainty.null, 0.0)
-        rows = np.vstack([rows, more])
-    return rows
 
 
 def _directions(blind: Array) -> Array:

@@ -9,7 +9,7 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimi
 
 from doe.estimation.campaign import FEWEST_LEVELS
 from doe.planning.designs import level_grid
-from doe.published.readings import Equations
+from doe.published.equations import Equations
 from robots import InputError
 from robots.arrays import Array, Bools
 

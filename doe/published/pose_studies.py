@@ -9,8 +9,8 @@ import numpy as np
 
 from doe.estimation.campaign import Campaign, Stage
 from doe.estimation.study_plan import RegressionChoice
+from doe.published.equations import Equations, equations, model_compliances
 from doe.published.parametric import PoseFit, fit_pose
-from doe.published.readings import Equations, equations, model_compliances
 from doe.published.spring_regression import SpringPoints, fit_law
 from doe.tables.measurements import Measurements
 from fem import ArmModel

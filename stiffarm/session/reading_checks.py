@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from doe import Measurements, read_measurements
-from doe.tables.units_check import check_units
+from doe.plausibility.units_check import check_units
 from fem.arm import Arm
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from doe import Measurements
 from doe.estimation.problem import problem
-from doe.tables.frozen import refuse_frozen
-from doe.tables.telling import refuse_telling_nothing
+from doe.plausibility.frozen import refuse_frozen
+from doe.plausibility.telling import refuse_telling_nothing
 from fem.arm import Arm
 
 

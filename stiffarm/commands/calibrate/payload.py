@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from doe.calibration.run import Count as ParameterCount
 from doe.certainty.lack_of_fit import outliers
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.estimation.calibration import Count as ParameterCount
 from doe.estimation.noise import Noise, origin
 from doe.estimation.problem import Problem
 from doe.published.parametric import PoseFit
-from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
+from doe.tables.loaded import rms_mm
 from robots.files.csv_text import rows_text
 from stiffarm.commands.calibrate import laws as calibration_laws
 from stiffarm.commands.calibrate import words

@@ -6,8 +6,8 @@ import datetime as dt
 
 import numpy as np
 
-from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
+from doe.tables.loaded import rms_mm
 from robots.arrays import Array, Integers
 from stiffarm import __version__
 from stiffarm.commands.calibrate import words

@@ -11,7 +11,7 @@ from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
-from doe.published.readings import rms_mm
+from doe.tables.loaded import rms_mm
 from robots.arrays import Array
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from doe import Measurements
-from doe.published.readings import rms_mm
 from doe.tables.checks import refuse_seen
+from doe.tables.loaded import rms_mm
 from fem.arm import Arm
 from stiffarm.commands.calibrate.prediction import prediction_error
 from stiffarm.commands.calibrate.step import Calibrated

@@ -13,6 +13,8 @@ from uncertain_models import along, known, sprung, table_of, with_laws, with_tab
 
 import fem
 from doe import Measurements
+from doe.calibration.run import run_campaign
+from doe.calibration.written import calibration_table, with_origin
 from doe.certainty.propagation import (
     compliance_gradients,
     gradients,
@@ -21,11 +23,8 @@ from doe.certainty.propagation import (
     sampled,
 )
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.estimation.calibration import run_campaign
 from doe.estimation.campaign import campaign_of
 from doe.model_file.applied import apply_estimates
-from doe.model_file.origin import with_origin
-from doe.model_file.uncertainty_table import calibration_table
 from fem import ArmModel, build_model
 from fem.free.named_numbers import named_numbers
 from fem.springs import LawSpring

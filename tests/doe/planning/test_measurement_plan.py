@@ -12,6 +12,7 @@ from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
+from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.outset import (
     VAGUE,
     Outset,
@@ -24,7 +25,6 @@ from doe.planning.outset import (
 )
 from doe.planning.plan import Protocol, _loaded, expected, experiments, foresee, plan
 from doe.planning.pose_designs import pose_design
-from doe.tables.idle_coordinates import idle_coordinates
 from fem import ArmModel, build_model, deflection
 from fem.free.parameters import parameter
 from robots import InputError, load_description

@@ -24,7 +24,7 @@ from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.least_squares import bounded_step
 from doe.estimation.problem import problem
-from doe.published.readings import equations
+from doe.published.equations import equations
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.free.parameters import parameter

@@ -2,8 +2,8 @@
 
 A column that shows one value in all set-ups is right where the arm does nothing else there (across the plane of its
 links, about an axis without a lever, at angles that only turn the whole arm). So it is held against what a passive arm
-of this geometry can do (:mod:`doe.tables.passive_arm`): where no arm that comes near the other columns keeps this one
-still, it is the gauge that stands.
+of this geometry can do (:class:`doe.plausibility.telling.PassiveArm`): where no arm that comes near the other columns
+keeps this one still, it is the gauge that stands.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.estimation.problem import problem
+from doe.plausibility.telling import PassiveArm
 from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
 from doe.tables.measurements import Measurements
-from doe.tables.passive_arm import PassiveArm
 from fem import ArmModel
 from robots import InputError, InputErrors
 from robots.arrays import Array
