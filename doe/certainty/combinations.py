@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
-from robots.arrays import Array, Indices
+from robots.arrays import Array, Bools, Indices
 
 # Entries of an echelon form below this are rounding; variables have columns of norm one, null vectors length one.
 ROUNDING = 1e-6
@@ -64,15 +65,17 @@ def sparsest(rows: Array) -> tuple[Array, Indices]:
     return min(forms, key=lambda form: np.count_nonzero(form[0]))
 
 
+def groups(joined: Bools) -> list[Indices]:
+    """Sets of two or more things that ``joined`` (n, n) connects, pair by pair."""
+    count, label = connected_components(joined, directed=False)
+    sets = (np.flatnonzero(label == k) for k in range(count))
+    return [members for members in sets if members.size > 1]
+
+
 def components(null: Array) -> list[Indices]:
-    """Groups of variables that null vectors (d, p) join; variables that are in none of them stand alone."""
-    M, _ = echelon(null, np.arange(null.shape[1]))
-    group = np.arange(null.shape[1])
-    for row in M:
-        members = np.flatnonzero(row)
-        joined = np.isin(group, group[members])
-        group[joined] = group[members].min()
-    return [np.flatnonzero(group == g) for g in np.unique(group)]
+    """Groups of two or more variables that null vectors (d, p) join."""
+    there = echelon(null, np.arange(null.shape[1]))[0] != 0.0
+    return groups(there.T @ there)
 
 
 def complement(null: Array) -> Array:
@@ -88,10 +91,4 @@ def alike(null: Array) -> list[Indices]:
     size = np.sqrt(np.maximum(np.diag(P), 0.0))
     same = np.abs(P) > (1.0 - ROUNDING) * np.outer(size, size)
     same &= (size[:, None] > ROUNDING) & (size[None, :] > ROUNDING)
-    sets, left = [], set(range(len(P)))
-    for k in range(len(P)):
-        members = [j for j in sorted(left) if same[k, j]]
-        left -= set(members)
-        if len(members) > 1:
-            sets.append(np.array(members, dtype=np.intp))
-    return sets
+    return groups(same)

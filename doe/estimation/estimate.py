@@ -73,6 +73,11 @@ class Estimate:
         return np.array([p.outer(float(v)) for p, v in zip(self.problem.parameters, self.u, strict=True)])
 
     @property
+    def rows(self) -> Array:
+        """Derivatives with unit covariance, and those of the distances from priors below them (m + k, p)."""
+        return np.vstack([self.whitened, prior_residual(self.problem, self.u)[1]])
+
+    @property
     def seen(self) -> Bools:
         """Which parameters (p,) move any reading."""
         return seen_columns(self.problem, self.whitened)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from doe.calibration.run import StageResult
-from doe.certainty.law_band import LawBand, law_band
+from doe.certainty.uncertainty import LawBand, law_band
 from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
 from robots.arrays import Array
 from stiffarm.session.json_text import number

@@ -132,9 +132,9 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
             {
                 "names": list(t.parameters),
                 "weights": [number(float(w)) for w in t.weights],
-                "value": number(t.value),
-                "sd": number(t.sd),
-                "unit": t.unit,
+                "value": number(t.best.value),
+                "sd": number(t.best.sd),
+                "unit": t.best.unit,
                 "words": t.words,
             }
             for t in r.trade_offs

@@ -10,8 +10,7 @@ import pytest
 from plain_problems import linear
 from scipy.stats import t as student
 
-from doe.certainty.satterthwaite import degrees_of_freedom
-from doe.certainty.uncertainty import certainty
+from doe.certainty.uncertainty import certainty, degrees_of_freedom
 from doe.estimation.estimate import Estimate, estimate, estimate_at
 from doe.estimation.noise import Noise
 

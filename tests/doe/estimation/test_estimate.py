@@ -210,7 +210,7 @@ def test_twins_are_reported_as_a_sum() -> None:
     (twin,) = trade_offs(found, sure)
     assert twin.parameters == ("j1.stiffness", "base.rz")
     np.testing.assert_allclose(twin.weights, 1.0, rtol=1e-3)
-    assert twin.value == pytest.approx(1e-6, rel=0.05)
+    assert twin.best.value == pytest.approx(1e-6, rel=0.05)
     assert "sum" in twin.words
 
 
