@@ -181,6 +181,8 @@ def maximise(of: Likelihood, start: Array, low: Array, known: Known | None = Non
     The information is dear beside the slope, and hardly changes near the end: where what is ``known`` serves at the
     start, that is taken; what it was last is given back for the next time.
     """
+    if of.basis.shape[1] >= len(of.error):
+        return np.maximum(start, low), known  # no residual that could tell
     here = of.at(np.maximum(start, low))
     for _ in range(STEPS):
         slope = here.slope()
