@@ -487,7 +487,7 @@ def _solve(f: Figures, work: Work) -> None:
 
 @separate
 def _write(W: Array, wrench: Array, out: Array, start: int, end: int) -> None:
-    """Rows ``start`` to ``end`` from the state: deflections (k, 6) under wrenches (1 or k, 6), or compliances (k, 36)."""
+    """Rows ``start`` to ``end`` of the deflections (k, 6) under wrenches (1 or k, 6), or of the compliances (k, 36)."""
     for i in range(end - start):
         o = out[start + i]
         if len(wrench) == 0:
