@@ -16,7 +16,7 @@ import numpy as np
 from fem.compiled.flat_arm import BLOCK, flat_arm, why_not_flat
 from fem.model import ArmModel
 from fem.statics import flexibility
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
 from robots import InputError
 from robots.arrays import Array

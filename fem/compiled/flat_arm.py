@@ -157,7 +157,7 @@ def flat_arm(model: ArmModel) -> FlatArm:
     figures = Figures(
         joint=constants,
         kind=np.where(alpha[:, 0] == 0.0, QUARTER, np.where(alpha[:, 0] == 1.0, STRAIGHT, ANY)),
-        soft=constants[:, K:].any(axis=1).astype(np.int64),
+        soft=np.asarray(constants[:, K:].any(axis=1), dtype=np.int64),
         base=base,
         base_soft=bool(base.any()),
         turn_base=np.array([np.cos(phi[0]), np.sin(phi[0])]),

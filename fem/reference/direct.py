@@ -16,7 +16,7 @@ import numpy as np
 from fem.elements import beam
 from fem.model import ArmModel, LinkPart
 from fem.reference.chain import Node, Unknowns, build_chain
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.kinematics import as_poses, forward_kinematics, tool_position

@@ -22,7 +22,7 @@ from fem.elements.couplings import Coupling
 from fem.elements.shell import CoupledShell, couple
 from fem.model import ArmModel, LinkPart
 from fem.reference.chain import Node, Unknowns, build_chain
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers
 from meshes import ShellMesh
 from robots import InputError

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from fem.elements.assembly import beside_quads, element_stiffness, freedoms
 from fem.elements.couplings import rigid_motion
+from fem.elements.facets import plane_stress
 from fem.elements.quad import quad_frames
 from fem.elements.shell import CoupledShell
 from fem.elements.triangle import (
@@ -23,7 +24,6 @@ from fem.elements.triangle import (
     bending_curvatures,
     facet_axes,
     membrane_strains,
-    plane_stress,
 )
 from fem.model import ArmModel, LinkPart
 from fem.reference.chain import Springs, build_chain
