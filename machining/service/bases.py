@@ -9,7 +9,7 @@ import numpy as np
 
 from machining.cutting import ConstantForce
 from machining.placement import Goal, Problem, find_fixed, space_of
-from machining.placement.goals import Aim
+from machining.placement.problem import Aim
 from machining.service.asked import Arm
 from machining.service.blocks import Block, block_of, collisions_of, course_payload, drive_of, gammas_of
 from machining.service.fields import Fields

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from machining.posture.long_path import follow_gamma, optimise_long_path
-from machining.posture.path import course_at, optimise_path
+from machining.posture.long_path import optimise_long_path
+from machining.posture.problem import course_at
 from machining.service.asked import Arm, generator
 from machining.service.blocks import block_of, collisions_of, course_payload, drive_of, gammas_of, objective_of
 from machining.service.fields import Fields
@@ -23,16 +23,11 @@ def best_path(arm: Arm, fields: Fields) -> dict[str, Any]:
     drive = drive_of(arm, fields, state, collisions)
     fields.done()
     task, free = block.task, block.free
-    if arm.searched and free is not None:
-        raise fields.fault("rapid", "given", "not for arms without closed-form inverse kinematics", "split the path")
-    if fixed is not None:
-        gamma = float(np.radians(fixed))
-        if arm.searched:
-            course = course_at(arm.model, task, gamma, objective, drive, generator=generator(arm))
-        else:
-            course = follow_gamma(arm.model, task, gamma, objective, drive, free=free)
-    elif arm.searched:
-        course = optimise_path(arm.model, task, objective, gammas, drive, generator=generator(arm)).course
+    if fixed is None:
+        course = optimise_long_path(
+            arm.model, task, objective, gammas, drive, free=free, generator=generator(arm)
+        ).course
     else:
-        course = optimise_long_path(arm.model, task, objective, gammas, drive, free=free).course
+        gamma = float(np.radians(fixed))
+        course = course_at(arm.model, task, gamma, objective, drive, free=free, generator=generator(arm))
     return course_payload(arm, course, objective) | {"collisions_looked_at": collisions}
