@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,23 +91,32 @@ def _sweep(problem: Problem, e: Array, table: float, rows: Integers, gamma: Arra
         )  # fmt: skip
         if found.names != BRANCH_NAMES:
             found = _best_of_each_point(found)
-        q, valid, value, reason = (
-            np.moveaxis(a.reshape(k, m, *a.shape[1:]), 1, 3) for a in (found.q, found.valid, found.value, found.reason)
-        )
+        q, valid, value, reason = (_of_sites(a, k) for a in (found.q, found.valid, found.value, found.reason))
         parts.append(Sites(e[piece], np.full(k, table), rows, gamma[piece], q, valid, value, reason, found.names))
     return _joined(parts, BY_POSITION)
+
+
+def _of_sites(array: NDArray[Any], k: int) -> NDArray[Any]:
+    """From a sweep (k m, g, b, ...) to k positions (k, g, b, m, ...)."""
+    return np.moveaxis(array.reshape(k, -1, *array.shape[1:]), 1, 3)
 
 
 def _best_of_each_point(sweep: Sweep) -> Sweep:
     """Columns of arms without named branches are in no order: each point's best stands for all."""
     best = sweep.merit.argmax(axis=2)[..., None]
-    taken = {name: np.take_along_axis(getattr(sweep, name), best, axis=2) for name in ("valid", "value", "reason")}
-    q = np.take_along_axis(sweep.q, best[..., None], axis=2)
-    return replace(sweep, q=q, names=("best of each point",), **taken)
+    return replace(
+        sweep,
+        q=np.take_along_axis(sweep.q, best[..., None], axis=2),
+        valid=np.take_along_axis(sweep.valid, best, axis=2),
+        value=np.take_along_axis(sweep.value, best, axis=2),
+        reason=np.take_along_axis(sweep.reason, best, axis=2),
+        names=("best of each point",),
+    )
 
 
 def _joined(parts: Sequence[Sites], names: tuple[str, ...], axis: int = 0) -> Sites:
-    return replace(parts[0], **{n: np.concatenate([getattr(s, n) for s in parts], axis=axis) for n in names})
+    found: Mapping[str, Any] = {n: np.concatenate([getattr(s, n) for s in parts], axis=axis) for n in names}
+    return replace(parts[0], **found)
 
 
 def with_more_angles(a: Sites, b: Sites) -> Sites:
