@@ -81,6 +81,11 @@ class ToolPath:
         """Length (n - 1,) m of each segment."""
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
 
+    @property
+    def arc_length(self) -> Array:
+        """Length (n,) m of the path up to each point."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+
     def even_rows(self, count: int) -> Integers:
         """About ``count`` points, evenly along the path, its ends among them; turns of the tool count as length."""
         if count >= self.n:
