@@ -19,7 +19,7 @@ import numpy as np
 import fem
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, summed
 from machining.posture.drive import Drive
-from machining.posture.points import GammaRange, Postures, best_postures, sweep_gamma
+from machining.posture.points import OFFSETS, GammaRange, Postures, best_postures, sweep_gamma
 from machining.posture.problem import (
     Course,
     Problem,
@@ -38,8 +38,6 @@ from robots.arrays import Array
 from robots.inverse.turns import every_turn
 from robots.progress import Progress
 
-# Angles of a finer grid around a course: four cells to either side.
-OFFSETS = np.linspace(-1.0, 1.0, 9)
 # Branches whose merits differ by less than this share are equally good.
 TIED = 1e-9
 

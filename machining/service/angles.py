@@ -6,13 +6,13 @@ from the last posture than a jump, and, of the best that remain, those that coll
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from machining.posture.drive import Drive
-from machining.posture.points import GammaRange, sweep_gamma
+from machining.posture.points import GammaRange, Postures, Sweep, refined_peaks, sweep_gamma
 from machining.service.asked import Arm, best_first, factor_of, flag_of, generator, key_of, middle, near_of
 from machining.service.blocks import block_of, collisions_of, distances, gammas_of, quantity_of
 from machining.service.fields import Fields
@@ -20,14 +20,12 @@ from machining.service.state import State, state_of
 from machining.service.wire import number, numbers
 from machining.stiffness.objective import Objective
 from machining.task import Task
-from robots import InputError
-from robots.arrays import Array, Integers
+from robots import InputError, Reason
+from robots.arrays import Array
 from robots.inverse.turns import nearest_turn
 
-# Peaks of the grid that are refined, and the angle (rad) at which that ends; as machining.best_postures.
+# Peaks of the grid that are refined, as machining.best_postures.
 PEAKS = 3
-TOLERANCE = 1e-5
-OFFSETS = np.linspace(-1.0, 1.0, 9)
 # Postures that are asked for collisions at once, and in all.
 AT_ONCE, TRIES = 16, 400
 
@@ -57,18 +55,6 @@ def best_angle(arm: Arm, fields: Fields) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """Postures that may be taken: ``at`` (k,) of the angles looked at; ``names`` that ``branch`` (k,) counts in."""
-
-    at: Integers
-    gamma: Array
-    q: Array
-    value: Array
-    branch: Integers
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class _Search:
     """One point; ``near`` (dof,) rad or None, ``jump`` rad."""
 
@@ -79,54 +65,37 @@ class _Search:
     near: Array | None
     jump: float
 
-    def best_first(self, refine: bool) -> _Found:
+    def best_first(self, refine: bool) -> Postures:
         """Postures of the grid and of its refined peaks, the best first; InputError if there is none."""
-        grid, valid = self._look(self.gammas.angles)
-        if not len(grid.at):
-            raise self._none(valid)
-        parts = [grid]
+        grid = self._look(self.gammas.angles)
+        if not grid.valid.any():
+            raise self._none(int((grid.reason == Reason.FOUND).sum()))
+        sweeps = [grid]
         if refine:
-            parts.append(self._look(self._peaks(grid))[0])
-        merit = self.objective.sign * np.concatenate([p.value for p in parts])
+            merit = grid.merit.max(axis=2)
+            angles = refined_peaks(self.gammas, merit, lambda gamma: self._look(gamma).merit.max(axis=2), PEAKS)
+            sweeps.append(self._look(np.unique(angles)))
+        parts = []
+        for sweep in sweeps:
+            found = np.nonzero(sweep.valid)
+            parts.append((sweep.gamma[found[:2]], sweep.q[found], sweep.value[found], found[2]))
+        gamma, q, value, branch = (np.concatenate(part) for part in zip(*parts, strict=True))
         near = middle(self.arm) if self.near is None else self.near
-        order = best_first(merit, np.concatenate([p.q for p in parts]), near)
-        gamma, q, value, branch, at = (
-            np.concatenate([getattr(p, name) for p in parts])[order] for name in ("gamma", "q", "value", "branch", "at")
-        )
-        return _Found(at, gamma, q, value, branch, max((p.names for p in parts), key=len))
+        order = best_first(self.objective.sign * value, q, near)
+        names = max((sweep.names for sweep in sweeps), key=len)
+        return Postures(gamma[order], q[order], value[order], branch[order], names)
 
-    def _look(self, angles: Array) -> tuple[_Found, int]:
-        """Postures at angles (m,) rad that may be taken, and how many there are within joint limits."""
+    def _look(self, angles: Array) -> Sweep:
+        """Postures at angles (m,) or (1, m) rad, valid where they may be taken, in the turn nearest to ``near``."""
         sweep = sweep_gamma(self.arm.model, self.task, self.objective, angles, generator=generator(self.arm))
-        at, branch = np.nonzero(sweep.valid[0])
-        q, value = sweep.q[0, at, branch], sweep.value[0, at, branch]
-        kept = Drive().near_singular(self.arm.robot, q)[1]
+        found = np.nonzero(sweep.valid)
+        q, valid = sweep.q.copy(), sweep.valid.copy()
+        kept = Drive().near_singular(self.arm.robot, q[found])[1]
         if self.near is not None:
-            q, _ = nearest_turn(self.arm.robot, q, np.broadcast_to(self.near, q.shape))
-            kept = kept & (np.abs(q - self.near).max(axis=1, initial=0.0) <= self.jump)
-        found = _Found(at[kept], sweep.gamma[0, at[kept]], q[kept], value[kept], branch[kept], sweep.names)
-        return found, len(at)
-
-    def _peaks(self, grid: _Found) -> Array:
-        """Angles (k,) of the grid's highest peaks, refined."""
-        merit = self._merit(grid, self.gammas.count)
-        mode = {"mode": "wrap"} if self.gammas.closed else {"constant_values": -np.inf}
-        around = np.pad(merit, 1, **mode)
-        peak = np.flatnonzero(np.isfinite(merit) & (merit >= around[:-2]) & (merit >= around[2:]))
-        centre = self.gammas.angles[peak[np.argsort(-merit[peak], kind="stable")[:PEAKS]]]
-        half = self.gammas.cell
-        while half > TOLERANCE:
-            trial = self.gammas.inside(centre[:, None] + half * OFFSETS)
-            fine = self._merit(self._look(trial.ravel())[0], trial.size).reshape(trial.shape)
-            centre = trial[np.arange(len(centre)), fine.argmax(axis=1)]
-            half /= 4.0
-        return np.asarray(centre)
-
-    def _merit(self, found: _Found, m: int) -> Array:
-        """Best merit (m,) of each angle, -inf where nothing may be taken."""
-        merit = np.full(m, -np.inf)
-        np.maximum.at(merit, found.at, self.objective.sign * found.value)
-        return merit
+            q[found], _ = nearest_turn(self.arm.robot, q[found], np.broadcast_to(self.near, q[found].shape))
+            kept = kept & (np.abs(q[found] - self.near).max(axis=1, initial=0.0) <= self.jump)
+        valid[found] = kept
+        return replace(sweep, q=q, valid=valid)
 
     def _none(self, valid: int) -> InputError:
         p = self.task.path.points[0] * 1e3

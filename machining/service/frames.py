@@ -10,7 +10,7 @@ import numpy as np
 
 from machining.service.fields import Fields
 from machining.service.wire import number, numbers
-from machining.task import ALONG
+from machining.task import ALONG, across, tool_frames
 from robots.arrays import Array
 from robots.robot import rotation_rpy
 
@@ -67,41 +67,21 @@ def target_of(fields: Fields, reference: Array) -> Array:
     assert point is not None  # noqa: S101 - one of the three is given
     if axis is None:
         raise fields.needed("tool_axis", "the direction from the tool's tip into the holder")
-    return standing(fields, point, axis, math.radians(gamma or 0.0), reference)
-
-
-def standing(fields: Fields, point: Sequence[float], axis: Sequence[float], gamma: float, reference: Array) -> Array:
-    """Tool frame (4, 4) m at a point (mm) with a tool axis and gamma (rad), as :meth:`machining.Task.tool_frames`."""
-    a, b, c = axis
-    x, y, z = _reference(axis, reference)
-    if math.hypot(x, y, z) < ALONG:
+    one = np.array([axis])
+    if np.linalg.norm(across(one, reference)) < ALONG:
         raise fields.fault(
             "tool_axis", list(axis), f"not along the reference direction {reference.tolist()}", "set another reference"
         )
-    size = math.hypot(x, y, z)
-    x, y, z = x / size, y / size, z / size
-    u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
-    cos, sin = math.cos(gamma), math.sin(gamma)
-    x, y, z = cos * x + sin * u, cos * y + sin * v, cos * z + sin * w
-    # y = z x x with z = -axis.
-    return np.array([
-        [x, c * y - b * z, -a, point[0] * 1e-3],
-        [y, a * z - c * x, -b, point[1] * 1e-3],
-        [z, b * x - a * y, -c, point[2] * 1e-3],
-        [0.0, 0.0, 0.0, 1.0],
-    ])  # fmt: skip
+    return tool_frames(1e-3 * np.array([point]), one, reference, np.radians([[gamma or 0.0]]))[0, 0]
 
 
 def gamma_of(T: Array, reference: Array) -> float:
     """Angle about the tool axis (rad) of a tool frame; NaN where the reference is along the axis."""
-    axis = (-T[:3, 2]).tolist()
-    x, y, z = _reference(axis, reference)
-    if math.hypot(x, y, z) < ALONG:
+    axis, x = -T[:3, 2], T[:3, 0]
+    x0 = across(axis[None], reference)[0]
+    if np.linalg.norm(x0) < ALONG:
         return math.nan
-    a, b, c = axis
-    i, j, k = T[:3, 0].tolist()
-    across = i * (b * z - c * y) + j * (c * x - a * z) + k * (a * y - b * x)
-    return math.atan2(across, i * x + j * y + k * z)
+    return math.atan2(x @ np.cross(axis, x0), x @ x0)
 
 
 def shown(T: Array, reference: Array) -> dict[str, Any]:
@@ -119,19 +99,3 @@ def shown(T: Array, reference: Array) -> dict[str, Any]:
         "tool_axis": numbers(-T[:3, 2], 12),
         "gamma_deg": number(math.degrees(gamma_of(T, reference)), 9),
     }
-
-
-def inverse(T: Array) -> Array:
-    """Inverse of a rigid transform (4, 4)."""
-    out = np.eye(4)
-    out[:3, :3] = T[:3, :3].T
-    out[:3, 3] = -(out[:3, :3] @ T[:3, 3])
-    return out
-
-
-def _reference(axis: Sequence[float], reference: Array) -> tuple[float, float, float]:
-    """The reference direction laid onto the plane across the tool axis, not made long."""
-    a, b, c = axis
-    x, y, z = reference.tolist()
-    along = a * x + b * y + c * z
-    return x - along * a, y - along * b, z - along * c

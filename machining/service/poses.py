@@ -8,6 +8,7 @@ import numpy as np
 
 from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene, clearance
+from machining.cell.cell import inverse
 from machining.service.asked import (
     QUANTITIES,
     Arm,
@@ -31,7 +32,7 @@ from machining.service.asked import (
     values_of,
 )
 from machining.service.fields import MOST, Fields
-from machining.service.frames import inverse, shown, target_of
+from machining.service.frames import shown, target_of
 from machining.service.state import state_of
 from machining.service.wire import number, numbers
 from machining.stiffness.cartesian import translational
