@@ -1,23 +1,38 @@
-"""The command best_angle: the angle gamma and the branch that make the arm stiffest at one point.
+"""Commands that search: best_angle at one point, best_path along a block of points, best_base for a point or a block.
 
-The search of :func:`machining.best_postures`, without postures that may not be taken: singular ones, those farther
-from the last posture than a jump, and, of the best that remain, those that collide.
+The search of best_angle is that of :func:`machining.best_postures`, without postures that may not be taken: singular
+ones, those farther from the last posture than a jump, and, of the best that remain, those that collide.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from machining.cutting import ConstantForce
+from machining.placement import Goal, Problem, find_fixed, space_of
+from machining.placement.problem import Aim
 from machining.posture.drive import Drive
+from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange, Postures, Sweep, refined_peaks, sweep_gamma
-from machining.service.asked import Arm, best_first, factor_of, flag_of, generator, key_of, middle, near_of
-from machining.service.blocks import block_of, collisions_of, distances, gammas_of, quantity_of
-from machining.service.fields import Fields
-from machining.service.state import State, state_of
-from machining.service.wire import number, numbers
+from machining.posture.problem import course_at
+from machining.service.asked import Arm, best_first, flag_of, generator, middle, near_of, unit_of
+from machining.service.blocks import (
+    Block,
+    block_of,
+    collisions_of,
+    course_payload,
+    distances,
+    drive_of,
+    gammas_of,
+    objective_of,
+    quantity_of,
+)
+from machining.service.state import State, state_of, vectors_of
+from machining.service.wire import Fields, number, numbers
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError, Reason
@@ -28,6 +43,7 @@ from robots.inverse.turns import nearest_turn
 PEAKS = 3
 # Postures that are asked for collisions at once, and in all.
 AT_ONCE, TRIES = 16, 400
+BASE_AIMS: Mapping[str, Aim] = {"mean": "mean", "worst": "worst", "ksf": "ksf"}
 
 
 def best_angle(arm: Arm, fields: Fields) -> dict[str, Any]:
@@ -44,11 +60,12 @@ def best_angle(arm: Arm, fields: Fields) -> dict[str, Any]:
     search = _Search(arm, block.task, objective, gammas, near, np.inf if jump is None else float(np.radians(jump)))
     found = search.best_first(refine)
     at, room = _first_free(arm, state, found.q) if collisions else (0, np.nan)
+    key, factor = unit_of(quantity)
     answer: dict[str, Any] = {
         "gamma_deg": number(np.degrees(found.gamma[at]), 9),
         "q_deg": numbers(np.degrees(found.q[at])),
         "branch": found.names[found.branch[at]],
-        key_of(quantity): number(found.value[at] * factor_of(quantity)),
+        key: number(found.value[at] * factor),
         **flag_of(arm, quantity, found.value[at]),
     }
     return answer | {"clearance_mm": number(room * 1e3, 9)} if collisions else answer
@@ -132,3 +149,88 @@ def _first_free(arm: Arm, state: State, q: Array) -> tuple[int, float]:
         allowed="one that keeps the cell's safety distance",
         remedy="widen the range of gamma, move what is in the way, or ask with collisions = false to see the posture",
     )
+
+
+def best_path(arm: Arm, fields: Fields) -> dict[str, Any]:
+    """Gamma, branch and turns along a block; with ``gamma_deg`` branch and turns only."""
+    state = state_of(fields, arm.state)
+    block = block_of(arm, fields, state, "points_mm")
+    objective, fixed, gammas = objective_of(fields, block.force), fields.number("gamma_deg"), gammas_of(fields)
+    collisions = collisions_of(arm, fields)
+    drive = drive_of(arm, fields, state, collisions)
+    fields.done()
+    task, free = block.task, block.free
+    if fixed is None:
+        course = optimise_long_path(
+            arm.model, task, objective, gammas, drive, free=free, generator=generator(arm)
+        ).course
+    else:
+        gamma = float(np.radians(fixed))
+        course = course_at(arm.model, task, gamma, objective, drive, free=free, generator=generator(arm))
+    return course_payload(arm, course, objective) | {"collisions_looked_at": collisions}
+
+
+def best_base(arm: Arm, fields: Fields) -> dict[str, Any]:
+    """Best position at rest by the stiffness along the cutting force; the rest is :mod:`machining.placement`."""
+    state = state_of(fields, arm.state)
+    if state.relative_to != "part":
+        raise fields.fault("relative_to", state.relative_to, "part: the base is what is looked for")
+    force = _force(fields, state)
+    block = block_of(arm, fields, state, "points_mm" if fields.has("points_mm") else "point_mm")
+    aim = BASE_AIMS[fields.choice("aim", tuple(BASE_AIMS), "mean")]
+    fixed, gammas = fields.number("gamma_deg"), gammas_of(fields)
+    ranges = _ranges(fields, state)
+    collisions = collisions_of(arm, fields)
+    drive = drive_of(arm, fields, state, False)
+    fields.done()
+    problem = Problem(
+        model=arm.bare,
+        space=space_of(state.cell, ranges, table=state.table),
+        path=block.task.path,
+        goal=Goal(aim, ConstantForce(_along(fields, block) if force is None else force, "part")),
+        gamma=gammas if fixed is None else float(np.radians(fixed)),
+        drive=drive,
+        scene=arm.scene if collisions else None,
+        clearance=state.cell.safety if collisions else 0.0,
+        free=block.free,
+        reference=state.reference,
+    )
+    found = find_fixed(problem)
+    travel, _ = problem.space.sites(found.x[None])
+    answer = {"travel_mm": numbers(travel[0] * 1e3), "axes": [axis.name for axis in state.cell.linear_axes]}
+    return answer | course_payload(arm, found.course, Objective("directional")) | {"collisions_looked_at": collisions}
+
+
+def _force(fields: Fields, state: State) -> Array | None:
+    """Force, else direction that stiffness is looked at along (3,), part axes; None: the tool axis."""
+    given = vectors_of(fields, "force_N", state.force)
+    if given is None:
+        given = vectors_of(fields, "direction", state.direction)
+    if given is not None and given.ndim != 1:
+        raise fields.fault("force_N", f"{len(given)} rows", "three numbers for all points")
+    return given
+
+
+def _along(fields: Fields, block: Block) -> Array:
+    axes = block.task.path.axes
+    if not np.allclose(axes, axes[0]):
+        raise fields.needed("force_N or direction", "the direction of the cutting force, as the tool axis is not one")
+    return np.asarray(axes[0])
+
+
+def _ranges(fields: Fields, state: State) -> dict[str, tuple[float, float]]:
+    """``range_mm`` {axis: [lower, upper]}; axes not named have their limits."""
+    given = fields.take("range_mm")
+    if given is None:
+        return {}
+    if not isinstance(given, dict):
+        raise fields.fault("range_mm", given, 'as in {"rail": [-500, 500]}')
+    inner = Fields(given, f"{fields.do}: range_mm")
+    found = {}
+    for axis in state.cell.linear_axes:
+        ends = inner.vector(axis.name, 2)
+        if ends is not None:
+            found[axis.name] = (ends[0] * 1e-3, ends[1] * 1e-3)
+    inner.seen = [axis.name for axis in state.cell.linear_axes]
+    inner.done()
+    return found
