@@ -22,8 +22,7 @@ from doe.tables.measurements import Measurements
 from fem.effects import LOAD_PATH
 from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel
-from fem.free.named_numbers import NamedNumbers, described_variables, named_numbers
-from fem.free.parameters import Parameter
+from fem.free.parameters import NamedNumbers, Parameter, described_variables, named_numbers
 from robots import ModelDescription
 from robots.arrays import Array
 from robots.schema.description import Calibration as Origin

@@ -14,7 +14,7 @@ from doe.tables.loaded import loaded_points
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
-from fem.effects.history import History
+from fem.effects.situation import History
 from fem.free.laws import FreeLaw
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter

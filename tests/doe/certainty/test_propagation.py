@@ -26,7 +26,7 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.campaign import campaign_of
 from doe.model_file.applied import apply_estimates
 from fem import ArmModel, build_model
-from fem.free.named_numbers import named_numbers
+from fem.free.parameters import named_numbers
 from fem.springs import LawSpring
 from robots import InputError, ModelDescription, Robot, load_description
 from robots.schema.description import LogFourierLaw
