@@ -16,8 +16,8 @@ from scipy.linalg import block_diag
 
 from doe.calibration.run import Calibration, StageResult
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.model_file.carried_on import NOTHING, CarriedOn, carried_on
-from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
+from doe.estimation.problem import Problem
+from doe.model_file.uncertainty_table import NOTHING, CarriedOn, FoundNumber, carried_on, uncertainty_table
 from doe.tables.measurements import Measurements
 from fem.effects import LOAD_PATH
 from fem.elements.walls import wall_flexibilities
@@ -147,17 +147,15 @@ def _whitened(found: Calibration, s: StageResult, numbers: NamedNumbers) -> Arra
 
 
 def _share_readings(stages: tuple[StageResult, ...]) -> bool:
-    seen: set[bytes] = set()
-    for s in stages:
-        p = s.estimate.problem
-        at = p.free.at
-        # Poses are compared by their labels: an angle found in between moves the loaded poses.
-        rows = np.column_stack([np.linalg.norm(at.wrench[p.row, :3], axis=1), p.value, p.component])
-        keys = {p.poses[k].encode() + np.round(row, 9).tobytes() for k, row in zip(p.pose, rows, strict=True)}
-        if keys & seen:
-            return True
-        seen |= keys
-    return False
+    """Whether a reading serves two stages."""
+    keys = [_reading_keys(s.estimate.problem) for s in stages]
+    return len(set[object]().union(*keys)) < sum(map(len, keys))
+
+
+def _reading_keys(p: Problem) -> set[tuple[str, bytes]]:
+    # Poses are compared by their labels: an angle found in between moves the loaded poses.
+    rows = np.column_stack([np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1), p.value, p.component])
+    return {(p.poses[k], row.tobytes()) for k, row in zip(p.pose, np.round(rows, 9), strict=True)}
 
 
 def _carried(before: CarriedOn, k: int, p: Parameter, own: float) -> FoundNumber:

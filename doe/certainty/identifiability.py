@@ -8,8 +8,19 @@ from operator import attrgetter
 
 import numpy as np
 
-from doe.certainty.combinations import Combination, alike, complement, components, groups, sparsest
-from doe.certainty.trade_off_words import KNOWN, combination_words, group_words, near_words, unit_of
+from doe.certainty.combinations import (
+    KNOWN,
+    Combination,
+    alike,
+    combination_words,
+    complement,
+    components,
+    group_words,
+    groups,
+    near_words,
+    sparsest,
+    unit_of,
+)
 from doe.certainty.uncertainty import Certainty, determined_covariance
 from doe.estimation.estimate import Estimate, step_sizes
 from fem.free.parameters import Parameter

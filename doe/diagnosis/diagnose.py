@@ -18,7 +18,7 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count
 from doe.diagnosis.testable import not_testable, twins
 from doe.estimation.noise import Noise, within_readings
-from doe.plausibility.telling import told_by
+from doe.plausibility.passive_arm import told_by
 from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
 from robots.arrays import Array

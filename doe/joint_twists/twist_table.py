@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from doe.certainty.uncertainty import Status
 from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
 from doe.joint_twists.laws import Law
-from doe.model_file.uncertainty_table import FoundNumber, Status, uncertainty_table
+from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
 from fem import ArmModel
 from robots.arrays import Array
 from robots.schema.uncertainty import CalibrationUncertainty

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from doe import Measurements
 from doe.estimation.problem import problem
-from doe.plausibility.frozen import refuse_frozen
-from doe.plausibility.telling import refuse_telling_nothing
+from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
 from fem.arm import Arm
 
 

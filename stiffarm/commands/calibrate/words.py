@@ -14,7 +14,7 @@ from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import FEWEST_POSES, Noise, estimable
 from doe.estimation.problem import Problem
-from doe.plausibility.telling import NOISY
+from doe.plausibility.passive_arm import NOISY
 from doe.published.pose_studies import PoseStudies
 from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter

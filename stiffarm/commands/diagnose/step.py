@@ -19,7 +19,7 @@ from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.where import Group, where, without_history
 from doe.estimation.campaign import campaign_of
-from doe.plausibility.frozen import refuse_frozen
+from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
 from doe.tables.load_history import history_of, history_of_part
 from fem.arm import Arm

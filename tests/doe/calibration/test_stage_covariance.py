@@ -11,7 +11,7 @@ from doe import Measurements
 from doe.calibration.run import Calibration, run_campaign
 from doe.calibration.written import calibration_table, stage_covariance
 from doe.estimation.campaign import Campaign, campaign_of, parse_campaign
-from doe.model_file.carried_on import carried_on
+from doe.model_file.uncertainty_table import carried_on
 from fem import build_model
 from robots import ModelDescription, Robot, load_description
 from robots.schema.description import Calibration as Origin

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from table_cases import THREE_WAYS, Arm, campaign, plain_arm, table, with_springs
 
-from doe.plausibility.frozen import refuse_frozen
+from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.joined import join
 from doe.tables.loaded import select_loads
 from doe.tables.measurements import Measurements

@@ -1,4 +1,4 @@
-"""Whether readings tell anything about the arm at all, asked before any number is made of them.
+"""Readings held against all passive arms of the model's geometry: those that tell nothing, columns that stand still.
 
 A calibration answers whatever it is given: of readings with every second sign flipped it makes springs at their rigid
 end and a large noise. So readings are first held against all passive arms of the model's geometry
@@ -7,6 +7,11 @@ arm with some noise. Where it is more, they must follow the arm better than chan
 with the signs of whole rows drawn at random (a passive arm gives along its loads), and better than with rows exchanged
 at random (it gives by pose and load). Both are tests by randomisation (Fisher 1935; Edgington and Onghena,
 Randomization Tests, 4th ed.), exact whatever the noise is distributed like.
+
+Readings stand still while the arm gives way where a gauge does not touch, sticks, or was never connected. A column that
+shows one value in all set-ups is right where the arm does nothing else there (across the plane of its links, about an
+axis without a lever, at angles that only turn the whole arm). Where no arm that comes near the other columns keeps this
+one still, it is the gauge that stands.
 """
 
 from __future__ import annotations
@@ -17,9 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from doe.estimation.problem import Problem
-from fem import spring_influence
-from robots import InputError
+from doe.estimation.problem import Problem, problem
+from doe.tables.columns import DISPLACEMENTS
+from doe.tables.joined import files_of
+from doe.tables.measurements import Measurements
+from fem import ArmModel, spring_influence
+from robots import InputError, InputErrors
 from robots.arrays import Array, Indices, Integers
 
 # Scatter of less than this share of the readings leaves no doubt that they follow the arm: random readings get there
@@ -32,6 +40,14 @@ DRAWS = 499
 ROUNDING = 1e-9
 # Ways of giving that move readings by less than this share of what the strongest one does are rounding.
 BLIND = 1e-12
+# A column stands still against the arm where the nearest arm departs from it by more than a digit of the readings and
+# by more than this share of what was read, of few set-ups more, for two or three may read the same by chance: two loads
+# of which one is twice the other are enough.
+STILL, FEW = 0.1, 0.6
+# Digits of a millimetre (or mrad) beyond which none was read.
+MOST_DIGITS = 6
+# By which a rotation is compared with translations, m: about the reach at which they were read.
+LEVER_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -185,3 +201,79 @@ def _alike(table: Array) -> list[Indices]:
     """Rows (k,) of a table with the same components read, which may be exchanged for one another."""
     kind = np.unique(np.isnan(table), axis=0, return_inverse=True)[1].reshape(-1)
     return [np.flatnonzero(kind == k) for k in range(int(kind.max()) + 1)]
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """A column that shows one ``value`` (m or rad) in ``setups`` set-ups, where an arm would leave it by ``moves``."""
+
+    component: int
+    value: float
+    setups: int
+    moves: float
+
+    def fault(self, source: str) -> InputError:
+        """The fault in words."""
+        unit = "mm" if self.component < 3 else "mrad"
+        name, value, moves = DISPLACEMENTS[self.component], 1e3 * self.value, 1e3 * self.moves
+        return InputError(
+            f"{source}: column {name} reads the same in all {self.setups} set-ups",
+            value=f"{value:g} {unit}",
+            allowed=f"readings that follow load and pose: an arm of this geometry would leave it by {moves:.2g} {unit}",
+            remedy="check that the gauge touches and moves freely; leave cells empty where nothing was read",
+        )
+
+
+def refuse_frozen(model: ArmModel, data: Measurements) -> None:
+    """Refuse tables in which nothing moved, or a column that stands still where the arm cannot; each file by itself.
+
+    Raises
+    ------
+    InputError
+        Naming file, column and value.
+    InputErrors
+        Several of them.
+    """
+    files = files_of(data) or (data.source,) * data.n
+    faults = []
+    for file in dict.fromkeys(files):
+        mine = data.select(np.array([name == file for name in files]))
+        if not np.nan_to_num(mine.displacement).any():
+            faults.append(
+                InputError(
+                    f"{file}: every reading is 0",
+                    allowed="readings that differ from 0: every arm gives way under a load",
+                    remedy="check that the gauge touches, and that the columns hold what it read",
+                )
+            )
+        else:
+            faults += [one.fault(file) for one in frozen_columns(PassiveArm.of(problem(model, mine, ())))]
+    if faults:
+        raise faults[0] if len(faults) == 1 else InputErrors(data.source, faults)
+
+
+def frozen_columns(arm: PassiveArm) -> list[Frozen]:
+    """Columns that show one value in several set-ups where no passive arm near the readings does."""
+    # Something in series gives the same under the same load in any pose; springs and links must explain that.
+    lever = np.where(arm.component < 3, 1.0, 1.0 / LEVER_M)
+    near = PassiveArm(arm.ways[:, :-1], arm.value, arm.row, arm.component, arm.setup).over(lever)
+    away = (near.fit()[0] - near.value) * lever
+    size, digit = float(np.sqrt(np.mean(near.value**2))), _digit(arm.value)
+    out = []
+    for k in np.unique(arm.component):
+        mine = arm.component == k
+        setups = len(np.unique(np.round(arm.setup[arm.row[mine]], 9), axis=0))
+        moves = float(np.sqrt(np.mean(away[mine] ** 2)))
+        still = setups > 1 and np.ptp(arm.value[mine]) == 0.0
+        if still and moves > digit and moves / lever[mine][0] > max(STILL, FEW / setups) * size:
+            out.append(Frozen(int(k), float(arm.value[mine][0]), setups, moves))
+    return out
+
+
+def _digit(value: Array) -> float:
+    """The last digit (m or rad) that any of the readings (m,) shows in mm or mrad."""
+    for k in range(MOST_DIGITS):
+        shown = 1e3 * value * 10.0**k
+        if np.all(np.abs(shown - np.round(shown)) < 1e-6 * np.maximum(1.0, np.abs(shown))):
+            return float(10.0 ** -(k + 3))
+    return float(10.0 ** -(MOST_DIGITS + 3))
