@@ -188,7 +188,7 @@ class Misfits:
 
 def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: bool) -> Misfits | None:
     """The readings of one kind against springs of the class; None where none of that kind moves with a spring."""
-    e = equations(model, data, 1.0)
+    e = equations(model, data)
     e = e.take((e.component >= 3) == rotations)
     lever = max(reach_of(model.robot), SHORTEST)
     load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / lever)[e.row]

@@ -21,15 +21,14 @@ class Equations:
     """m read components, one equation each.
 
     ``influence`` (m, dof): displacement (m or rad) per unit compliance of each joint's axial spring;
-    ``rest`` (m,): displacement from all else; ``value`` (m,): what was read; ``sigma`` (m,): its standard
-    deviation; ``row`` (m,): reading it belongs to; ``component`` (m,): 0..5 as in COMPONENTS;
+    ``rest`` (m,): displacement from all else; ``value`` (m,): what was read;
+    ``row`` (m,): reading it belongs to; ``component`` (m,): 0..5 as in COMPONENTS;
     ``q`` (m, dof): pose; ``pose``: its label.
     """
 
     influence: Array
     rest: Array
     value: Array
-    sigma: Array
     row: Integers
     component: Integers
     q: Array
@@ -44,7 +43,6 @@ class Equations:
             self.influence[mask],
             self.rest[mask],
             self.value[mask],
-            self.sigma[mask],
             self.row[mask],
             self.component[mask],
             self.q[mask],
@@ -65,31 +63,21 @@ class Equations:
                 raise InputError("pose", value=pose, allowed=f"one that was read: {known}")
         return self.take(np.isin(np.array(self.pose, dtype=str), poses))
 
-    def predict(self, compliances: Array) -> Array:
-        """Predicted readings (m,) for compliances (dof,) or (m, dof) in rad/(N m)."""
-        return np.asarray(self.rest + np.sum(self.influence * compliances, axis=1))
-
 
 def model_compliances(model: ArmModel, q: Array) -> Array:
     """Axial compliances (m, dof) in rad/(N m) of a model at poses q (m, dof)."""
     return np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1)
 
 
-def equations(model: ArmModel, data: Measurements, gauge_m: float) -> Equations:
-    """Set up the equations of all read components.
-
-    ``gauge_m`` is the standard deviation (m; for rotations the same number in rad) of readings that
-    carry no ``sigma_mm`` of their own.
-    """
+def equations(model: ArmModel, data: Measurements) -> Equations:
+    """Set up the equations of all read components."""
     at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
     influence, rest = spring_influence(model, at.q, at.wrench, at.point)
     row, component = np.nonzero(data.used)
-    sigma = np.where(np.isnan(data.sigma), gauge_m, data.sigma)
     return Equations(
         influence=influence[row, :, component],
         rest=rest[row, component],
         value=data.displacement[row, component],
-        sigma=sigma[row],
         row=row,
         component=component,
         q=data.q[row],

@@ -137,7 +137,7 @@ def study_poses(
     joints = tuple(name.removesuffix(".law") for name in stage.parameters)
     choices = {law.joint: law for law in campaign.regressions}
     gauge, start = campaign.noise.gauge_mm * 1e-3, campaign.springs.start_Nm_per_rad
-    system = equations(model, data, gauge)
+    system = equations(model, data)
     columns = [model.robot.joint_names.index(joint) for joint in joints]
     fits = []
     for pose in stage.poses:
