@@ -23,18 +23,6 @@ from doe.estimation.problem import Problem
 from doe.estimation.restricted_likelihood import Known, Likelihood, Term, maximise
 from robots.arrays import Array
 
-__all__ = [
-    "Noise",
-    "Origin",
-    "estimable",
-    "fit_noise",
-    "likelihood",
-    "origin",
-    "own_residual",
-    "terms_of",
-    "within_readings",
-]
-
 Origin = Literal["given", "repeats", "residual"]
 
 # Fewer poses or readings than these say nothing about a variance beside the parameters.
@@ -193,17 +181,11 @@ def likelihood(
     ``error`` (m,) = read - f; J (m, p): derivatives; ``weight`` (m,) divides the white variance of outliers.
     """
     own, turn = np.isnan(p.sigma), p.component >= 3
-    kinds = {"0": ~turn, "1": turn}
-    terms = []
-    for name in names:
-        if name in WHITE:
-            terms.append(Term(name, (own & kinds[name[-1]]) / weight, common=False))
-        elif name == "share":
-            terms.append(Term(name, f**2 / weight, common=False))
-        elif name == "pose_share":
-            terms.append(Term(name, f, common=True, column=1))
-        else:
-            terms.append(Term(name, kinds[name[-1]].astype(float), common=True, column=0))
+    patterns = {
+        "white0": (own & ~turn) / weight, "white1": (own & turn) / weight, "share": f**2 / weight,
+        "pose0": (~turn).astype(float), "pose1": turn.astype(float), "pose_share": f,
+    }  # fmt: skip
+    terms = [Term(n, patterns[n], common=n.startswith("pose"), column=int(n == "pose_share")) for n in names]
     fixed = rest.with_variances(names, np.zeros(len(names))).variance(p, f) / weight
     return Likelihood(p.blocks, tuple(terms), fixed, _independent(J), error)
 
