@@ -13,8 +13,8 @@ from robots.schema.description import Joint, ModelDescription
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
-# Cosine of a pitch below which roll and yaw turn about one axis, as far as a double can tell.
-GIMBAL = 1e-7
+# Cosine of a pitch below which roll and yaw turn about one axis, but for the rounding of a rotation.
+GIMBAL = 1e-15
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Parallelogram:
     pin: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Robot:
     """Kinematics and limits of a chain of revolute joints; SI, immutable.
 
@@ -177,12 +177,6 @@ def with_zero_errors(robot: Robot, more: Array) -> Robot:
     return replace(robot, offset=robot.offset + robot.sign * more)
 
 
-def rotation_about_x(angle: float) -> Array:
-    """3x3 rotation about x."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
 def rotation_rpy(rpy: Array) -> Array:
     """3x3 rotation of fixed-axis roll, pitch, yaw (URDF's convention)."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
@@ -196,12 +190,14 @@ def rotation_rpy(rpy: Array) -> Array:
 
 
 def rpy_of(R: Array) -> Array:
-    """The angles (3,) rad of :func:`rotation_rpy`; where the second is a right angle, the third is taken as 0."""
-    level = float(np.hypot(R[0, 0], R[1, 0]))
-    b = np.arctan2(-R[2, 0], level)
-    if level < GIMBAL:  # the first and the third then turn about one axis
-        return np.array([np.arctan2(-R[1, 2], R[1, 1]), b, 0.0])
-    return np.array([np.arctan2(R[2, 1], R[2, 2]), b, np.arctan2(R[1, 0], R[0, 0])])
+    """The angles (3,) rad of :func:`rotation_rpy`; where the second is a right angle, the third is taken as 0.
+
+    Yaw first, then roll and pitch of what remains: near a pitch of 90 deg, where roll and yaw are hardly told
+    apart, the three still give the rotation back to round-off. Separate arctangents lose half the digits.
+    """
+    yaw = np.arctan2(R[1, 0], R[0, 0]) if np.hypot(R[0, 0], R[1, 0]) > GIMBAL else 0.0
+    rest = rotation_rpy(np.array([0.0, 0.0, -yaw])) @ R
+    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])
 
 
 def _rotation_z_to(axis: Array) -> Array:
@@ -227,7 +223,7 @@ def _placement(joint: Joint) -> tuple[Array, Array]:
     if joint.dh is not None:
         alpha, a, d = joint.dh.alpha.si, joint.dh.a.si, joint.dh.d.si
         pre = np.eye(4)
-        pre[:3, :3] = rotation_about_x(alpha)
+        pre[:3, :3] = rotation_rpy(np.array([alpha, 0.0, 0.0]))
         # Rot_z and Trans_z commute, so d can be done before the joint turns.
         pre[:3, 3] = (a, -d * np.sin(alpha), d * np.cos(alpha))
         return pre, np.eye(3)

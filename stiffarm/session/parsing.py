@@ -7,8 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots import InputError, InputErrors, Robot
+from robots import InputError, Robot
 from robots.arrays import Array
+from robots.errors import raise_any
 from robots.robot import rotation_rpy, rpy_of
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
@@ -86,8 +87,7 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
             faults.append(InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one"))
         else:
             out[name] = value
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(option, faults)
+    raise_any(option, faults)
     return out
 
 
