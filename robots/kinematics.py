@@ -8,6 +8,7 @@ import numpy as np
 
 from robots.arrays import Array
 from robots.errors import InputError
+from robots.frames import framed
 from robots.robot import Robot
 
 
@@ -25,6 +26,11 @@ class BodyFrames:
     axis: Array
     R_flange: Array
     p_flange: Array
+
+    @property
+    def T_flange(self) -> Array:  # noqa: N802 - a transform
+        """The flange (n, 4, 4), m."""
+        return framed(self.R_flange, self.p_flange)
 
 
 def as_poses(robot: Robot, q: Array) -> Array:

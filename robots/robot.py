@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from robots.arrays import Array, Bools
 from robots.errors import InputError
-from robots.schema.description import Joint, ModelDescription
+from robots.frames import framed, rotation_rpy
+from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
-# Cosine of a pitch below which roll and yaw turn about one axis, but for the rounding of a rotation.
-GIMBAL = 1e-15
 
 
 @dataclass(frozen=True)
@@ -177,29 +175,6 @@ def with_zero_errors(robot: Robot, more: Array) -> Robot:
     return replace(robot, offset=robot.offset + robot.sign * more)
 
 
-def rotation_rpy(rpy: Array) -> Array:
-    """3x3 rotation of fixed-axis roll, pitch, yaw (URDF's convention)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
-def rpy_of(R: Array) -> Array:
-    """The angles (3,) rad of :func:`rotation_rpy`; where the second is a right angle, the third is taken as 0.
-
-    Yaw first, then roll and pitch of what remains: near a pitch of 90 deg, where roll and yaw are hardly told
-    apart, the three still give the rotation back to round-off. Separate arctangents lose half the digits.
-    """
-    yaw = np.arctan2(R[1, 0], R[0, 0]) if np.hypot(R[0, 0], R[1, 0]) > GIMBAL else 0.0
-    rest = rotation_rpy(np.array([0.0, 0.0, -yaw])) @ R
-    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])
-
-
 def _rotation_z_to(axis: Array) -> Array:
     """Turn z into ``axis`` by the shortest way; below the xy plane by half a turn about x first."""
     a = axis / np.linalg.norm(axis)
@@ -211,22 +186,17 @@ def _rotation_z_to(axis: Array) -> Array:
     return np.asarray(np.eye(3) + vx + vx @ vx / (1.0 + a[2]))
 
 
-def _transform(part: Any) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = part.xyz.si_array
-    if part.rpy is not None:
-        T[:3, :3] = rotation_rpy(part.rpy.si_array)
-    return T
+def _transform(part: FrameRow | Flange | Tool) -> Array:
+    rpy = np.zeros(3) if part.rpy is None else part.rpy.si_array
+    return framed(rotation_rpy(rpy), part.xyz.si_array)
 
 
 def _placement(joint: Joint) -> tuple[Array, Array]:
     if joint.dh is not None:
         alpha, a, d = joint.dh.alpha.si, joint.dh.a.si, joint.dh.d.si
-        pre = np.eye(4)
-        pre[:3, :3] = rotation_rpy(np.array([alpha, 0.0, 0.0]))
         # Rot_z and Trans_z commute, so d can be done before the joint turns.
-        pre[:3, 3] = (a, -d * np.sin(alpha), d * np.cos(alpha))
-        return pre, np.eye(3)
+        xyz = np.array([a, -d * np.sin(alpha), d * np.cos(alpha)])
+        return framed(rotation_rpy(np.array([alpha, 0.0, 0.0])), xyz), np.eye(3)
     assert joint.frame is not None  # noqa: S101 - the schema guarantees one of the two
     pre = _transform(joint.frame)
     to_axis = _rotation_z_to(np.array(joint.frame.axis))

@@ -20,7 +20,7 @@ from fem.model import ArmModel, LinkPart
 from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.transfers import FLAT_SINE
 from robots.arrays import Array
-from robots.robot import rotation_rpy
+from robots.frames import rotation_rpy
 
 # Sines and cosines of fixed angles this near to 0 or 1 are meant to be; they come from degrees and products of cosines.
 SNAP = 4.0 * np.finfo(np.float64).eps

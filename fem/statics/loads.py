@@ -9,8 +9,8 @@ import numpy as np
 from fem.model import ArmModel
 from robots import Robot
 from robots.arrays import Array
+from robots.frames import rotation_rpy
 from robots.kinematics import forward_kinematics
-from robots.robot import rotation_rpy
 
 
 @dataclass(frozen=True)

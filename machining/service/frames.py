@@ -12,26 +12,17 @@ from machining.service.fields import Fields
 from machining.service.wire import number, numbers
 from machining.task import ALONG
 from robots.arrays import Array
-from robots.robot import rotation_rpy
+from robots.frames import frame_mm_deg
 
 FRAME_FORM = "[x, y, z, a, b, c] in mm and deg: turned by a, b, c about the fixed axes x, then y, then z"
 # A frame may be given in one of these ways.
 WAYS = ("frame_mm_deg", "matrix_mm", "point_mm")
 
 
-def frame_from(values: Sequence[float]) -> Array:
-    """A frame (4, 4) m from :data:`FRAME_FORM`."""
-    T = np.eye(4)
-    T[:3, 3] = values[:3]
-    T[:3, 3] *= 1e-3
-    T[:3, :3] = rotation_rpy(np.radians(values[3:]))
-    return T
-
-
 def frame_of(fields: Fields, key: str) -> Array | None:
     """The frame (4, 4) m of a key with x, y, z, a, b, c; None where it is not given."""
     values = fields.vector(key, 6)
-    return None if values is None else frame_from(values)
+    return None if values is None else frame_mm_deg(values)
 
 
 def has_target(fields: Fields) -> bool:
@@ -119,14 +110,6 @@ def shown(T: Array, reference: Array) -> dict[str, Any]:
         "tool_axis": numbers(-T[:3, 2], 12),
         "gamma_deg": number(math.degrees(gamma_of(T, reference)), 9),
     }
-
-
-def inverse(T: Array) -> Array:
-    """Inverse of a rigid transform (4, 4)."""
-    out = np.eye(4)
-    out[:3, :3] = T[:3, :3].T
-    out[:3, 3] = -(out[:3, :3] @ T[:3, 3])
-    return out
 
 
 def _reference(axis: Sequence[float], reference: Array) -> tuple[float, float, float]:

@@ -16,7 +16,6 @@ from machining.service.asked import (
     displacements,
     factor_of,
     flag_of,
-    flange_frames,
     force_of,
     in_base,
     key_of,
@@ -31,13 +30,14 @@ from machining.service.asked import (
     values_of,
 )
 from machining.service.fields import MOST, Fields
-from machining.service.frames import inverse, shown, target_of
+from machining.service.frames import shown, target_of
 from machining.service.state import state_of
 from machining.service.wire import number, numbers
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
-from robots import InverseSolutions, Reason
+from robots import InverseSolutions, Reason, forward_kinematics
 from robots.arrays import Array
+from robots.frames import inverse
 from robots.inverse.branches import SINGULARITIES
 
 # Bodies farther apart than this (mm) are not measured unless asked for.
@@ -49,7 +49,7 @@ def fk(arm: Arm, fields: Fields) -> dict[str, Any]:
     state = state_of(fields, arm.state)
     poses = poses_of(arm, fields, state, inside=False)
     fields.done()
-    T = inverse(state.T_base_given) @ flange_frames(arm, poses.q) @ state.T_tool
+    T = inverse(state.T_base_given) @ forward_kinematics(arm.robot, poses.q).T_flange @ state.T_tool
     inside = arm.robot.reachable(poses.q)
     answers = []
     for i in range(len(poses.q)):

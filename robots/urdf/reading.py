@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from robots.arrays import Array
 from robots.errors import InputError, raise_any
-from robots.robot import rpy_of
+from robots.frames import rpy_of
 from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 from robots.schema.quantities import AngleRange, Angles, Mass, Position
 from robots.schema.units import DIMENSIONS

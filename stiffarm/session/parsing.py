@@ -10,7 +10,7 @@ import numpy as np
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.errors import raise_any
-from robots.robot import rotation_rpy, rpy_of
+from robots.frames import frame_mm_deg, rpy_of
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 # Far above any load; beyond about 1e150 squares overflow.
@@ -168,11 +168,7 @@ def parse_frame(text: str, option: str) -> Array:
     values = parse_numbers(text)
     if values is None or len(values) not in (3, 6):
         raise InputError(option, value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0")
-    T = np.eye(4)
-    T[:3, 3] = np.array(values[:3]) * 1e-3
-    if len(values) == 6:
-        T[:3, :3] = rotation_rpy(np.radians(values[3:]))
-    return T
+    return frame_mm_deg(values)
 
 
 def tool_of(robot: Robot, text: str | None) -> Array:

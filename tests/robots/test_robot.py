@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robots.robot import rotation_rpy, rpy_of
+from robots.frames import rotation_rpy, rpy_of
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.7, -1.2, np.pi / 2.0, -np.pi / 2.0])

@@ -21,8 +21,9 @@ from robots import (
     save_description,
 )
 from robots.arrays import Array
+from robots.frames import rotation_rpy, rpy_of
 from robots.library.models import parse_description, to_toml
-from robots.robot import Robot, robot_from, rotation_rpy, rpy_of
+from robots.robot import Robot, robot_from
 from robots.urdf.reading import Primitive, UrdfRobot, Visual
 from robots.urdf.shapes import find_mesh
 
