@@ -82,6 +82,11 @@ class ToolPath:
         """Length (n - 1,) m of each segment."""
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
 
+    @property
+    def arc_length(self) -> Array:
+        """Length (n,) m of the path up to each point."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+
     def even_rows(self, count: int) -> Integers:
         """About ``count`` points, evenly along the path, its ends among them; turns of the tool count as length."""
         if count >= self.n:
@@ -189,13 +194,25 @@ class Task:
         InputError
             Shape, or angles that are not finite.
         """
-        angle = as_gammas(gamma, self.path.n)
-        axis, reference = self.axes, self.T_base_part[:3, :3] @ np.asarray(self.reference)
-        x0 = reference - (axis @ reference)[:, None] * axis
-        x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
-        x = np.cos(angle)[..., None] * x0[:, None] + np.sin(angle)[..., None] * np.cross(axis, x0)[:, None]
-        z = np.broadcast_to(-axis[:, None], x.shape)
-        return framed(np.stack([x, np.cross(z, x), z], axis=-1), self.targets[:, None])
+        reference = self.T_base_part[:3, :3] @ np.asarray(self.reference)
+        return tool_frames(self.targets, self.axes, reference, as_gammas(gamma, self.path.n))
+
+
+def tool_frames(points: Array, axes: Array, reference: Array, gamma: Array) -> Array:
+    """Frames (n, m, 4, 4) of a tool at points (n, 3) m with tool axes (n, 3), at angles gamma (n, m) rad.
+
+    Gamma counts from ``reference`` (3,), which is along none of the axes; all in one frame.
+    """
+    x0 = across(axes, reference)
+    x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
+    x = np.cos(gamma)[..., None] * x0[:, None] + np.sin(gamma)[..., None] * np.cross(axes, x0)[:, None]
+    z = np.broadcast_to(-axes[:, None], x.shape)
+    return framed(np.stack([x, np.cross(z, x), z], axis=-1), points[:, None])
+
+
+def across(axes: Array, reference: Array) -> Array:
+    """The reference direction (3,) laid onto the planes across tool axes (n, 3), not made long."""
+    return np.asarray(reference - (axes @ reference)[:, None] * axes)
 
 
 def as_gammas(gamma: ArrayLike, n: int) -> Array:

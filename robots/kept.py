@@ -1,4 +1,4 @@
-"""Figures that depend on a robot alone, worked out once for each robot object."""
+"""Figures that depend on one immutable object alone, a robot or a model, worked out once for each."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from functools import wraps
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
-from robots.robot import Robot
-
+Owner = TypeVar("Owner")
 Figure = TypeVar("Figure")
 
 
-def once_per_robot(figure: Callable[[Robot], Figure]) -> Callable[[Robot], Figure]:
-    """Keep what ``figure`` gives for as long as the robot lives. Robots are immutable; errors are not kept.
+def once_for_each(figure: Callable[[Owner], Figure]) -> Callable[[Owner], Figure]:
+    """Keep what ``figure`` gives for as long as its owner lives, which must be immutable and equal to itself only.
+
+    Errors are not kept.
 
     A single target of the inverse kinematics takes a fifth of the time that its robot's figures take to work out.
     """
-    kept: WeakKeyDictionary[Robot, Figure] = WeakKeyDictionary()
+    kept: WeakKeyDictionary[Owner, Figure] = WeakKeyDictionary()
 
     @wraps(figure)
-    def looked_up(robot: Robot) -> Figure:
-        if robot not in kept:
-            kept[robot] = figure(robot)
-        return kept[robot]
+    def looked_up(owner: Owner) -> Figure:
+        if owner not in kept:
+            kept[owner] = figure(owner)
+        return kept[owner]
 
     return looked_up
