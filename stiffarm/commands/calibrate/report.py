@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 import numpy as np
 
 from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
 from robots.arrays import Array, Integers
-from stiffarm import __version__
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.figures.residuals import predictions_figure
 from stiffarm.commands.calibrate.sections import stage_section
@@ -17,7 +14,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.study_section import study_section
 from stiffarm.commands.calibrate.tables import holdout_rows
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.noise_words import scatter_name
 from stiffarm.session.outputs import OutputFolder
 
@@ -35,11 +32,7 @@ def write_report(c: Calibrated, folder: OutputFolder) -> None:
         f"{named}{c.found.count}, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
         f"{c.found.model.link_kind} links, {c.found.model.load_path} load path."
     )
-    footer = (
-        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {c.data.source} "
-        f"(SHA-256 {c.data.sha256[:12]}...). Versions, command and timings: run.json."
-    )
-    folder.write_text("report.html", render(title, lede, _key_figures(c), sections, footer))
+    write_page(folder, title, lede, _key_figures(c), sections, made_of=data_words(c.data))
 
 
 def _key_figures(c: Calibrated) -> list[KeyFigure]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from doe.published.parametric import PoseFit
-from stiffarm.commands.calibrate.figures.springs import response_surface_figure
+from stiffarm.commands.calibrate.figures.laws import laws_figure
+from stiffarm.commands.calibrate.laws import study_curves
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Section, Table
@@ -19,9 +20,7 @@ def study_section(c: Calibrated, pictures: Pictures) -> Section:
 
 def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
     """The same as blocks."""
-    studies, path, robot = c.found.studies, c.model.load_path, c.model.robot
-    laws = {joint: law for s in studies for joint, law in s.laws.items()}
-    points = {joint: one for s in studies for joint, one in s.points.items()}
+    studies, path = c.found.studies, c.model.load_path
     heads = ("stage", "pose", "springs (1e6 N m/rad)", "error (mm)", "runs", "would match as well (1e6 N m/rad)")
     rows = tuple(_row(s.stage.name, fit) for s in studies for fit in s.fits)
     title = f"Staged scheme, {path} load path: {c.found.count}, RMS {c.found.rms_mm:.3f} mm"
@@ -31,7 +30,7 @@ def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
     )
     blocks: list[Block] = [
         Table(title, heads, rows, text_columns=(0, 2, 5)),
-        pictures.add(response_surface_figure(laws, points, robot), f"springs_against_angle_{path}", caption),
+        pictures.add(laws_figure(study_curves(studies, c.model.robot)), f"springs_against_angle_{path}", caption),
     ]
     return [*blocks, Bullets(c.remarks)] if c.remarks else blocks
 

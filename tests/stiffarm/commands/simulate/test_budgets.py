@@ -17,7 +17,8 @@ from fem import Budget, PartKind, build_model, compliance_budget, deflection, de
 from robots import InputError, forward_kinematics, load_description, tool_position
 from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
-from stiffarm.commands.simulate.figures import energy_share_figure, part_colours, workspace_budget_figure
+from stiffarm.commands.simulate.figures import energy_share_figure, pose_shares_figure, workspace_budget_figure
+from stiffarm.pages.bars import part_colours
 from stiffarm.pages.style import save_png
 
 KR60 = build_model(load_description("kr60-3"))
