@@ -112,9 +112,9 @@ def part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, s
 
 
 def share_bands(ax: Axes, edges: Array, share: Array, parts: Sequence[str], kinds: Sequence[PartKind]) -> None:
-    """Stack the parts' shares (n, p), 0 to 1, to columns between ``edges`` (n + 1,), named at the right; NaN: no column.
+    """Stack the parts' shares (n, p), 0 to 1, to columns between ``edges`` (n + 1,), named at the right.
 
-    Parts that are small everywhere are drawn together.
+    NaN: no column. Parts that are small everywhere are drawn together.
     """
     colours, height = part_colours(parts, kinds), 100.0 * share
     most = np.nanmax(share, axis=0)

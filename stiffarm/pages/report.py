@@ -15,6 +15,7 @@ from stiffarm.session.outputs import OutputFolder
 
 if TYPE_CHECKING:
     from doe import Measurements
+    from doe.joint_twists.readings import TwistReadings
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def render(
     )
 
 
-def data_words(data: Measurements) -> str:
+def data_words(data: Measurements | TwistReadings) -> str:
     """Which readings a page was made of."""
     return f"data {data.source} (SHA-256 {data.sha256[:12]}...)"
 

@@ -322,6 +322,11 @@ def prior_text(p: Parameter) -> str:
     return f"{math.exp(mean) * factor:.3g} {unit} within a factor {math.exp(sd):.3g}"
 
 
+def before_text(p: Parameter) -> str:
+    """What the model had before, in the shown unit."""
+    return "-" if not math.isfinite(p.value) else f"{p.value * shown_unit(p)[0]:.3g}"
+
+
 def full_weight_text(robust: StageResult, full: StageResult | None) -> str:
     """What the numbers would be with outliers at full weight: those that would move by more than half an interval."""
     if full is None:

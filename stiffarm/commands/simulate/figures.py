@@ -104,8 +104,10 @@ def workspace_budget_figure(found: WorkspaceBudget, heading: str, subtitle: str 
     return figure
 
 
-def pose_shares_figure(budget: Budget, names: Sequence[str]) -> Figure:
-    """Draw each part's share in the strain energy of n poses (%), a column for each; ``names`` (n,) stand below.
+def pose_shares_figure(budget: Budget, names: Sequence[str], motion_mm: Array | None = None) -> Figure:
+    """Draw each part's share in the strain energy of n poses (%), a column for each.
+
+    ``names`` (n,) stand below, and where it is known the motion of the tool along the load (n,).
 
     Raises
     ------
@@ -115,7 +117,11 @@ def pose_shares_figure(budget: Budget, names: Sequence[str]) -> Figure:
     if not names or len(names) != len(budget.share):
         raise InputError("shares by pose: names", value=len(names), allowed=f"{len(budget.share)}, one a pose, n >= 1")
     with drawing("Where the deflection comes from, pose by pose", (10.0, 4.6)) as (figure, (ax,)):
-        share_bands(ax, np.arange(len(names) + 1) - 0.5, budget.share, budget.parts, budget.kinds)
+        share_bands(ax, np.linspace(-0.5, len(names) - 0.5, len(names) + 1), budget.share, budget.parts, budget.kinds)
+        ax.set_xlabel("pose")
+        if motion_mm is not None:
+            names = [f"{name}\n{motion:.2f}" for name, motion in zip(names, motion_mm, strict=True)]
+            ax.set_xlabel("pose, and below it the tool's motion along the load (mm)")
         named_columns(ax, names)
         ax.set_ylabel("share in the strain energy (%)")
     return figure

@@ -42,9 +42,10 @@ def laws_figure(curves: Sequence[LawCurve]) -> Figure:
     """
     if not curves:
         raise InputError("laws figure: no laws to draw")
-    with panels("Joint stiffness against the joint angles", len(curves), 2, 10.0, 3.7, 0.9) as (figure, axes):
+    heading = "Joint stiffness against the joint angles"
+    with panels(heading, len(curves), 2, 10.0 if len(curves) > 1 else 7.4, 3.9, 0.9) as (figure, axes):
         # Labels of axes in space hang over at the side.
-        figure.get_layout_engine().set(w_pad=0.12, h_pad=0.06)
+        figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.06)
         for ax, curve in zip(axes, curves, strict=True):
             if len(curve.inputs) == 2:
                 place = ax.get_subplotspec()
@@ -52,11 +53,10 @@ def laws_figure(curves: Sequence[LawCurve]) -> Figure:
                 _surface(figure.add_subplot(place, projection="3d"), curve)
             else:
                 _curve(ax, curve)
-        handles = {}
+        keys: dict[str, Any] = {}
         for ax in figure.axes:
-            ax.set_title(ax.get_title(loc="left"), loc="left", weight="bold")
-            handles |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=4)
+            keys |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+        figure.legend(handles=list(keys.values()), loc="outside lower center", ncols=4)
     return figure
 
 
@@ -83,7 +83,7 @@ def _curve(ax: Axes, curve: LawCurve) -> None:
     ax.set_xlabel(angle_label(curve.inputs[0]))
     ax.set_ylabel("stiffness (N m/rad)")
     also = "" if len(angle) else f", also over {', '.join(n.removesuffix('_deg') for n in curve.inputs[1:])}"
-    ax.set_title(f"{curve.joint}: {curve.kind}{also}", loc="left")
+    ax.set_title(f"{curve.joint}: {curve.kind}{also}", loc="left", weight="bold")
 
 
 def _limits(ax: Axes, values: Array) -> None:
@@ -127,4 +127,4 @@ def _surface(ax: Any, curve: LawCurve) -> None:
     ax.locator_params(axis="y", nbins=5)
     ax.view_init(elev=24, azim=-58)
     ax.set_box_aspect((1.2, 1.0, 0.88), zoom=0.95)
-    ax.set_title(f"{curve.joint}: {curve.kind}", loc="left")
+    ax.set_title(f"{curve.joint}: {curve.kind}", loc="left", weight="bold")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -39,13 +39,11 @@ def shares_figure(found: Screening, poses: Sequence[str], what: str) -> Figure:
     with panels(heading, len(poses), _COLUMNS, _width(poses), 1.0 + 0.34 * k, 1.2) as (figure, axes):
         for o, (ax, pose) in enumerate(zip(axes, poses, strict=True)):
             if indices:
-                look = {"xerr": found.total_conf[o], "error_kw": _LINE, "color": paler(_TOTAL), "label": "total index"}
-                ax.barh(rows, found.total[o], 0.72, **look)
+                bars: dict[str, Any] = {"xerr": found.total_conf[o], "error_kw": _LINE, "label": "total index"}
+                ax.barh(rows, found.total[o], 0.72, color=paler(_TOTAL), **bars)
                 ax.barh(rows, np.maximum(found.first[o], 0.0), 0.36, color=_TOTAL, label="first order")
-                exact = variance_shares(found.derivative[o])
-                ax.plot(
-                    exact, rows, "D", color=_EXACT, markersize=5, label="expected from exact derivatives, mid-range"
-                )
+                diamonds: dict[str, Any] = {"markersize": 5, "label": "expected from exact derivatives, mid-range"}
+                ax.plot(variance_shares(found.derivative[o]), rows, "D", color=_EXACT, **diamonds)
             else:
                 ax.barh(rows, found.derivative[o], 0.72, color=_EXACT)
             ax.set_title(f"pose {pose}", loc="left")
@@ -72,7 +70,11 @@ def morris_figure(found: Screening, poses: Sequence[str], what: str, factor: flo
     with panels(heading, len(poses), _COLUMNS, _width(poses), 3.6, 1.2) as (figure, axes):
         for ax, pose, mean, spread in zip(axes, poses, found.mean_effect * factor, found.spread * factor, strict=True):
             for i, name in enumerate(found.parameters):
-                look = {"color": SERIES[i % 6], "marker": MARKERS[(i // 6 + i) % 6], "linestyle": "none"}
+                look: dict[str, Any] = {
+                    "color": SERIES[i % 6],
+                    "marker": MARKERS[(i // 6 + i) % 6],
+                    "linestyle": "none",
+                }
                 ax.plot(mean[i], spread[i], markersize=8, markeredgecolor="white", label=name, **look)
             reach = 1.08 * max(float(mean.max()), float(spread.max()), 1e-12)
             ax.plot([0.0, reach], [0.0, reach], color="#BBBBBB", linewidth=0.9, linestyle="--", zorder=0.5)
