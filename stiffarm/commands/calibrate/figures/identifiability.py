@@ -62,7 +62,7 @@ def intervals_figure(
     with drawing(heading, size, len(groups), 1, gridspec_kw={"height_ratios": heights}) as (figure, axes):
         for ax, ((unit, log), group) in zip(axes, groups.items(), strict=True):
             _panel(ax, group, list(rows), expected, log=log)
-            ax.set_xlabel(unit, labelpad=1)
+            ax.set_xlabel(f"value ({unit})", labelpad=1)
         if len(rows) > 1:
             above(axes[0], axes[0].get_legend_handles_labels()[0], 3)
     return figure
