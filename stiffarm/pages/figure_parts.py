@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from robots import InputError
 from robots.arrays import Array
@@ -141,4 +141,4 @@ def log_ticks(axis: Axis, write: Callable[[float], str] = power_of_ten) -> None:
     few = (1.0, 2.0, 5.0) if high > 6.0 * low else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
     axis.set_major_locator(LogLocator(subs=(1.0,) if high > 300.0 * low else few))
     axis.set_major_formatter(FuncFormatter(lambda v, _: write(float(v))))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())
