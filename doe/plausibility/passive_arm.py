@@ -27,8 +27,9 @@ from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
 from doe.tables.measurements import Measurements
 from fem import ArmModel, spring_influence
-from robots import InputError, InputErrors
+from robots import InputError
 from robots.arrays import Array, Indices, Integers
+from robots.errors import raise_any
 
 # Scatter of less than this share of the readings leaves no doubt that they follow the arm: random readings get there
 # by chance once in some thousand tables of nine. Gauges at robots scatter by 1 to 30 % of what they read.
@@ -248,8 +249,7 @@ def refuse_frozen(model: ArmModel, data: Measurements) -> None:
             )
         else:
             faults += [one.fault(file) for one in frozen_columns(PassiveArm.of(problem(model, mine, ())))]
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(data.source, faults)
+    raise_any(data.source, faults)
 
 
 def frozen_columns(arm: PassiveArm) -> list[Frozen]:
