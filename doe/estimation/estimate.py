@@ -144,7 +144,7 @@ def estimate(
             if fixed_noise is None and turn > 0:
                 # Other weights make for another noise, and that for other weights: what it will be, all but a little.
                 factor = float(np.sqrt(outlier_weight(own) @ own**2 / max(float(weight @ own**2), 1e-300)))
-                noise, own = noise.times(factor, gauge), own / max(factor, 1e-3)
+                noise, own = noise.times(factor, names, gauge), own / max(factor, 1e-3)
             weight = outlier_weight(own)
     if fixed_noise is None:
         noise = within_readings(p, f, noise, gauge)

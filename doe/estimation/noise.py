@@ -67,10 +67,11 @@ class Noise:
         """Standard deviation (m,) of each reading at predictions f (m,), its set-up's scatter included."""
         return np.asarray(np.sqrt(self.variance(p, f) + np.sum(self.common(p, f) ** 2, axis=1)))
 
-    def times(self, factor: float, floor: tuple[float, float]) -> Noise:
-        """Copy with more or less scatter of the readings' own, white noise never below ``floor``."""
-        white = at_least((factor * self.white[0], factor * self.white[1]), floor)
-        return replace(self, white=white, share=factor * self.share)
+    def times(self, factor: float, names: tuple[str, ...], floor: tuple[float, float]) -> Noise:
+        """Copy with more or less of the readings' own scatter that is named; white noise never below ``floor``."""
+        own = tuple(name for name in names if not name.startswith("pose"))
+        scaled = self.with_variances(own, factor**2 * self.variances(own))
+        return replace(scaled, white=at_least(scaled.white, floor))
 
     @property
     def has_common(self) -> bool:
