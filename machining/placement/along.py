@@ -13,7 +13,7 @@ from machining.posture.problem import Course
 from machining.stiffness.cartesian import translational
 from machining.stiffness.criterion import Criterion, Terms
 from machining.stiffness.indices import directional_stiffness
-from robots.arrays import Array, Integers
+from robots.arrays import Array
 
 # Every placement is judged for the same drawn arms.
 SEED = 0
@@ -23,18 +23,15 @@ SEED = 0
 class Along:
     """A placement at n path points.
 
-    ``e`` (n, k) m of all linear axes, ``table`` rad; ``gamma`` (n,) rad, ``q`` (n, dof) rad, ``branch`` (n,) into
-    ``names``; ``stiffness`` (n,) N/m along the cutting force; ``error``: the surface error; ``terms`` of K_sf;
+    ``e`` (n, k) m of all linear axes, ``table`` rad; ``course``: the postures; ``stiffness`` (n,) N/m along the
+    cutting force; ``error``: the surface error; ``terms`` of K_sf;
     ``mean`` and ``worst`` stiffness N/m; ``merit`` of the goal, large is good. ``drawn``: the stiffness for arms drawn
     from what is uncertain about this one, the same for every placement; ``share`` (n,) of each point in its mean.
     """
 
     e: Array
     table: float
-    gamma: Array
-    q: Array
-    branch: Integers
-    names: tuple[str, ...]
+    course: Course
     stiffness: Array
     error: SurfaceError
     terms: Terms
@@ -86,10 +83,7 @@ def along(problem: Problem, e: Array, table: float, course: Course, criterion: C
     return Along(
         e=e,
         table=table,
-        gamma=course.gamma,
-        q=course.q,
-        branch=course.branch,
-        names=course.names,
+        course=course,
         stiffness=stiffness,
         error=error,
         terms=criterion.terms(stiffness, share),

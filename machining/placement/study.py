@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 import fem
 from machining.cell import Cell, Scene, arm_of, scene_of
 from machining.cutting import StiffnessUncertainty
@@ -18,7 +16,6 @@ from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
 from machining.toolpaths.given import GivenPath
 from robots import InputError
-from robots.arrays import Array
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}
@@ -49,11 +46,6 @@ class PlacedStep:
     placed: Placed
     map: Survey
     notes: tuple[str, ...]
-
-    @property
-    def arc_mm(self) -> Array:
-        """Length (n,) mm of the path up to each point."""
-        return np.concatenate([[0.0], np.cumsum(self.request.given.path.lengths)]) * 1e3
 
 
 def scene_for(cell: Cell, model: str) -> tuple[Scene | None, tuple[str, ...]]:

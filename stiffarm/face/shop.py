@@ -49,9 +49,9 @@ class Posture(Shown):
         """One row a point: gamma, joint angles in degrees, the index, distances to limits and singularities."""
         import pandas as pd
 
-        from stiffarm.commands.posture.payload import rows
+        from stiffarm.commands.posture.payload import columns
 
-        return pd.DataFrame(rows(self.found))
+        return pd.DataFrame(columns(self.found))
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,9 +69,9 @@ class Placement(Shown):
         """One row a point: where the axes and joints stand, and how stiff the arm is there."""
         import pandas as pd
 
-        from stiffarm.commands.place.payload import rows
+        from stiffarm.commands.place.payload import columns
 
-        return pd.DataFrame(rows(self.found))
+        return pd.DataFrame(columns(self.found))
 
 
 @dataclass(frozen=True, repr=False)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stiffarm import __version__
 from stiffarm.pages.parts import rendered
 from stiffarm.pages.style import png_base64
 
@@ -90,10 +92,17 @@ def render(
     lede: str,
     key: Sequence[KeyFigure],
     sections: Sequence[Section],
-    footer: str,
+    footer: str | None = None,
     question: str = "how stiff is it, and how well do we know?",
 ) -> str:
-    """The page as HTML text; all content is escaped. ``question``: what the page answers about its title."""
+    """The page as HTML text; all content is escaped.
+
+    ``footer``: None for version and time; ``question``: what the page answers about its title.
+    """
+    if footer is None:
+        footer = (
+            f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
+        )
     return rendered(
         "report.html.j2", title=title, question=question, lede=lede, key=key, sections=sections, footer=footer
     )

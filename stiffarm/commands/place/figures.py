@@ -1,4 +1,4 @@
-"""Figures of a placement: the goal over base positions, stiffness and error along the path, motion of the axes."""
+"""Figures of a placement: the goal over base positions, stiffness and error along the path."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
+from stiffarm.commands.posture.figures.courses import draw_lines
 from stiffarm.pages.figure_parts import SERIES, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
 
@@ -121,7 +122,7 @@ def along_figure(arc_mm: Array, stiffness: Mapping[str, Array], error: Mapping[s
         figure, axes = new_figure((10.0, 6.4), 2, 1, sharex=True)
         labels = "stiffness along the force, N/mm", "surface error, um"
         for ax, series, label in zip(axes, (stiffness, error), labels, strict=True):
-            _lines(ax, arc_mm, series)
+            draw_lines(ax, arc_mm, series)
             ax.set_ylabel(label)
         axes[0].set_ylim(bottom=0.0)
         axes[1].axhline(0.0, color=FAINT, linewidth=1.0, zorder=0)
@@ -131,43 +132,9 @@ def along_figure(arc_mm: Array, stiffness: Mapping[str, Array], error: Mapping[s
     return figure
 
 
-def axes_figure(arc_mm: Array, travel_mm: Mapping[str, Array], limits_mm: Mapping[str, tuple[float, float]]) -> Figure:
-    """Draw where each linear axis stands along the path, one panel an axis, with its limits.
-
-    Raises
-    ------
-    InputError
-        No axis, or shapes that do not fit.
-    """
-    _check(arc_mm, travel_mm)
-    with house_style():
-        figure, axes = new_figure((10.0, 0.9 + 2.4 * len(travel_mm)), len(travel_mm), 1, sharex=True)
-        for ax, (name, travel) in zip(axes, travel_mm.items(), strict=True):
-            ax.plot(arc_mm, travel, color=SERIES[0], marker="o" if len(arc_mm) == 1 else "")
-            low, high = limits_mm[name]
-            room = 0.04 * (high - low)
-            ax.set_ylim(low - 2.0 * room, high + 2.0 * room)
-            for limit in (low, high):
-                ax.axhline(limit, color=INK, linewidth=1.0, linestyle=":")
-            ax.axhspan(low - 2.0 * room, low, color=FAINT, alpha=0.5, linewidth=0)
-            ax.axhspan(high, high + 2.0 * room, color=FAINT, alpha=0.5, linewidth=0)
-            ax.set_ylabel(f"{name}, mm")
-        axes[len(travel_mm) - 1].set_xlabel("path, mm")
-        title(figure, "Linear axes along the path; dotted: their limits")
-    return figure
-
-
 def _check(arc_mm: Array, series: Mapping[str, Array]) -> None:
     if not series or any(v.shape != arc_mm.shape for v in series.values()):
         raise InputError("figure along the path", value="shapes that do not fit", allowed=f"({len(arc_mm)},) each")
-
-
-def _lines(ax: Axes, arc_mm: Array, series: Mapping[str, Array]) -> None:
-    for k, (name, values) in enumerate(series.items()):
-        ax.plot(
-            arc_mm, values, color=SERIES[k], linewidth=2.2 if k == 0 else 1.3, zorder=4 - k, label=name,
-            marker="o" if len(arc_mm) == 1 else "",
-        )  # fmt: skip
 
 
 def _pale(colour: str) -> tuple[float, float, float]:

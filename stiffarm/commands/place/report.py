@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 import numpy as np
 
 from machining.placement import Along, Look
 from machining.placement.study import PlacedStep
-from stiffarm import __version__
-from stiffarm.commands.place.figures import along_figure, axes_figure, curve_figure, map_figure
+from stiffarm.commands.place.figures import along_figure, curve_figure, map_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
-from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.commands.posture.figures.courses import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
@@ -41,13 +38,12 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
         motion_section(step, pictures),
         how_section(step),
     ]
-    request = step.request
+    request, path = step.request, step.request.given.path
     lede = (
-        f"Path of {request.given.path.n} points, {step.arc_mm[-1]:.4g} mm, in cell {request.cell.name}; aim: "
+        f"Path of {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm, in cell {request.cell.name}; aim: "
         f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {request.how.mode}."
     )
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
-    page = render(title, lede, _key_figures(step), sections, footer, "where should the robot stand?")
+    page = render(title, lede, _key_figures(step), sections, question="where should the robot stand?")
     folder.write_text("report.html", page)
 
 
@@ -131,14 +127,14 @@ def result_section(step: PlacedStep) -> Section:
 
 
 def _pieces(step: PlacedStep) -> Table:
-    placed = step.placed
+    placed, arc_mm = step.placed, 1e3 * step.request.given.path.arc_length
     ends = [*placed.first[1:], placed.problem.path.n]
     rows = []
     for a, b in zip(placed.first, ends, strict=True):
         where = ", ".join(f"{v:.4g}" for v in placed.after.e[a] * 1e3)
-        gamma = np.degrees(placed.after.gamma[a:b])
+        gamma = np.degrees(placed.after.course.gamma[a:b])
         rows.append(
-            (f"{a} to {b - 1}", f"{step.arc_mm[a]:.4g} to {step.arc_mm[b - 1]:.4g}", where, f"{gamma.mean():.4g}",
+            (f"{a} to {b - 1}", f"{arc_mm[a]:.4g} to {arc_mm[b - 1]:.4g}", where, f"{gamma.mean():.4g}",
              f"{placed.after.stiffness[a:b].mean() * 1e-3:.4g}")
         )  # fmt: skip
     axes = ", ".join(axis.name for axis in step.request.cell.linear_axes)
@@ -220,7 +216,7 @@ def along_section(step: PlacedStep, pictures: Pictures) -> Section:
     """Stiffness and error along the path, before and after."""
     found = named(step)
     figure = along_figure(
-        step.arc_mm,
+        1e3 * step.request.given.path.arc_length,
         {name: one.stiffness * 1e-3 for name, one in found.items()},
         {name: one.error.normal * 1e6 for name, one in found.items()},
     )
@@ -233,22 +229,23 @@ def along_section(step: PlacedStep, pictures: Pictures) -> Section:
 
 def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
     """How axes and joints move."""
-    robot, after, cell = step.model.robot, step.placed.after, step.request.cell
+    arc, after, cell = step.request.given.path.arc_length, step.placed.after, step.request.cell
     blocks: list[Text | Picture | Table] = []
     if cell.linear_axes:
-        travel = {axis.name: after.e[:, i] * 1e3 for i, axis in enumerate(cell.linear_axes)}
-        limits = {axis.name: (axis.limits[0] * 1e3, axis.limits[1] * 1e3) for axis in cell.linear_axes}
-        blocks.append(pictures.add(axes_figure(step.arc_mm, travel, limits), "axes", "Where the linear axes stand."))
+        figure = motion_figure(
+            1e3 * arc, {CHOSEN: after.e * 1e3}, [f"{axis.name} (mm)" for axis in cell.linear_axes],
+            1e3 * np.array([axis.limits for axis in cell.linear_axes]), "Linear axes along the path",
+        )  # fmt: skip
+        caption = "Where the linear axes stand; beyond the dotted lines are their limits."
+        blocks.append(pictures.add(figure, "axes", caption))
         rows = tuple(
             (name, *(("no feed given",) * 2 if np.isnan(speed) else (f"{speed * 1e3:.3g}", f"{rate * 1e3:.3g}")))
             for name, speed, rate in peak_rates(step)
         )
         if step.request.how.mode == "moving" and rows:
             blocks.append(Table("Linear axes at the path's feed", ("axis", "peak mm/s", "peak mm/s²"), rows))
-    joints = {name: np.degrees(one.q) for name, one in named(step).items()}
-    figure = joints_figure(step.arc_mm, joints, robot.coordinates, np.degrees(robot.limits))
-    caption = "Joint angles along the path; beyond the dotted lines are the limits."
-    blocks.append(pictures.add(figure, "joints", caption))
+    joints = {name: one.course.q for name, one in named(step).items()}
+    blocks.append(joints_picture(pictures, arc, joints, step.model.robot))
     return Section("How axes and joints move", tuple(blocks))
 
 
