@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.posture.figures.courses import draw_lines
+from stiffarm.commands.posture.figures.along_path import draw_lines
 from stiffarm.pages.figure_parts import SERIES, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
 

@@ -8,7 +8,7 @@ from machining.placement import Along, Look
 from machining.placement.study import PlacedStep
 from stiffarm.commands.place.figures import along_figure, curve_figure, map_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
-from stiffarm.commands.posture.figures.courses import joints_picture, motion_figure
+from stiffarm.commands.posture.figures.along_path import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
@@ -33,7 +33,7 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     sections = [
         result_section(step),
-        where_section(step, pictures),
+        Section("What other positions are worth", (position_picture(step, pictures),)),
         along_section(step, pictures),
         motion_section(step, pictures),
         how_section(step),
@@ -156,11 +156,6 @@ def remarks(step: PlacedStep) -> list[str]:
         out.append("Points without a feed: there no speeds and accelerations were looked at.")
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
-
-
-def where_section(step: PlacedStep, pictures: Pictures) -> Section:
-    """The goal over base positions."""
-    return Section("What other positions are worth", (position_picture(step, pictures),))
 
 
 def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:

@@ -15,7 +15,7 @@ from machining.programs.run import PostRun
 from machining.stiffness.units import shown
 from robots.arrays import Array
 from stiffarm import __version__
-from stiffarm.commands.posture.figures.courses import joints_picture
+from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import SERIES, title

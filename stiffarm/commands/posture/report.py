@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
+from stiffarm.commands.posture.figures.along_path import joints_picture, milling_error_figure
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
-from stiffarm.commands.posture.figures.courses import joints_picture
-from stiffarm.commands.posture.figures.milling_error import milling_error_figure
 from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures

@@ -31,7 +31,7 @@ from machining.cell import (
     surface,
 )
 from machining.cell.cell import inverse
-from machining.cell.exact import OVERLAP, exact_distance
+from machining.cell.separation import OVERLAP, exact_distance
 from robots import InputError, forward_kinematics, inverse_kinematics
 from robots.arrays import Array
 
