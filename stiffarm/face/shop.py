@@ -63,7 +63,7 @@ class Placement(Shown):
 
     def title(self) -> str:
         """Robot and number of points."""
-        return f"Placement of {self.robot} for {self.found.request.given.path.n} points"
+        return f"Placement of {self.robot} for {self.found.given.path.n} points"
 
     def to_frame(self) -> pd.DataFrame:
         """One row a point: where the axes and joints stand, and how stiff the arm is there."""
@@ -215,8 +215,8 @@ def place(
     from machining import Drive
     from machining.cell import arm_bodies, read_cell, scene_of
     from machining.cutting import stiffness_uncertainty
-    from machining.placement import Goal, How
-    from machining.placement.study import PlaceRequest, place_along
+    from machining.placement import Goal, How, Problem, space_of
+    from machining.placement.study import place_along
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
 
@@ -226,20 +226,21 @@ def place(
         if cut is None:
             raise InputError("place needs a cutting force", allowed="force_N or milling", remedy="give one of the two")
         described = read_cell(Path(cell))
-        request = PlaceRequest(
-            cell=described,
-            given=read_given_path(Path(path)),
+        given = read_given_path(Path(path))
+        scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
+        problem = Problem(
+            model=arm.model,
+            space=space_of(described),
+            path=given.path,
             goal=Goal(aim, cut.force),
             gamma=_gammas(gamma_deg),
             drive=Drive(speed=described.joint_speed),
-            how=How(mode),
-            ranges={},
-            table=0.0,
+            scene=scene,
             clearance=described.safety,
+            free=given.free,
             stiffness=stiffness_uncertainty(arm.model, arm.description, arm.own),
         )
-        scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
-        found = place_along(arm.model, request, scene, () if scene is None else scene.notes, mapped=False)
+        found = place_along(problem, given, How(mode), () if scene is None else scene.notes, mapped=False)
     return Placement(arm.name, found)
 
 

@@ -13,8 +13,8 @@ from fem.arm import Arm
 from machining import Drive
 from machining.cell import read_cell
 from machining.cutting import CuttingForce, stiffness_uncertainty
-from machining.placement import AIMS, MODES, Goal, How
-from machining.placement.study import PlacedStep, PlaceRequest, place_along, scene_for
+from machining.placement import AIMS, MODES, Goal, How, Problem, space_of
+from machining.placement.study import PlacedStep, place_along, scene_for
 from machining.setup import Setup
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths import read_given_path
@@ -160,26 +160,28 @@ def place(
         require_springs(given, "placement")
         described = read_cell(cell)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))
-        request = PlaceRequest(
-            cell=described,
-            given=read_given_path(path),
-            goal=Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length),
+        given_path = read_given_path(path)
+        goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
+        how = _how(mode, anywhere, cost, gamma_course)
+        scene, notes = scene_for(described, model) if collisions else (None, ())
+        problem = Problem(
+            model=given.model,
+            space=space_of(described, dict(_range(text) for text in ranges or []), table=_table(table)),
+            path=given_path.path,
+            goal=goal,
             gamma=parse_gammas(gamma),
             drive=Setup(described).drive(drive),
-            how=_how(mode, anywhere, cost, gamma_course),
-            ranges=dict(_range(text) for text in ranges or []),
-            table=_table(table),
+            scene=scene,
             clearance=described.safety if clearance is None else clearance * 1e-3,
+            free=given_path.free,
             stiffness=stiffness_uncertainty(given.model, given.description, given.own),
         )
-        scene, notes = scene_for(described, model) if collisions else (None, ())
         frame.reads(path=path, cell=cell, milling=milling)
         with frame.folder_if() as folder:
             with progress("place") as bar:
                 step = place_along(
-                    given.model, request, scene, notes, lambda _, done, total: bar(done, total),
-                    mapped=folder is not None,
-                )  # fmt: skip
+                    problem, given_path, how, notes, lambda _, done, total: bar(done, total), mapped=folder is not None
+                )
             content = placement_payload.payload(step)
             if folder is not None:
                 _write(folder, given, step, content)
@@ -243,7 +245,7 @@ def _write(folder: OutputFolder, given: Arm, step: PlacedStep, content: dict[str
 def _show(step: PlacedStep) -> None:
     from stiffarm.commands.place.report import COLUMNS, remarks, table_rows
 
-    path = step.request.given.path
+    path = step.given.path
     title = f"{path.n} points, {1e3 * path.arc_length[-1]:.4g} mm; {step.placed.evaluations} base positions"
     show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
     say(sentence(step.placed.problem.uncertainty))

@@ -12,7 +12,8 @@ from matplotlib.patches import Patch
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import draw_lines
-from stiffarm.pages.figure_parts import SERIES, title
+from stiffarm.commands.posture.figures.axes_map import hatched, steps
+from stiffarm.pages.figure_parts import SERIES, paler, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
 
 # Why a position cannot be taken, and how it is drawn.
@@ -45,7 +46,7 @@ def curve_figure(
         for i, reason in enumerate(why):
             if reason:
                 _, colour, hatch = ZONES[reason]
-                ax.axvspan(edge[i], edge[i + 1], facecolor=_pale(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
+                ax.axvspan(edge[i], edge[i + 1], facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
         ax.plot(x, value, color=SERIES[0], marker="o" if len(x) < 60 else "", markersize=3)
         ax.set_xlim(x[0], x[-1])
         if np.isfinite(value).any():
@@ -89,12 +90,9 @@ def map_figure(
         ax = axes[0]
         ax.grid(visible=False)
         for key, (_, colour, hatch) in ZONES.items():
-            for i, j in np.argwhere(reason == key):
-                a, b = _cell(x, int(i)), _cell(y, int(j))
-                ax.fill(
-                    [a[0], a[1], a[1], a[0]], [b[0], b[0], b[1], b[1]], facecolor=_pale(colour), edgecolor=colour,
-                    hatch=hatch, linewidth=0.0,
-                )  # fmt: skip
+            mask = reason == key
+            if mask.any():
+                hatched(ax, steps(x), steps(y), mask, paler(colour), hatch, colour)
         mesh = ax.pcolormesh(x, y, np.ma.masked_invalid(value.T), cmap=STIFFNESS_COLOURS, shading="nearest")
         for k, (name, spot) in enumerate(marks.items()):
             ax.plot(*spot, linestyle="", marker="*" if k == 0 else "o", markersize=15 if k == 0 else 8, label=name,
@@ -137,23 +135,11 @@ def _check(arc_mm: Array, series: Mapping[str, Array]) -> None:
         raise InputError("figure along the path", value="shapes that do not fit", allowed=f"({len(arc_mm)},) each")
 
 
-def _pale(colour: str) -> tuple[float, float, float]:
-    from matplotlib.colors import to_rgb
-
-    red, green, blue = (0.3 * part + 0.7 for part in to_rgb(colour))
-    return red, green, blue
-
-
-def _cell(x: Array, i: int) -> tuple[float, float]:
-    half = 0.5 * (x[1] - x[0]) if len(x) > 1 else 0.5
-    return float(x[i] - half), float(x[i] + half)
-
-
 def _legend(figure: Figure, ax: Axes, why: Sequence[str]) -> None:
     handles, labels = ax.get_legend_handles_labels()
     for key, (name, colour, hatch) in ZONES.items():
         if key in why:
-            handles.append(Patch(facecolor=_pale(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
+            handles.append(Patch(facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
             labels.append(name)
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=5)

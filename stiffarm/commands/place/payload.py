@@ -28,15 +28,15 @@ def named(step: PlacedStep) -> dict[str, Along]:
 
 def placement_of(step: PlacedStep) -> Placement:
     """What other programs read: :func:`machining.placement.read_placement`."""
-    after, given = step.placed.after, step.request.given
+    after, given = step.placed.after, step.given
     return Placement(
-        robot=step.model.robot.name,
-        cell=step.request.cell.name,
-        axes=tuple(axis.name for axis in step.request.cell.linear_axes),
+        robot=step.placed.problem.model.robot.name,
+        cell=step.cell.name,
+        axes=tuple(axis.name for axis in step.cell.linear_axes),
         travel=after.e,
         table=after.table,
         gamma=after.course.gamma,
-        joints=step.model.robot.coordinates,
+        joints=step.placed.problem.model.robot.coordinates,
         q=after.course.q,
         moves=given.moves,
         count=given.count,
@@ -45,13 +45,12 @@ def placement_of(step: PlacedStep) -> Placement:
 
 def payload(step: PlacedStep) -> dict[str, Any]:
     """Everything that was found, keys with units."""
-    placed, request = step.placed, step.request
-    problem = placed.problem
+    placed, problem = step.placed, step.placed.problem
     others = {name: one for name, one in named(step).items() if name != CHOSEN}
     not_found = {KEYS[BEFORE]: placed.why_no_before, KEYS[FIXED]: placed.why_no_fixed}
     return placement_content(placement_of(step)) | {
         "aim": problem.goal.aim,
-        "mode": request.how.mode,
+        "mode": placed.how.mode,
         "by_length": problem.goal.by_length,
         "alpha_mm2_per_N2": number(placed.criterion.alpha),
         "beta_mm4_per_N4": number(placed.criterion.beta),
@@ -76,7 +75,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
 
 def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:
     error, stiffness = one.error.estimated(np.random.default_rng(SEED)), one.estimated()
-    axes = step.request.cell.linear_axes
+    axes = step.cell.linear_axes
     return {
         "K_sf": number(one.k_sf),
         "K_sf_95": interval(stiffness["K_sf"]),
@@ -102,11 +101,11 @@ def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:
 
 def columns(step: PlacedStep) -> dict[str, list[Any]]:
     """Columns over the path's points: where, base, gamma, joints, stiffness and error, and the same of the others."""
-    given, after = step.request.given, step.placed.after
+    given, after = step.given, step.placed.after
     out = {"point": list(range(given.path.n)), "move": given.moves.tolist(), **path_columns(given.path)}
     out |= {f"e{j + 1}_mm": numbers(column * 1e3, 9) for j, column in enumerate(after.e.T)}
     out["turntable_deg"] = numbers(np.full(given.path.n, np.degrees(after.table)), 9)
-    out |= posture_columns(step.model.robot, after.course)
+    out |= posture_columns(step.placed.problem.model.robot, after.course)
     for name, one in named(step).items():
         prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
         out[f"{prefix}stiffness_N_per_mm"] = numbers(one.stiffness * 1e-3)

@@ -38,10 +38,10 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
         motion_section(step, pictures),
         how_section(step),
     ]
-    request, path = step.request, step.request.given.path
+    path = step.given.path
     lede = (
-        f"Path of {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm, in cell {request.cell.name}; aim: "
-        f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {request.how.mode}."
+        f"Path of {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm, in cell {step.cell.name}; aim: "
+        f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {step.placed.how.mode}."
     )
     page = render(title, lede, _key_figures(step), sections, question="where should the robot stand?")
     folder.write_text("report.html", page)
@@ -96,11 +96,11 @@ COLUMNS = (
 def where_words(step: PlacedStep, one: Along) -> str:
     """Where the base stands, in words."""
     out = []
-    for axis, column in zip(step.request.cell.linear_axes, one.e.T * 1e3, strict=True):
+    for axis, column in zip(step.cell.linear_axes, one.e.T * 1e3, strict=True):
         still = np.ptp(column) < 1e-6
         out.append(f"{axis.name} {column[0]:.4g}" if still else f"{axis.name} {column.min():.4g} to {column.max():.4g}")
     words = ", ".join(out) + " mm" if out else ""
-    if step.request.cell.turntable is not None:
+    if step.cell.turntable is not None:
         words += f"{'; ' if words else ''}turntable {np.degrees(one.table):.4g} deg"
     return words
 
@@ -127,7 +127,7 @@ def result_section(step: PlacedStep) -> Section:
 
 
 def _pieces(step: PlacedStep) -> Table:
-    placed, arc_mm = step.placed, 1e3 * step.request.given.path.arc_length
+    placed, arc_mm = step.placed, 1e3 * step.given.path.arc_length
     ends = [*placed.first[1:], placed.problem.path.n]
     rows = []
     for a, b in zip(placed.first, ends, strict=True):
@@ -137,7 +137,7 @@ def _pieces(step: PlacedStep) -> Table:
             (f"{a} to {b - 1}", f"{arc_mm[a]:.4g} to {arc_mm[b - 1]:.4g}", where, f"{gamma.mean():.4g}",
              f"{placed.after.stiffness[a:b].mean() * 1e-3:.4g}")
         )  # fmt: skip
-    axes = ", ".join(axis.name for axis in step.request.cell.linear_axes)
+    axes = ", ".join(axis.name for axis in step.cell.linear_axes)
     columns = ("points", "path, mm", f"{axes}, mm", "gamma, deg", "mean stiffness, N/mm")
     return Table("Pieces of the path", columns, tuple(rows))
 
@@ -211,7 +211,7 @@ def along_section(step: PlacedStep, pictures: Pictures) -> Section:
     """Stiffness and error along the path, before and after."""
     found = named(step)
     figure = along_figure(
-        1e3 * step.request.given.path.arc_length,
+        1e3 * step.given.path.arc_length,
         {name: one.stiffness * 1e-3 for name, one in found.items()},
         {name: one.error.normal * 1e6 for name, one in found.items()},
     )
@@ -224,7 +224,7 @@ def along_section(step: PlacedStep, pictures: Pictures) -> Section:
 
 def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
     """How axes and joints move."""
-    arc, after, cell = step.request.given.path.arc_length, step.placed.after, step.request.cell
+    arc, after, cell = step.given.path.arc_length, step.placed.after, step.cell
     blocks: list[Text | Picture | Table] = []
     if cell.linear_axes:
         figure = motion_figure(
@@ -237,16 +237,16 @@ def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
             (name, *(("no feed given",) * 2 if np.isnan(speed) else (f"{speed * 1e3:.3g}", f"{rate * 1e3:.3g}")))
             for name, speed, rate in peak_rates(step)
         )
-        if step.request.how.mode == "moving" and rows:
+        if step.placed.how.mode == "moving" and rows:
             blocks.append(Table("Linear axes at the path's feed", ("axis", "peak mm/s", "peak mm/s²"), rows))
     joints = {name: one.course.q for name, one in named(step).items()}
-    blocks.append(joints_picture(pictures, arc, joints, step.model.robot))
+    blocks.append(joints_picture(pictures, arc, joints, step.placed.problem.model.robot))
     return Section("How axes and joints move", tuple(blocks))
 
 
 def how_section(step: PlacedStep) -> Section:
     """How it was found, and what that leaves out."""
-    placed = step.placed
+    placed, model = step.placed, step.placed.problem.model
     ranges = ", ".join(
         f"{name} {a * f:.4g} to {b * f:.4g} {unit}"
         for name, unit, f, a, b in zip(
@@ -265,7 +265,7 @@ def how_section(step: PlacedStep) -> Section:
             ),
             Bullets(
                 (
-                    f"Model: {step.model.link_kind} links, {step.model.load_path} load path, unloaded arm; compliance "
+                    f"Model: {model.link_kind} links, {model.load_path} load path, unloaded arm; compliance "
                     "of linear axes acts at the base's origin, where the cell file gives one.",
                     "Static stiffness only: chatter, servo lag and the tool's own bending are not in it.",
                     "Between path points and between positions of the base collisions are not looked at.",
