@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.cell.arm_solids import ArmBodies
-from machining.cell.cell import FLOOR, Cell, inverse
+from machining.cell.cell import FLOOR, Cell
 from machining.cell.separation import Bounds, ExactSolid, bounds_of, exact_distance, stacked
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.frames import inverse
 from robots.robot import middle_pose
 
 Pair = tuple[str, str]

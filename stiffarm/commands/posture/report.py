@@ -10,7 +10,7 @@ from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_m
 from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 
@@ -33,7 +33,7 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
         f"{frame_words(task.T_flange_tool)}; part in the base frame {frame_words(task.T_base_part)}."
     )
     question = "which posture along the path?"
-    folder.write_text("report.html", render(title, lede, _key_figures(posed), sections, question=question))
+    write_page(folder, title, lede, _key_figures(posed), sections, question)
 
 
 def _key_figures(posed: Posed) -> list[KeyFigure]:

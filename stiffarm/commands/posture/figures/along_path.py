@@ -28,15 +28,16 @@ _MARKED: Final = 25
 
 
 def joints_picture(pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot) -> Picture:
+    """The picture of :func:`joints_figure` for a page."""
+    caption = "Joint angles along the path; beyond the dotted lines are the limits."
+    return pictures.add(joints_figure(arc, courses, robot), "joints", caption)
+
+
+def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot) -> Figure:
     """Draw joint angles q (n, dof) rad of courses, the first boldly, over the path's length ``arc`` (n,) m."""
-    figure = motion_figure(
-        arc * 1e3,
-        {name: np.degrees(q) for name, q in courses.items()},
-        [angle_label(name) for name in robot.coordinates],
-        np.degrees(robot.limits),
-        "Joint angles along the path",
-    )
-    return pictures.add(figure, "joints", "Joint angles along the path; beyond the dotted lines are the limits.")
+    degrees = {name: np.degrees(q) for name, q in courses.items()}
+    labels = [angle_label(name) for name in robot.coordinates]
+    return motion_figure(arc * 1e3, degrees, labels, np.degrees(robot.limits), "Joint angles along the path")
 
 
 def motion_figure(
