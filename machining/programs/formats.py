@@ -14,12 +14,10 @@ from pathlib import Path
 
 from machining.cell.schema import Strict
 from machining.programs import languages
-from machining.programs.format import Format, Neutral
+from machining.programs.format import Format, Neutral, RoundTrip, Written
 from machining.programs.job import Kind, external_count
 from machining.programs.program import JointProgram
-from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import NAME_KEYS, WriteOptions
-from machining.programs.written import Written
 from robots import InputError
 from robots.files.reading import parse_json, parse_toml, read_text
 from robots.files.validated import tuples, validated

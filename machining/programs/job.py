@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,17 +12,13 @@ import numpy as np
 from machining.programs.commands import Commands, Happening, commands, happenings
 from machining.programs.convention import Convention
 from machining.programs.program import JointProgram
+from machining.programs.source_text import SourceText
 from machining.programs.write_options import WriteOptions
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.kinematics import stretched_length
 
 Kind = Literal["cartesian", "joint"]
-
-# Moves formatted at a time: what is in memory as text at once.
-BLOCK = 1000
-# What a program may differ from the tool path by its decimals, m and rad.
-WANTED = 1e-6
 
 
 @dataclass(slots=True)
@@ -53,8 +50,8 @@ class Move:
 class Job:
     """What the writers share.
 
-    ``external_names`` of the linear axes and the turntable, if there is one; ``T_base``: part frame in the
-    controller's robot frame, None where the program cannot state it; ``T_tool`` in the controller's flange frame.
+    ``T_base``: part frame in the controller's robot frame, None where the program cannot state it; ``T_tool`` in the
+    controller's flange frame.
     """
 
     program: JointProgram
@@ -85,63 +82,51 @@ class Job:
         linear = (self.options.decimals.length,) * len(self.program.cell.linear_axes)
         return linear + (self.options.decimals.angle,) * (self.program.cell.turntable is not None)
 
-    def moves(
-        self,
-        first: int,
-        last: int,
-        words: Callable[[slice], tuple[Array, Sequence[int]]],
-        configurations: Callable[[slice], Sequence[Sequence[object]]],
-        feeds: Callable[[slice], list[str]],
-    ) -> Iterator[Move]:
-        """Moves ``first`` to ``last`` (not with it), a block at a time.
-
-        ``words``: coordinates (m, k) of a slice and the decimals of each; ``feeds``: text of each move's feed.
-        """
-        said: str | None = None
-        motions, c, stops = self.program.motions, self.commands, self.stops()
-        for start in range(first, last, BLOCK):
-            part = slice(start, min(start + BLOCK, last))
-            coordinates = formatted(*words(part))
-            external = formatted(self.externals(part), self.external_decimals)
-            sides, feed = configurations(part), feeds(part)
-            before = motions.line[start - 1] if start else -1
-            new_line = np.diff(motions.line[part], prepend=before) != 0
-            rows = zip(
-                range(part.start, part.stop),
-                motions.line[part].tolist(),
-                new_line.tolist(),
-                motions.rapid[part].tolist(),
-                c.joint[part].tolist(),
-                motions.dwell[part].tolist(),
-                coordinates,
-                external,
-                sides,
-                feed,
-                strict=True,
-            )
-            for i, line, new, rapid, joint, dwell, word, axes, side, value in rows:
-                stop = i in stops or dwell > 0.0 or self.options.blend_mm == 0.0
-                changed = value if value != said else None
-                said = value
-                text = f"{dwell:.3f}" if dwell > 0.0 else None
-                here = self.happenings.get(i, ())
-                yield Move(i + 1, i, line, new, rapid, joint, stop, word, axes, side, changed, here, text)
-
-    def stops(self) -> set[int]:
-        """Moves that end in an exact stop: the last, and those before a change of tool or spindle.
+    @cached_property
+    def stops(self) -> Bools:
+        """Moves (n,) that end in an exact stop: the last, those with a dwell, before a change of tool or spindle.
 
         In Cartesian programs those between joint and straight moves too, which controllers blend each in its own way;
-        not those before other events: a stop in the cut would leave a mark.
+        not those before other events: a stop in the cut would leave a mark. Without a zone for blending all.
         """
-        changes = {m - 1 for m, found in self.happenings.items() if any(h.kind in ("tool", "spindle") for h in found)}
+        stops = (self.program.motions.dwell > 0.0) | (self.options.blend_mm == 0.0)
+        changes = [m - 1 for m, found in self.happenings.items() if any(h.kind in ("tool", "spindle") for h in found)]
+        stops[changes] = True
         if self.kind == "cartesian":
-            changes.update(np.flatnonzero(np.diff(self.commands.joint)).tolist())
-        return changes | {self.n - 1}
+            stops[:-1] |= np.diff(self.commands.joint)
+        stops[-1] = True
+        return stops
 
     def parts(self) -> list[tuple[int, int]]:
         """First and last (not with it) move of each file."""
         step = self.options.moves_per_file
         return [(start, min(start + step, self.n)) for start in range(0, self.n, step)]
+
+    def head(self) -> list[SourceText]:
+        """Lines for the head of a program; texts from files among them."""
+        program = self.program
+        axes = [f"{axis.name}, mm" for axis in program.cell.linear_axes]
+        axes += ["turntable, deg"] * (program.cell.turntable is not None)
+        lines = [
+            "written by stiffarm",
+            f"tool path: {program.motions.source}",
+            f"robot {program.robot.name}, cell {program.cell.name}, {self.kind} coordinates, {self.n} moves",
+        ]
+        return [SourceText(line) for line in [*lines, *(f"E{i}: {name}" for i, name in enumerate(axes, 1))]]
+
+    def context(self) -> dict[str, object]:
+        """What every template knows: ``head`` lines, ``count`` of moves, those ``after`` them, figures."""
+        o = self.options
+        return {
+            "head": self.head(),
+            "count": self.n,
+            "cartesian": self.kind == "cartesian",
+            "after": self.happenings.get(self.n, []),
+            "blend_mm": plain(o.blend_mm),
+            "joint_percent": plain(o.joint_percent),
+            "rotation_deg_s": plain(o.rotation_deg_s),
+            "first_speed": plain(float(self.commands.speed[0]) * 1e3),
+        }
 
 
 def external_axes(program: JointProgram, part: slice) -> Array:
@@ -194,26 +179,8 @@ def farthest(program: JointProgram) -> float:
     return stretched_length(program.robot, program.cell.tool.T_flange_tool[:3, 3])
 
 
-def precision_notes(job: Job, orientation: tuple[str, int, float]) -> list[str]:
-    """Say where the decimals alone move the tool by more than ``WANTED``.
-
-    ``orientation``: what orientations are written as, their decimals, and rad for each unit of the last digit.
-    """
-    decimals, program = job.options.decimals, job.program
-    half_mm, half_deg = 0.5 * 10.0**-decimals.length, 0.5 * 10.0**-decimals.angle
-    reach = farthest(program)
-    linear = program.travel.shape[1] * half_mm * 1e-3
-    turning = np.radians(half_deg) * program.robot.dof
-    tip, turned = turning * reach + linear, turning
-    if program.cell.turntable is not None:
-        lever = float(np.abs(program.T_part_tool[:, :3, 3]).max()) + reach
-        tip, turned = tip + np.radians(half_deg) * lever, turned + np.radians(half_deg)
-    if job.kind == "cartesian":
-        _, digits, unit = orientation
-        tip, turned = np.sqrt(3.0) * half_mm * 1e-3, 3.0 * 0.5 * 10.0**-digits * unit
-    notes = []
-    if tip > WANTED:
-        notes.append(f"decimals: rounding alone can move the tip by {tip * 1e6:.2g} um, more than {WANTED * 1e6:g} um")
-    if turned > WANTED:
-        notes.append(f"decimals: rounding alone can turn the tool by {turned:.2g} rad, more than {WANTED:g} rad")
-    return notes
+def plain(value: float, digits: int = 7) -> str:
+    """A positive number to so many digits, without exponent: controllers differ in what they read."""
+    decimals = max(0, digits - 1 - int(np.floor(np.log10(value)))) if value > 0.0 else 0
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

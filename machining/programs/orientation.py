@@ -7,6 +7,10 @@ quaternion, scalar first).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -62,3 +66,21 @@ def framed(R: Array, position: Array) -> Array:
     T = np.zeros((len(R), 4, 4))
     T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = R, position, 1.0
     return T
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """How a language writes rotations (n, 3, 3), and reads them back.
+
+    ``decimals``: which of the options' digits its numbers have; ``unit``: rad for each unit of the last digit.
+    """
+
+    write: Callable[[Array], Array]
+    read: Callable[[Array], Array]
+    decimals: Literal["angle", "quaternion"] = "angle"
+    unit: float = float(np.radians(1.0))
+
+
+ABC = Orientation(zyx_degrees, from_zyx_degrees)
+RX_RY_RZ = Orientation(xyz_degrees, from_xyz_degrees)
+QUATERNION = Orientation(quaternions, from_quaternions, "quaternion", 2.0)
