@@ -21,7 +21,7 @@ from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from machining.service import Session
 from machining.toolpaths import ReadOptions, read_toolpath
-from machining.toolpaths.neutral import read_motions, write_motions
+from machining.toolpaths.tables import read_motions, write_motions
 from machining.verification.given import read_program
 from robots import load_description
 
