@@ -64,7 +64,7 @@ class Offence:
     bodies : the two bodies, for collisions and clearances
     axis : name of the axis, for limits and rates
     text : more in words
-    q, travel, table : the pose in which it first shows: (dof,) rad, (k,) m, rad
+    values : (a,) coordinates of all axes in the pose in which it first shows
     """
 
     kind: Kind
@@ -80,9 +80,7 @@ class Offence:
     bodies: tuple[str, str] | None
     axis: str
     text: str
-    q: Array
-    travel: Array
-    table: float
+    values: Array
 
     @property
     def moves(self) -> int:

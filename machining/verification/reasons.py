@@ -14,7 +14,7 @@ from machining.verification.offences import Kind, Offence, Severity
 from machining.verification.path_checks import SIGNS, PathChecks, counts
 from machining.verification.sweep import Swept
 from machining.verification.timing import Timing
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, Integers
 
 # Rates that exceed their limits by less are rounding.
 RATE_TOLERANCE = 1e-6
@@ -45,30 +45,40 @@ class Reported:
     ) -> Offence:
         """An offence of one move."""
         values, _ = self.courses.at(np.array([move]), np.array([float(at)]))
-        q, travel, table = self.courses.axes.parts(values)
         line = int(self.courses.program.motions.line[move])
         nc_line = None if self.nc_lines is None else int(self.nc_lines[move])
         return Offence(
             kind, severity, int(move), int(move), line, nc_line, float(at), float(value), float(limit), unit, bodies,
-            axis, text, q[0], travel[0], float(table[0]),
+            axis, text, values[0],
         )  # fmt: skip
+
+    def each(
+        self, kind: Kind, moves: Bools, at: Array | float, value: Array, limit: float, unit: str, *, text: str = ""
+    ) -> Iterator[Offence]:
+        """An offence of each of ``moves`` (n,), ``at`` and ``value`` (n,)."""
+        shares = np.broadcast_to(at, moves.shape)
+        for move in _where(moves):
+            yield self.offence(kind, move, shares[move], value[move], limit, unit, text=text)
+
+    def touching(
+        self, kind: Kind, swept: Swept, at: Array, pair: Integers, value: Array, limit: float = 0.0
+    ) -> Iterator[Offence]:
+        """An offence of two bodies, by ``pair`` (n,), at each of the shares ``at`` (n,) that are not NaN."""
+        for move in _where(np.isfinite(at)):
+            yield self.offence(kind, move, at[move], value[move], limit, "m", bodies=swept.names[pair[move]])
 
 
 def body_offences(reported: Reported, swept: Swept, rapid: Swept | None, safety: float) -> Iterator[Offence]:
     """Collisions, small clearances, and what could not be proven."""
-    names = swept.names
-    for move in _where(np.isfinite(swept.hit)):
-        bodies = names[swept.hit_pair[move]]
-        yield reported.offence(Kind.COLLISION, move, swept.hit[move], 0.0, 0.0, "m", bodies=bodies)
-    for move in _where(np.isfinite(swept.low) & np.isnan(swept.hit)):
-        bodies = names[swept.low_pair[move]]
-        value = swept.distance[move]
-        yield reported.offence(Kind.CLEARANCE, move, swept.low[move], value, safety, "m", bodies=bodies)
-    for move in _where(np.isfinite(swept.unproven) & np.isnan(swept.hit)):
+    nothing, free = np.zeros(len(swept.hit)), np.isnan(swept.hit)
+    yield from reported.touching(Kind.COLLISION, swept, swept.hit, swept.hit_pair, nothing)
+    low = np.where(free, swept.low, np.nan)
+    yield from reported.touching(Kind.CLEARANCE, swept, low, swept.low_pair, swept.distance, safety)
+    for move in _where(np.isfinite(swept.unproven) & free):
         yield _unproven(reported, move, swept)
-    for move in _where(np.isfinite(swept.lost)):
-        text = "joints jump, or the line leaves the reach"
-        yield reported.offence(Kind.UNFOLLOWED, move, swept.lost[move], np.nan, np.nan, "", text=text)
+    text = "joints jump, or the line leaves the reach"
+    lost = np.isfinite(swept.lost)
+    yield from reported.each(Kind.UNFOLLOWED, lost, swept.lost, nothing + np.nan, np.nan, "", text=text)
     if rapid is not None:
         yield from _rapid_contacts(reported, rapid)
 
@@ -170,33 +180,26 @@ def _limits(reported: Reported, move: int, at: float, values: Array) -> Iterator
 
 def path_offences(reported: Reported, path: PathChecks, demands: Demands) -> Iterator[Offence]:
     """Singularities, branch jumps and deviations."""
-    courses = reported.courses
-    counted, tolerance = counts(courses), demands.tolerance
-    for move in _where(counted & (path.singular < demands.singular_least)):
-        at, value = path.singular_at[move], path.singular[move]
-        yield reported.offence(Kind.SINGULARITY, move, at, value, demands.singular_least, "")
+    courses, each = reported.courses, reported.each
+    counted, tolerance, turn = counts(courses), demands.tolerance, demands.axis_tolerance
+    near = counted & (path.singular < demands.singular_least)
+    yield from each(Kind.SINGULARITY, near, path.singular_at, path.singular, demands.singular_least, "")
     for move in _where(path.changed.any(axis=1) | path.jumped):
         yield _branch_jump(reported, move, path, demands, bool(counted[move]))
-    for move in range(courses.program.n):
-        if path.point[move] > tolerance:
-            yield reported.offence(
-                Kind.DEVIATION, move, 1.0, path.point[move], tolerance, "m", text="the point reached is another"
-            )
-        elif path.point_turn[move] > demands.axis_tolerance:
-            yield reported.offence(
-                Kind.DEVIATION, move, 1.0, path.point_turn[move], demands.axis_tolerance, "rad",
-                text="the tool stands otherwise at the point",
-            )  # fmt: skip
-        # Where points are off, so is the line between them; that is said once.
-        known = max(path.point[move], path.point[move - 1]) if move else 0.0
-        if path.run_line[move] > tolerance + (known if known > tolerance else 0.0):
-            text = "between points the tip leaves the straight line"
-            yield reported.offence(Kind.DEVIATION, move, 0.5, path.run_line[move], tolerance, "m", text=text)
-        elif not courses.straight[move] and path.line_turn[move] > demands.axis_tolerance:
-            text = "between points the tool turns otherwise"
-            yield reported.offence(
-                Kind.DEVIATION, move, 0.5, path.line_turn[move], demands.axis_tolerance, "rad", text=text
-            )
+    off = path.point > tolerance
+    text = "the point reached is another"
+    yield from each(Kind.DEVIATION, off, 1.0, path.point, tolerance, "m", text=text)
+    text = "the tool stands otherwise at the point"
+    yield from each(Kind.DEVIATION, ~off & (path.point_turn > turn), 1.0, path.point_turn, turn, "rad", text=text)
+    # Where points are off, so is the line between them; that is said once.
+    known = np.maximum(path.point, np.append(0.0, path.point[:-1]))
+    known[:1] = 0.0
+    left = path.run_line > tolerance + np.where(known > tolerance, known, 0.0)
+    text = "between points the tip leaves the straight line"
+    yield from each(Kind.DEVIATION, left, 0.5, path.run_line, tolerance, "m", text=text)
+    turned = ~left & ~courses.straight & (path.line_turn > turn)
+    text = "between points the tool turns otherwise"
+    yield from each(Kind.DEVIATION, turned, 0.5, path.line_turn, turn, "rad", text=text)
 
 
 def _branch_jump(reported: Reported, move: int, path: PathChecks, demands: Demands, counted: bool) -> Offence:
