@@ -10,13 +10,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from machining.programs.commands import Commands, commands
 from machining.programs.convention import Convention, convention_for
 from machining.programs.format import Format, ProgramFile, RoundTrip, Written
 from machining.programs.job import (
+    Commands,
     Job,
     Kind,
     Move,
+    commands,
     external_axes,
     external_count,
     farthest,

@@ -83,11 +83,12 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     InputError
         Neither is there, or its lists are not as long as the robot has joints.
     """
-    table = _bundled(robot.name, language) if given is None else given
+    known = [] if given is not None else _bundled()
+    table = given or next((t for t in known if t.robot == robot.name and language in t.formats), None)
     if table is None:
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
-            allowed="known for " + ", ".join(f"{name} ({', '.join(formats)})" for name, formats in bundled()),
+            allowed="known for " + ", ".join(f"{t.robot} ({', '.join(t.formats)})" for t in known),
             remedy="give sign and offset_deg of each joint in [arm] of the options, or write json or csv",
         )
     for name, wanted in (("sign", robot.dof), ("offset_deg", robot.dof)):
@@ -107,16 +108,8 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     )
 
 
-def bundled() -> list[tuple[str, tuple[str, ...]]]:
-    """Robots and formats of the bundled conventions."""
-    return [(table.robot, table.formats) for table in _tables()]
-
-
-def _bundled(robot: str, language: str) -> ConventionTable | None:
-    return next((t for t in _tables() if t.robot == robot and language in t.formats), None)
-
-
-def _tables() -> list[ConventionTable]:
+def _bundled() -> list[ConventionTable]:
+    """The bundled conventions."""
     folder = files("machining.programs") / "conventions"
     found = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return [convention_table(parse_toml(f.read_text(encoding="utf-8"), f.name), f.name) for f in found]

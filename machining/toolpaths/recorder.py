@@ -93,8 +93,10 @@ class Recorder:
         elif seconds:
             self.note(line, "a dwell before the first move is left out")
 
-    def event(self, line: int, word: str, text: str = "") -> None:
-        """Keep a word that is no motion."""
+    def event(self, line: int, word: str, text: str = "", note: str = "") -> None:
+        """Keep a word that is no motion, and remark on it."""
+        if note:
+            self.note(line, note)
         if len(self.events) < EVENTS:
             self.events.append(Event(line, len(self.lines), clean(word), clean(text)))
         else:

@@ -13,9 +13,17 @@ from machining.cell.scene import CUTTER, PART
 from machining.programs.program import JointProgram
 from machining.verification.courses import Courses, MovingAxes, courses_of
 from machining.verification.demands import Demands
-from machining.verification.offences import Kind, Offence, Severity, merged
+from machining.verification.offences import (
+    Kind,
+    Offence,
+    Reported,
+    Severity,
+    axis_offences,
+    body_offences,
+    merged,
+    path_offences,
+)
 from machining.verification.path_checks import PathChecks, path_checks
-from machining.verification.reasons import Reported, axis_offences, body_offences, path_offences
 from machining.verification.sweep import Swept, sweep
 from machining.verification.timing import Timing, timing_of
 from robots import InputError

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stiffarm import __version__
 from stiffarm.pages.parts import rendered
 from stiffarm.pages.style import png_base64
 
@@ -83,6 +85,11 @@ class KeyFigure:
 
     value: str
     label: str
+
+
+def made_by() -> str:
+    """The line at the foot of a page: version and time."""
+    return f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
 
 
 def render(

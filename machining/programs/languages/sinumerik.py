@@ -17,9 +17,8 @@ import numpy as np
 from pydantic import model_validator
 
 from machining.cell.schema import Strict
-from machining.programs.commands import Commands
 from machining.programs.controller import Controller
-from machining.programs.job import Job, Kind, farthest, plain
+from machining.programs.job import Commands, Job, Kind, farthest, plain
 from machining.programs.program import JointProgram
 from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number
 from machining.programs.write_options import WriteOptions

@@ -19,9 +19,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from machining.cell.schema import Positive, Strict
-from machining.programs.commands import Commands
 from machining.programs.controller import ARM, Controller
-from machining.programs.job import Job, plain
+from machining.programs.job import Commands, Job, plain
 from machining.programs.program import JointProgram
 from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number
 from machining.programs.write_options import WriteOptions

@@ -107,8 +107,7 @@ class AptMotion(AptState):
         if s.rest.strip():
             self._from(s)
             return
-        self.recorder.event(self.line, "GOHOME")
-        self.recorder.note(self.line, "GOHOME without a point: the machine's home is not in the file")
+        self.recorder.event(self.line, "GOHOME", note="GOHOME without a point: the machine's home is not in the file")
         self.here, self.rapid = None, False
 
     def _godlta(self, s: Statement) -> None:
@@ -126,8 +125,7 @@ class AptMotion(AptState):
         self.rapid = True
 
     def _retract(self, s: Statement) -> None:
-        self.recorder.event(self.line, "RETRCT", s.rest)
-        self.recorder.note(self.line, "RETRCT: the height is the machine's and not in the file")
+        self.recorder.event(self.line, "RETRCT", s.rest, note="RETRCT: the height is the machine's and not in the file")
 
     def _drill(self, work: Cycle, point: Vector) -> None:
         if self.dirty:

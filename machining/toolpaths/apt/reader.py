@@ -173,8 +173,7 @@ class _Reader(AptMotion):
             elif words.sounds_like_motion(word):
                 self._lost(s)
             else:
-                self.recorder.event(self.line, word, readable(s.rest))
-                self.recorder.note(self.line, f"word {readable(word)} is not read")
+                self.recorder.event(self.line, word, readable(s.rest), note=f"word {readable(word)} is not read")
         except StatementError as fault:
             self.arc = None
             self._fault(f"{word}: {fault.what}", readable(text), fault.allowed)
@@ -194,8 +193,9 @@ class _Reader(AptMotion):
             remedy = "post the program without it, or pass unknown_motion='report' to go on without this motion"
             self._fault(f"{s.word} sounds like a motion and is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", remedy)
         else:
-            self.recorder.event(self.line, s.word, readable(s.rest))
-            self.recorder.note(self.line, f"motion word {readable(s.word)} left out, as asked")
+            self.recorder.event(
+                self.line, s.word, readable(s.rest), note=f"motion word {readable(s.word)} left out, as asked"
+            )
 
     def _settle(self) -> None:
         self.plain = not self.head and self.arc is None and self.cycle is None and not self.frames.moves

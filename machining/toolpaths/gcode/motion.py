@@ -37,8 +37,12 @@ class GcodeMotion(Modes):
         before, self.axis = self.axis, self._tool_axis(b)
         if self.motion == 0:
             if not self._rapid_known(target):
-                self.recorder.event(self.line, "G0", " ".join(f"{k}{v:g}" for k, v in b.words.items()))
-                self.recorder.note(self.line, "a rapid move with a coordinate not known yet is kept as an event only")
+                self.recorder.event(
+                    self.line,
+                    "G0",
+                    str(b),
+                    note="a rapid move with a coordinate not known yet is kept as an event only",
+                )
             return
         point = self._known(target)
         if self.motion == 10:

@@ -110,8 +110,7 @@ class _Reader(GcodeMotion):
                 raise StatementError(
                     f"{modes.shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it"
                 )
-            self.recorder.event(self.line, modes.shown(code))
-            self.recorder.note(self.line, f"{modes.shown(code)} ({what}) left out, as asked")
+            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)} ({what}) left out, as asked")
             self.lose(b)
             b.words.clear()
 
@@ -155,11 +154,15 @@ class _Reader(GcodeMotion):
         for letter in "ABC":
             if letter in b.words:
                 self.angles[letter] = 0.0
-        self.recorder.event(self.line, modes.shown(code), " ".join(f"{k}{v:g}" for k, v in b.words.items()))
-        self.recorder.note(self.line, f"{modes.shown(code)}: a place of the machine, not in the part")
+        self.recorder.event(
+            self.line,
+            modes.shown(code),
+            str(b),
+            note=f"{modes.shown(code)}: a place of the machine, not in the part",
+        )
 
     def _origin(self, code: int, b: Block) -> None:
-        self.recorder.event(self.line, modes.shown(code), " ".join(f"{k}{v:g}" for k, v in b.words.items()))
+        self.recorder.event(self.line, modes.shown(code), str(b))
         if code == 100:
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif b.words.keys() & set("XYZABC"):

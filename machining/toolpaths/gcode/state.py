@@ -96,9 +96,8 @@ class Modes:
             self.tcp = True
             self.recorder.event(self.line, modes.shown(code))
         elif code in modes.COMPENSATED:
-            self.recorder.event(self.line, modes.shown(code))
             text = "points are taken as the tool's centre, the control's offset is not read"
-            self.recorder.note(self.line, f"{modes.shown(code)}: {text}")
+            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)}: {text}")
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
         elif code in (50, 51, *modes.QUIET):
@@ -106,8 +105,7 @@ class Modes:
                 self.tcp = self.options.tcp
             self.recorder.event(self.line, modes.shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
         elif code not in modes.KNOWN:
-            self.recorder.event(self.line, modes.shown(code))
-            self.recorder.note(self.line, f"{modes.shown(code)} is not read")
+            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)} is not read")
 
     def _misc(self, number: int) -> None:
         if number in (3, 4, 5, 13, 14, 19):
@@ -123,8 +121,7 @@ class Modes:
         elif number in modes.STOPS:
             self.recorder.event(self.line, modes.STOPS[number], f"M{number}")
         else:
-            self.recorder.event(self.line, f"M{number}")
-            self.recorder.note(self.line, f"M{number} is not read")
+            self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
 
     def _work_offset(self, name: str) -> None:
         if name == self.offset:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from typing import Any
 
 import numpy as np
 
 from robots.arrays import Array
-from stiffarm import __version__
 from stiffarm.commands.fit.figures.bars import (
     LEVEL,
     MOST_SHOWN,
@@ -23,7 +21,7 @@ from stiffarm.commands.fit.sections import answer_section, known_by, usage_secti
 from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words, size_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, made_by, render
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
@@ -66,9 +64,8 @@ def write_report(
     ]
     if known is not None:
         key.append(KeyFigure(f"± {relative(known.median)}", "95 % interval by the calibration, median pose"))
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
     question = "which surrogate, and how far to trust it?"
-    folder.write_text("report.html", render(title, lede, key, sections, footer, question))
+    folder.write_text("report.html", render(title, lede, key, sections, made_by(), question))
     return ["report.html"]
 
 
