@@ -25,13 +25,14 @@ from machining.programs.job import (
     job_of,
     plain,
 )
-from machining.programs.orientation import ABC, Orientation, framed
+from machining.programs.orientation import ABC, Orientation
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
 from machining.programs.read_back import ReadMove, ReadMoves, collected
 from machining.programs.rendering import environment, rendered
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
+from robots.frames import framed
 
 # Joints of every arm that these controllers drive.
 ARM = 6

@@ -15,12 +15,13 @@ import numpy as np
 
 from machining import magnitudes as limits
 from machining.cell import Cell
-from machining.programs.orientation import framed, from_quaternions, quaternions
+from machining.programs.orientation import from_quaternions, quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Motions
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
 from robots.constants import MM_MIN, RPM
+from robots.frames import framed
 
 SCHEMA = "stiffarm-program/1"
 BLOCK = 2000

@@ -61,13 +61,6 @@ def from_quaternions(q: Array) -> Array:
     return np.asarray(Rotation.from_quat(q, scalar_first=True).as_matrix())
 
 
-def framed(R: Array, position: Array) -> Array:
-    """Frames (n, 4, 4) from rotations (n, 3, 3) and positions (n, 3) m."""
-    T = np.zeros((len(R), 4, 4))
-    T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = R, position, 1.0
-    return T
-
-
 @dataclass(frozen=True)
 class Orientation:
     """How a language writes rotations (n, 3, 3), and reads them back.

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from machining.cell import Cell, LinearAxis, Turntable
-from machining.cell.cell import inverse
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
 from robots import Robot
 from robots.arrays import Array, Bools, Integers
+from robots.frames import inverse
 from robots.inverse.search import refine
 
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move

@@ -17,7 +17,7 @@ from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import SERIES, title
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, made_by, render
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.pages.style import house_style, new_figure
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
@@ -116,7 +116,7 @@ def write_report(run: PostRun, heading: str, folder: OutputFolder) -> None:
         f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line)."
     )
     question = "from tool path to program"
-    folder.write_text("report.html", render(heading, lede, _key(run), sections, made_by(), question))
+    write_page(folder, heading, lede, _key(run), sections, question)
 
 
 def _key(run: PostRun) -> list[KeyFigure]:

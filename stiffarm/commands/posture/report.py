@@ -12,7 +12,7 @@ from stiffarm.commands.posture.payload import quantity
 from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, made_by, render
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 
@@ -35,7 +35,7 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
         f"{frame_words(request.task.T_flange_tool)}; part in the base frame {frame_words(request.task.T_base_part)}."
     )
     question = "which posture along the path?"
-    folder.write_text("report.html", render(title, lede, _key_figures(posed), sections, made_by(), question))
+    write_page(folder, title, lede, _key_figures(posed), sections, question)
 
 
 def _key_figures(posed: Posed) -> list[KeyFigure]:

@@ -12,7 +12,7 @@ from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, st
 from stiffarm.commands.verify.picture import offence_picture
 from stiffarm.commands.verify.words import offence_words, place_words, sentence, shown, value_words, verdict
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, made_by, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.console import say
 from stiffarm.session.outputs import OutputFolder
 
@@ -39,7 +39,7 @@ def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
     source = program.motions.source or "program"
     lede = f"{verdict(found)} {source}, {program.n} moves, cell {program.cell.name}. replay.html shows it in motion."
     question = "may this program run?"
-    folder.write_text("report.html", render(title, lede, _key_figures(found), sections, made_by(), question))
+    write_page(folder, title, lede, _key_figures(found), sections, question)
 
 
 def _key_figures(found: Verification) -> list[KeyFigure]:
