@@ -9,7 +9,7 @@ from machining.cell import Cell, Scene, arm_of, scene_of
 from machining.placement.placing import How, Placed, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
-from machining.toolpaths.given import GivenPath
+from machining.toolpaths.conversion import GivenPath
 from robots import InputError
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
