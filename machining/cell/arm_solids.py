@@ -12,7 +12,6 @@ from machining.cell.casing_solids import crank_and_bar, link_solids
 from machining.cell.solids import Body, Solid, capsule, hull, surface
 from meshes.beams import body_index, body_tip
 from meshes.sections import section_dimensions
-from meshes.surfaces.bodies import body_surface
 from robots import InputError, ModelDescription, Robot, UrdfRobot, forward_kinematics, load_description, read_urdf
 from robots.arrays import Array
 from robots.robot import robot_from
@@ -162,6 +161,9 @@ def _shape_solids(name: str, urdf: UrdfRobot) -> tuple[tuple[Solid, ...], list[s
 
 
 def _shape_solid(name: str, shape: Visual) -> tuple[Solid, list[str]]:
+    # Only the shapes of a URDF need what prepares surfaces, and its pictures' libraries.
+    from meshes.surfaces.bodies import body_surface
+
     read = body_surface([shape])
     try:
         return surface(read.sources[0], read.nodes, read.faces), []
