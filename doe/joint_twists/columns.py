@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -26,7 +25,6 @@ REFLECTOR: Final = ("reading", "arm", "reflector", *UNLOADED, *LOADED)
 ARMS: Final = ("before", "behind")
 AXES: Final = ("flange", "base")
 SYNTHETIC: Final = "synthetic"
-_UNIT: Final = re.compile(r"_?(um|mm|cm|m|in|inch|kn|n|nm|nmm|mrad|rad|deg|urad)?$")
 
 
 def is_reflector_table(table: RawTable) -> bool:
@@ -37,54 +35,12 @@ def is_reflector_table(table: RawTable) -> bool:
 def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
     """Sort the header into known columns and unknown ones; what is wrong with it goes to ``faults``."""
     raw = is_reflector_table(table)
-    own = (*REFLECTOR, "sigma_mm") if raw else (*DISPLACEMENTS, *SIGMAS)
-    names = (*robot.coordinates, *LOADS, *COMMON, *own)
-    known, unknown = dict[str, int](), dict[str, int]()
-    for i, name in enumerate(table.header):
-        if name in known or name in unknown:
-            faults.add(1, f"column {name} stands there twice", value=name, allowed="each name once",
-                       remedy="rename or remove one of the two")  # fmt: skip
-        elif name in names:
-            known[name] = i
-        elif right := _meant(name, names):
-            faults.add(1, f"column {name} has a wrong or missing unit", value=name, allowed=right,
-                       remedy=f"convert the values if need be and name the column {right}")  # fmt: skip
-        elif re.fullmatch(r"q_?\d+[a-z]*(_[a-z]+)?|(a|j|axis|theta)_?\d+[a-z]*_(deg|rad)", name, re.I):
-            faults.add(1, f"column {name} is not a joint coordinate of {robot.name}", value=name,
-                       allowed=", ".join(robot.coordinates),
-                       remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
-        elif name:
-            unknown[name] = i
-    _check_present(known, robot, raw, faults)
-    return Columns(known, unknown)
-
-
-def _meant(name: str, names: Sequence[str]) -> str | None:
-    plain = re.sub(r"\W+", "_", name.lower()).strip("_")
-    for right in names:
-        stem, _, unit = right.rpartition("_")
-        if stem and unit and plain.startswith(stem.lower()) and _UNIT.fullmatch(plain[len(stem) :]):
-            return right
-    return None
-
-
-def _check_present(known: dict[str, int], robot: Robot, raw: bool, faults: Faults) -> None:
-    one_of: dict[str, tuple[str, ...]] = {
-        f"joint column of {robot.name}": robot.coordinates, "load column": LOADS, "column joint": ("joint",),
-        "column phase": ("phase",),
-    }  # fmt: skip
-    if raw:
-        one_of |= {f"column {name}": (name,) for name in REFLECTOR}
-    else:
-        one_of["column of a displacement or twist"] = DISPLACEMENTS
-    for what, group in one_of.items():
-        if not set(group) & set(known):
-            faults.add(1, f"the header has no {what}", allowed=f"at least one of {', '.join(group)}",
-                       remedy="add it, named exactly so")  # fmt: skip
-    missing = [name for name in POINT if name not in known]
-    if 0 < len(missing) < len(POINT):
-        faults.add(1, f"no column {', '.join(missing)}", allowed=f"all of {', '.join(POINT)}, or none",
-                   remedy="give all three coordinates of the loaded point in the flange frame")  # fmt: skip
+    needed = {f"column {name}": (name,) for name in ("joint", "phase", *(REFLECTOR if raw else ()))}
+    if not raw:
+        needed["column of a displacement or twist"] = DISPLACEMENTS
+    return mc.find_columns(
+        table, robot, faults, (*COMMON, *(REFLECTOR if raw else DISPLACEMENTS), *SIGMAS[: 1 if raw else 2]), needed
+    )
 
 
 @dataclass(frozen=True)

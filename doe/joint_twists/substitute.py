@@ -24,6 +24,9 @@ from robots.arrays import Array
 Compliances = Callable[[Array], Array]
 
 AXIS = 5
+# Of the six rows of a joint, the one about its gear axis.
+ABOUT_GEAR = np.eye(6)[AXIS]
+XYZ = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,25 +52,26 @@ def loads_in(model: ArmModel, q: Array, directions: Array) -> Array:
     return s.reshape(n, k, -1, 6)
 
 
-def stiffness_with(model: ArmModel, compliances: Compliances, q: Array, directions: Array | None = None) -> Array:
-    """Directional stiffness |F| / |d . F/|F|| (n, k) N/m at the flange centre; default: flange X, Y, Z.
+def stiffness_with(
+    model: ArmModel, compliances: Compliances, q: Array, directions: Array = XYZ, *, or_rigid: bool = False
+) -> Array:
+    """Directional stiffness |F| / |d . F/|F|| (n, k) N/m at the flange centre along ``directions`` (k, 3), flange axes.
 
     Raises
     ------
     InputError
-        A direction in which nothing gives way.
+        A direction in which nothing gives way; with ``or_rigid`` the stiffness there is inf.
     """
-    ways = np.eye(3) if directions is None else np.asarray(directions, dtype=np.float64)
-    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, ways) ** 2, compliances(q))
-    if not (moved > 0.0).all():
+    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, directions) ** 2, compliances(q))
+    if not or_rigid and not (moved > 0.0).all():
         raise InputError("directional stiffness: nothing gives way in a direction", remedy="identify more stiffnesses")
-    return np.asarray(1.0 / moved)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / moved)
 
 
-def predict(model: ArmModel, found: Identified, q: Array, directions: Array | None = None) -> Stiffness:
+def predict(model: ArmModel, found: Identified, q: Array, directions: Array = XYZ) -> Stiffness:
     """Directional stiffness by identified stiffnesses, with 95 % intervals from their covariances."""
-    ways = np.eye(3) if directions is None else np.asarray(directions, dtype=np.float64)
-    s2 = loads_in(model, q, ways) ** 2
+    s2 = loads_in(model, q, directions) ** 2
     c, sd = found.compliances(q)
     moved = np.einsum("nkjr,njr->nk", s2, c)
     spread = np.sqrt(np.einsum("nkjr,njr->nk", s2**2, sd**2))
@@ -90,9 +94,7 @@ def gear_only(six: Compliances) -> Compliances:
     """The usual model (eq. 3 of the paper): the same stiffness about the gear axes, all else rigid."""
 
     def law(q: Array) -> Array:
-        c = np.zeros_like(six(q))
-        c[:, :, AXIS] = six(q)[:, :, AXIS]
-        return c
+        return six(q) * ABOUT_GEAR
 
     return law
 
@@ -121,9 +123,7 @@ def gear_refitted(model: ArmModel, six: Compliances, q: Array) -> tuple[Complian
     effective[moves] = nnls(A[:, moves] / size[moves], whole.ravel())[0] / size[moves]
 
     def law(poses: Array) -> Array:
-        c = np.zeros((len(poses), len(effective), 6))
-        c[:, :, AXIS] = effective
-        return c
+        return np.tile(np.outer(effective, ABOUT_GEAR), (len(poses), 1, 1))
 
     return law, effective
 
@@ -192,12 +192,5 @@ def usual_models(
     refitted, effective = gear_refitted(model, six, reachable_poses(model, poses, rng))
     q = reachable_poses(model, poses, rng)
     reference = stiffness_with(model, six, q)
-    same, fitted = (_stiffness(model, law, q) for law in (gear_only(six), refitted))
+    same, fitted = (stiffness_with(model, law, q, or_rigid=True) for law in (gear_only(six), refitted))
     return errors_of(same, reference), errors_of(fitted, reference), effective
-
-
-def _stiffness(model: ArmModel, compliances: Compliances, q: Array) -> Array:
-    """Directional stiffness (n, 3), inf where nothing gives way."""
-    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, np.eye(3)) ** 2, compliances(q))
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / moved)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.joint_twists.cycles import Cycles
-from doe.joint_twists.direction import Direction
-from doe.joint_twists.laws import FEWEST_FOR_A_LAW, FEWEST_FOR_ORDER_TWO, LawKind, angles_of
+from doe.joint_twists.laws import FEWEST_FOR_A_LAW, FEWEST_FOR_ORDER_TWO, Direction, LawKind, angles_of
 
 KINDS = ("translations", "rotations")
 # Fewer spare set-ups say nothing about their scatter.
@@ -49,7 +48,7 @@ def unjudged(
 
     watched = [j for j in range(len(names)) if (cycles.joint == j).any()]
     for j in watched:
-        for reason in _of_angles(len(angles_of(cycles.q[cycles.joint == j, j])[0]), asked):
+        for reason in _of_angles(len(angles_of(cycles.angle[cycles.joint == j])[0]), asked):
             add("how the stiffnesses vary with the angle", names[j], reason)
         for kind, words in enumerate(KINDS):
             if not cycles.noise_known[j, kind]:
@@ -77,7 +76,7 @@ def _of_angles(count: int, asked: LawKind | None) -> list[str]:
 def _of_law(d: Direction, asked: LawKind | None) -> list[tuple[str, str]]:
     if d.law is None:
         return []
-    out, size, count = [], d.law.spring.basis.size, len(d.angle)
+    out, size, count = [], d.law.basis.size, len(d.angle)
     if d.law.kind == "constant" and d.status != "one-sided" and (d.scores if asked is None else asked != "constant"):
         wanted = "a law over the angle" if asked is None else f"the law {asked}"
         out.append((wanted, "it does not settle on these angles; a constant is taken"))

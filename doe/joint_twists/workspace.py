@@ -86,8 +86,8 @@ def stiffness_window(
             usable, elbow = these, side
     turned = np.where(usable, np.abs(found.q[:, :, 3]), np.inf)
     best = turned.argmin(axis=1)
-    q = np.where(np.asarray(usable.any(axis=1))[:, None], found.q[np.arange(len(T)), best], np.nan)
     reached = np.asarray(usable.any(axis=1), dtype=np.bool_)
+    q = np.where(reached[:, None], found.q[np.arange(len(T)), best], np.nan)
     if not reached.any():
         raise InputError(
             f"stiffness window of {robot.name}: nothing in it is reached with the flange {orientation}",

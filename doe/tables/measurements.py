@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import compress
+from typing import TypeVar
 
 import numpy as np
 
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
+
+Label = TypeVar("Label", bound=Hashable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +86,12 @@ class Measurements:
 
     def pose_groups(self) -> dict[str, Indices]:
         """Row indices of each pose label, labels in order of first appearance."""
-        groups: dict[str, list[int]] = {label: [] for label in self.pose}
-        for i, label in enumerate(self.pose):
-            groups[label].append(i)
-        return {label: np.array(rows, dtype=np.intp) for label, rows in groups.items()}
+        return rows_of(self.pose)
+
+
+def rows_of(labels: Sequence[Label]) -> dict[Label, Indices]:
+    """Rows of each label, labels in order of first appearance."""
+    groups: dict[Label, list[int]] = {}
+    for i, label in enumerate(labels):
+        groups.setdefault(label, []).append(i)
+    return {label: np.array(rows, dtype=np.intp) for label, rows in groups.items()}
