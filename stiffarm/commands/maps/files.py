@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fem.arm import Arm
 from robots.arrays import Array
 from robots.files.csv_text import write_rows
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps import netcdf, vtk_stream
 from surrogate.maps.data import MapData
@@ -55,7 +55,7 @@ class Files:
     work: Path | None = None
 
 
-def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
+def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
     """Write all files but map.json.
 
     Returns
@@ -110,7 +110,7 @@ def _cells(values: Array, categories: Sequence[str] = ()) -> list[str]:
 
 
 def _figures(
-    given: ModelInput, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
+    given: Arm, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
 ) -> list[str]:
     from stiffarm.commands.maps.figures.whole import draw_map_figures
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from fem.arm import Arm
 from machining import INDICES, GammaRange, Objective
 from machining.stiffness.distribution import best_gamma, distribution, why_not_reached
 from machining.stiffness.grid import grid_task, in_box, in_polygon
@@ -17,7 +18,6 @@ from robots import InputError, content_hash
 from robots.arrays import Array, Bools
 from robots.progress import Progress
 from stiffarm.commands.maps.index.files import IndexMap, drawn_columns
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import frame_words, parse_frame, parse_vector, tool_of
 from stiffarm.session.task_options import parse_gammas
 from surrogate.maps.data import Layout
@@ -82,7 +82,7 @@ def read_request(options: Mapping[str, str | None]) -> IndexRequest:
 
 
 def map_of(
-    given: ModelInput, asked: IndexRequest, generator: np.random.Generator, progress: Progress | None = None
+    given: Arm, asked: IndexRequest, generator: np.random.Generator, progress: Progress | None = None
 ) -> IndexMap:
     """Make the map.
 
