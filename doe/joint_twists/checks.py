@@ -47,10 +47,10 @@ class Loop:
         return bool(abs(self.width) > NORMAL_95 * self.spread)
 
 
-def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:
+def loops(found: Identified) -> tuple[Loop, ...]:
     """Loops of every joint and row that was loaded and read both ways."""
     c, out = found.cycles, []
-    for j, name in enumerate(names):
+    for j, name in enumerate(found.names):
         for r, row in enumerate(ROWS):
             t = c.carried[:, r]
             mine = (c.joint == j) & np.isfinite(c.half_width[:, r]) & np.isfinite(c.slope[:, r])
@@ -105,13 +105,13 @@ class DiagonalTest:
         return not any(c.proven and abs(c.share) > SMALL for c in self.couplings)
 
 
-def diagonal_tests(found: Identified, names: tuple[str, ...]) -> tuple[DiagonalTest, ...]:
+def diagonal_tests(found: Identified) -> tuple[DiagonalTest, ...]:
     """Added-variable test of every pair of rows at every joint: entry (a, b) = (b, a), constant over the angle.
 
     Weighted least squares with the laws of both rows free to follow, set-ups scattering together; entries are tested
     one at a time.
     """
-    pairs = [(j, name, a, b) for j, name in enumerate(names) for a, b in combinations(range(6), 2)]
+    pairs = [(j, name, a, b) for j, name in enumerate(found.names) for a, b in combinations(range(6), 2)]
     tested = [one for one in (_coupling(found, *pair) for pair in pairs) if one is not None]
     proven = _holm(tested)
     marked = [replace(c, proven=(c.joint, *c.rows) in proven) for c in tested]

@@ -34,13 +34,12 @@ def is_reflector_table(table: RawTable) -> bool:
 
 def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
     """Sort the header into known columns and unknown ones; what is wrong with it goes to ``faults``."""
-    raw = is_reflector_table(table)
-    needed = {f"column {name}": (name,) for name in ("joint", "phase", *(REFLECTOR if raw else ()))}
-    if not raw:
-        needed["column of a displacement or twist"] = DISPLACEMENTS
-    return mc.find_columns(
-        table, robot, faults, (*COMMON, *(REFLECTOR if raw else DISPLACEMENTS), *SIGMAS[: 1 if raw else 2]), needed
-    )
+    needed: dict[str, Sequence[str]] = {"column joint": ("joint",), "column phase": ("phase",)}
+    if is_reflector_table(table):
+        needed |= {f"column {name}": (name,) for name in REFLECTOR}
+        return mc.find_columns(table, robot, faults, (*COMMON, *REFLECTOR, "sigma_mm"), needed)
+    needed["column of a displacement or twist"] = DISPLACEMENTS
+    return mc.find_columns(table, robot, faults, (*COMMON, *DISPLACEMENTS, *SIGMAS), needed)
 
 
 @dataclass(frozen=True)

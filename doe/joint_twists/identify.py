@@ -51,6 +51,11 @@ class Identified:
     notes: tuple[str, ...]
     unjudged: tuple[Unjudged, ...] = ()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(dict.fromkeys(joint for joint, _ in self.directions))
+
     def compliances(self, q: Array) -> tuple[Array, Array]:
         """Compliances (n, dof, 6) at poses q, zero where there is no number, and their standard deviations."""
         c, sd = np.zeros((2, len(q), len(self.directions) // 6, 6))

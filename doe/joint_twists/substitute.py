@@ -94,7 +94,7 @@ def gear_only(six: Compliances) -> Compliances:
     """The usual model (eq. 3 of the paper): the same stiffness about the gear axes, all else rigid."""
 
     def law(q: Array) -> Array:
-        return six(q) * ABOUT_GEAR
+        return np.asarray(six(q) * ABOUT_GEAR)
 
     return law
 

@@ -84,10 +84,10 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
     outside = np.flatnonzero(~robot.reachable(q))
     if outside.size and robot.reachable(np.degrees(q)).all():
         problem = f"{outside.size} of {len(q)} poses cannot be taken as typed, all of them with angles read as radians"
-        faults.add(lines[outside[0]], problem, allowed="joint angles in degrees",
+        faults.add(lines[int(outside[0])], problem, allowed="joint angles in degrees",
                    remedy="convert the joint columns to degrees")  # fmt: skip
         return
-    for i in outside:
+    for i in outside.tolist():
         for problem in robot.violations(q[i]):
             faults.add(lines[i], f"pose {pose[i]} cannot be taken: {problem}",
                        allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip

@@ -91,6 +91,6 @@ def test_the_map_is_the_pages(model: ArmModel, found: Identified) -> None:
 
 
 def test_the_diagonal_arm_is_left_in_peace(model: ArmModel, found: Identified) -> None:
-    assert all(t.suffices for t in diagonal_tests(found, model.robot.joint_names))
+    assert all(t.suffices for t in diagonal_tests(found))
     assert "0.00 of the diagonal entries comes out as +0.00, and a diagonal matrix is taken as enough" in PAGE
     assert "and a diagonal matrix is not taken as enough" in PAGE

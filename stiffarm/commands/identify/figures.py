@@ -26,7 +26,7 @@ _WORDS: Final = {
 }  # fmt: skip
 
 
-def loops_figure(found: Identified, names: Sequence[str], made_up: str = "") -> Figure:
+def loops_figure(found: Identified, made_up: str = "") -> Figure:
     """Hysteresis: twist about the gear axis over the torque, up and down, of each joint's most loaded cycle.
 
     Raises
@@ -35,7 +35,7 @@ def loops_figure(found: Identified, names: Sequence[str], made_up: str = "") -> 
         No joint's gear was loaded.
     """
     c, data = found.cycles, found.data
-    shown = [(j, name) for j, name in enumerate(names) if _most_loaded(found, j) is not None]
+    shown = [(j, name) for j, name in enumerate(found.names) if _most_loaded(found, j) is not None]
     if not shown:
         raise InputError("loops figure: no gear was loaded")
     columns = min(3, len(shown))
@@ -70,18 +70,18 @@ def _most_loaded(found: Identified, j: int) -> int | None:
     return int(mine[np.argmax(np.abs(c.carried[mine, 5]))]) if mine.size else None
 
 
-def laws_figure(found: Identified, names: Sequence[str], made_up: str = "") -> Figure:
+def laws_figure(found: Identified, made_up: str = "") -> Figure:
     """Stiffness over the joint's angle with 95 % bands, six directions (columns) of every joint (rows)."""
-    dof = len(names)
+    dof = len(found.names)
     with house_style():
         high = 0.8 + 2.3 * dof
         figure, _ = new_figure((16.0, high), rows=0)
         axes = figure.subplots(dof, 6, squeeze=False).ravel()
         for k, d in enumerate(found.directions.values()):
             ax = axes[k]
-            _law_panel(ax, d, k // 6, dof)
+            _law_panel(ax, d)
             if k < 6:
-                unit = "N/µm" if d.row.startswith("t") else "10⁶ N m/rad"
+                unit = "N/µm" if d.is_shift else "10⁶ N m/rad"
                 ax.set_title(f"{_WORDS[d.row]}\n{unit}", loc="left", size=10)
             if k % 6 == 0:
                 ax.set_ylabel(d.joint, weight="bold", rotation=0, labelpad=18, size=12)
@@ -99,11 +99,11 @@ def laws_figure(found: Identified, names: Sequence[str], made_up: str = "") -> F
     return figure
 
 
-def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
+def _law_panel(ax: Axes, d: Direction) -> None:
     if d.law is None:
         words: str = d.status
         if d.status == "not determined":
-            _, low, _ = d.stiffness(np.zeros((1, dof)))
+            _, low, _ = d.stiffness(np.zeros(1))
             if np.isfinite(low[0]):
                 words += f"\nat least {low[0] / 1e6:.3g}"
         ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", size=9, color="#666666")
@@ -111,9 +111,7 @@ def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
         ax.set_yticks([])
         return
     angle = np.linspace(d.angle.min(), d.angle.max(), 61) if len(d.angle) > 1 else d.angle
-    q = np.zeros((len(angle), dof))
-    q[:, column] = angle
-    k, low, high = (v / 1e6 for v in d.stiffness(q))
+    k, low, high = (v / 1e6 for v in d.stiffness(angle))
     with np.errstate(divide="ignore", invalid="ignore"):
         points = 1e-6 / d.value
         lower, upper = 1e-6 / (d.value + d.quantile * d.sd), 1e-6 / (d.value - d.quantile * d.sd)
@@ -133,30 +131,30 @@ def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
         note(ax, "rigid is possible", (0.97, 0.9), xycoords="axes fraction", ha="right", color="#666666")
 
 
-def compliances_figure(found: Identified, names: Sequence[str], made_up: str = "") -> Figure:
+def compliances_figure(found: Identified, made_up: str = "") -> Figure:
     """Six compliances of every joint: mean over the angles measured, with 95 % intervals, log axes."""
     with house_style():
         figure, axes = new_figure((11.0, 4.6), 1, 2)
         for ax, rows, factor, unit in (
             (axes[0], ROWS[:3], 1e9, "nm/N"), (axes[1], ROWS[3:], 1e9, "nrad/(N m)"),
         ):  # fmt: skip
-            handles = _bars(ax, found, names, rows, factor)
+            handles = _bars(ax, found, rows, factor)
             ax.set_ylabel(f"compliance ({unit})")
-            ax.set_xticks(range(len(names)), list(names))
+            ax.set_xticks(range(len(found.names)), found.names)
             ax.grid(axis="x", visible=False)
             above(ax, handles, 3)
         title(figure, f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}")
     return figure
 
 
-def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str], factor: float) -> list[object]:
+def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> list[object]:
     ax.set_yscale("log")
     known = [d for d in found.directions.values() if d.row in rows and d.law is not None]
     bottom = 0.4 * min((factor * d.mean for d in known), default=1.0)
     top = 2.5 * max((factor * (d.mean + np.nan_to_num(d.quantile * d.spread)) for d in known), default=10.0)
     handles: dict[str, object] = {}
     for r, row in enumerate(rows):
-        for j, name in enumerate(names):
+        for j, name in enumerate(found.names):
             d, x = found.directions[name, row], j + 0.27 * (r - 1)
             if d.law is None:
                 note(ax, "n.i." if d.status == "not identified" else "n.d.", (x, bottom * 1.1), rotation=90,
@@ -169,7 +167,7 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
             if row not in handles:
                 bar.set_label(_WORDS[row])
                 handles[row] = bar
-    ax.set_xlim(-0.6, len(names) - 0.4)
+    ax.set_xlim(-0.6, len(found.names) - 0.4)
     ax.set_ylim(bottom, top)
     log_ticks(ax.yaxis, lambda v: f"{v:g}")
     return list(handles.values())

@@ -120,7 +120,6 @@ def _percent(values: Array) -> str:
 
 
 def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
-    names = d.given.robot.joint_names
     blocks: list[Block] = [
         Text(
             "Frame: the modified DH frame of the joint, Z along the gear axis, X along the common normal to the next "
@@ -129,11 +128,11 @@ def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
         ),
         Table("Six stiffnesses of each joint", ("joint", *ROWS), stiffness_rows(d)),
         pictures.add(
-            figures.compliances_figure(d.found, names, sections.made_up(d)), "compliances",
+            figures.compliances_figure(d.found, sections.made_up(d)), "compliances",
             "Compliances side by side. n.i.: never loaded or never read; n.d.: the best compliance is not positive.",
         ),
         pictures.add(
-            figures.laws_figure(d.found, names, sections.made_up(d)), "stiffness_over_angle",
+            figures.laws_figure(d.found, sections.made_up(d)), "stiffness_over_angle",
             "Each stiffness over its joint's angle. Points: each angle by itself, without any law. Where a band is "
             "wider than the axis, readings hardly see the direction. Laws hold between the outermost angles.",
         ),
@@ -144,20 +143,16 @@ def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
 
 def stiffness_rows(d: JointTwists) -> tuple[tuple[str, ...], ...]:
     """One row a joint: its name, and six stiffnesses at the middle of the angles measured, with intervals."""
-    names, dof = d.given.robot.joint_names, d.given.robot.dof
-    return tuple(
-        (name, *(_cell(d.found.directions[name, row], j, dof) for row in ROWS)) for j, name in enumerate(names)
-    )
+    return tuple((name, *(_cell(d.found.directions[name, row]) for row in ROWS)) for name in d.found.names)
 
 
-def _cell(d: Direction, column: int, dof: int) -> str:
+def _cell(d: Direction) -> str:
     if d.law is None:
-        _, low, _ = d.stiffness(np.zeros((1, dof)))
+        _, low, _ = d.stiffness(np.zeros(1))
         at_least = f", ≥ {low[0] / 1e6:.3g}" if d.status == "not determined" and np.isfinite(low[0]) else ""
         return d.status + at_least
-    q = np.zeros((1, dof))
-    q[0, column] = (d.angle.min() + d.angle.max()) / 2.0
-    k, low, high = (v[0] / 1e6 for v in d.stiffness(q))
+    middle = np.array([(d.angle.min() + d.angle.max()) / 2.0])
+    k, low, high = (v[0] / 1e6 for v in d.stiffness(middle))
     if np.isinf(high):
         return f"{k:.3g} (≥ {low:.3g})"
     if np.isnan(low):

@@ -53,7 +53,7 @@ def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
     if any(x.row == "rz" for x in d.loops):
         blocks.append(
             pictures.add(
-                figures.loops_figure(d.found, d.given.robot.joint_names, made_up(d)), "hysteresis",
+                figures.loops_figure(d.found, made_up(d)), "hysteresis",
                 "Up and down about the gear axes.",
             )
         )  # fmt: skip
