@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from doe.diagnosis.decide import Decision, Kind, decide
-from doe.diagnosis.held_out import leave_one_pose_out
+from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of
 from doe.diagnosis.outset import replicate_weights

@@ -15,11 +15,12 @@ the bound rises with D alone, so that the choice is the T-optimal one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from doe.planning.optimal_choice import exchange
 from robots.arrays import Array, Bools, Indices
 
 # Numbers in the covariances that are worked on at once: some 60 MB.
@@ -106,50 +107,31 @@ def information(p: Predictions, kl: Array) -> Array:
     return np.asarray(-np.log(np.exp(-D) @ p.weight) @ p.weight)
 
 
-def choose(p: Predictions, n: int, allowed: Callable[[list[int]], Bools] | None = None) -> Choice:
-    """Choose n experiments: the best one by one, then swaps until none gains (Fedorov exchange).
-
-    ``allowed``: which experiments (N,) may join some chosen ones; by default all others.
-    """
-    free = allowed or (lambda taken: ~np.isin(np.arange(len(p)), taken))
+def choose(p: Predictions, n: int) -> Choice:
+    """Choose n experiments: the best one by one, then swaps until none gains (Fedorov exchange)."""
     own = p.own()
     crossed: dict[int, Array] = {}
-    chosen: list[int] = []
-    best = 0.0
-    for _ in range(n):
-        j, best = _best(p, own, crossed, chosen, free(chosen))
-        chosen.append(j)
-    for _ in range(SWEEPS if n > 1 else 0):
-        before = best
-        for place in range(n):
-            rest = [*chosen[:place], *chosen[place + 1 :]]
-            j, value = _best(p, own, crossed, rest, free(rest))
-            if value > best * (1.0 + LEAST_GAIN):
-                chosen, best = [*rest, j], value
-        if best <= before * (1.0 + LEAST_GAIN):
-            break
+
+    def score(taken: list[int]) -> Array:
+        for j in taken:
+            if j not in crossed:
+                crossed[j] = p.cross(j)
+        out = np.concatenate([_values(p, own, crossed, taken, part) for part in _parts(p, len(taken))])
+        out[taken] = -np.inf
+        return out
+
+    chosen, best = exchange(score, n, least_gain=LEAST_GAIN, sweeps=SWEEPS)
     names = {code: float(p.weight[np.array(p.code) == code].sum()) for code in p.code}
     share = np.array(list(names.values()))
     return Choice(np.array(chosen, dtype=np.intp), best, float(-share @ np.log(np.maximum(share, 1e-300))))
 
 
-def _best(p: Predictions, own: Array, crossed: dict[int, Array], chosen: list[int], free: Bools) -> tuple[int, float]:
-    """The experiment that goes best with those chosen, and the information then."""
-    for j in chosen:
-        if j not in crossed:
-            crossed[j] = p.cross(j)
-    at = np.flatnonzero(free)
-    value = np.concatenate([_values(p, own, crossed, chosen, part) for part in _parts(p, len(chosen), at)])
-    top = int(np.argmax(value))
-    return int(at[top]), float(value[top])
-
-
-def _parts(p: Predictions, taken: int, at: Indices) -> list[Indices]:
+def _parts(p: Predictions, taken: int) -> list[Indices]:
     h, r = len(p.code), p.mean.shape[2]
     k = (taken + 1) * r
     # Covariances, their inverses, and the products of every pair of rivals.
     size = max(1, AT_ONCE // (2 * h * k * k + h * h * k))
-    return [at[i : i + size] for i in range(0, len(at), size)]
+    return [np.arange(i, min(i + size, len(p))) for i in range(0, len(p), size)]
 
 
 def _values(p: Predictions, own: Array, crossed: dict[int, Array], chosen: list[int], at: Indices) -> Array:

@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from doe.diagnosis.evidence import Base, Fitted
-from doe.diagnosis.held_out import LeftOut
+from doe.diagnosis.evidence import Base, Fitted, LeftOut
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature

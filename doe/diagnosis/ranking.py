@@ -13,15 +13,14 @@ import numpy as np
 from scipy.special import logsumexp
 
 from doe.diagnosis.candidates import VAGUE, candidates_of, hidden_among, pruned
-from doe.diagnosis.evidence import Base, Fitted, Whitened
-from doe.diagnosis.held_out import extended, leave_one_pose_out
+from doe.diagnosis.evidence import Base, Fitted, Whitened, leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, free_columns
 from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, plain_noises, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.diagnosis.unknown import discrepancies
-from doe.diagnosis.weighing import Row, at_noise, rough_at, unknown_at, with_springs
+from doe.diagnosis.weighing import Row, at_noise, extended, rough_at, unknown_at
 from doe.estimation.noise import Noise
 from doe.published.readings import rms_mm
 from robots.arrays import Array
@@ -115,7 +114,7 @@ def _ranked(
         z = np.array([row.best[code][0] for row in table])
         row = table[int(np.argmax(z))]
         _, _, signature, fit = row.best[code]
-        wide = with_springs(s, base, signature) if signature.shift is not None else extended(base, signature)
+        wide = extended(s, base, signature)
         bic = max(row.best[code][1] for row in table)
         lines.append((code, float(logsumexp(z)) - n, bic, row.noise, wide, signature, fit))
     z = np.array([one[1] for one in unknown])

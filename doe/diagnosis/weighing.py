@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -42,7 +42,7 @@ def at_noise(
     best: dict[str, tuple[float, float, Signature, Fitted | None]] = {}
     for code, some in candidates.items():
         if some[0].shift is not None:
-            other = Whitened(with_springs(s, base, some[0]), V)
+            other = Whitened(extended(s, base, some[0]), V)
             bic = -0.5 * (V.log_det + other.square)
             best[code] = (other.log_evidence + density, bic, some[0], None)
             continue
@@ -65,20 +65,19 @@ def as_if(s: Setting, base: Base, c: Signature, V: Covariance) -> Array:
     assert c.shift is not None  # noqa: S101 - asked before
     assert c.springs is not None  # noqa: S101
     n = len(s.free)
-    springs = Whitened(with_springs(s, base, c), V).u[:n] + s.typical - s.springs
+    springs = Whitened(extended(s, base, c), V).u[:n] + s.typical - s.springs
     return np.asarray(c.shift + c.springs @ springs)
 
 
-def with_springs(s: Setting, base: Base, c: Signature) -> Base:
-    """The base with other springs' columns and another prediction (an effect without amplitudes)."""
-    assert c.shift is not None  # noqa: S101 - asked before
-    assert c.springs is not None  # noqa: S101
+def extended(s: Setting, base: Base, c: Signature) -> Base:
+    """The base with an effect in it: its columns; without amplitudes other springs' columns and another prediction."""
+    if c.shift is None:
+        return base.beside(c.columns, c.mean, c.sd, np.where(c.positive, -c.mean, -np.inf))
+    assert c.springs is not None  # noqa: S101 - goes with the shift
     n = len(s.free)
-    columns = base.columns.copy()
-    columns[:, :n] = c.springs
+    columns = np.hstack([c.springs, base.columns[:, n:]])
     mean = s.typical - s.springs
-    residual = base.residual - c.shift - (c.springs - base.columns[:, :n]) @ mean
-    return Base(columns, residual, base.precision, base.floor)
+    return replace(base, columns=columns, residual=base.residual - c.shift - (c.springs - base.columns[:, :n]) @ mean)
 
 
 def unknown_at(s: Setting, base: Base, weight: Array, noise: Noise, options: Options) -> tuple[Noise, float, Base]:
@@ -86,11 +85,7 @@ def unknown_at(s: Setting, base: Base, weight: Array, noise: Noise, options: Opt
     V = covariance(s, noise, weight)
     out: list[tuple[float, Base]] = []
     for columns in discrepancies(s):
-        k = columns.shape[1]
-        wide = Base(
-            np.hstack([base.columns, columns]), base.residual, np.concatenate([base.precision, np.ones(k)]),
-            np.concatenate([base.floor, np.full(k, -np.inf)]),
-        )  # fmt: skip
+        wide = base.beside(columns)
         out.append((Whitened(wide, V).log_evidence, wide))
     z = np.array([one[0] for one in out])
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from doe import Measurements, write_measurements
-from doe.diagnosis.next_readings import as_measurements, columns_to_fill
 from doe.diagnosis.scatter import SETUP
 from fem.arm import Arm
 from robots import save_description
@@ -129,8 +128,8 @@ def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> N
     if found.tells:
         save_description(described(found), folder.path("model.toml"))
     if found.proposal is not None:
-        sheet, robot = as_measurements(found.proposal), found.given.robot
-        write_measurements(sheet, folder.path("next_readings.csv"), robot, to_fill=columns_to_fill(found.proposal))
+        path, columns = folder.path("next_readings.csv"), found.proposal.protocol.columns
+        write_measurements(found.proposal.sheet, path, found.given.robot, to_fill=columns)
     with folder.timed("report"):
         write_report(found, folder)
 

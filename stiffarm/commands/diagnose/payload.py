@@ -11,7 +11,6 @@ from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
 from stiffarm.commands.calibrate import payload as calibration_payload
-from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import FittedSpring, springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
@@ -135,10 +134,10 @@ def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
             "pose": label,
             **{c: number(float(v), 9) for c, v in zip(d.given.robot.coordinates, np.degrees(q), strict=True)},
             "load_direction": [number(float(v)) for v in way],
-            "loads_N": [number(float(v)) for v in n.forces],
-            "unloading": n.unloading,
-            "repeats": n.repeats,
-            "read": [COMPONENT_KEYS[k] for k in n.components],
+            "loads_N": [number(float(v)) for v in n.protocol.forces],
+            "unloading": n.protocol.unloading,
+            "repeats": n.protocol.repeats,
+            "read": list(n.protocol.columns),
         }
         for label, q, way in zip(n.labels, n.q, n.direction, strict=True)
     ]

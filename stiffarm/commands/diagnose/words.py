@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.published.readings import rms_mm
-from robots.arrays import Array
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text
+from stiffarm.session.direction_words import set_up_rows
 from stiffarm.session.noise_words import RESIDUAL, is_residual
 
 # A group with at least this share is named as a place of the disagreement.
@@ -254,33 +252,17 @@ def next_sentence(d: Diagnosed) -> str:
     )
 
 
-def set_up_rows(d: Diagnosed, n: NextReadings) -> list[tuple[str, ...]]:
-    """A row for each set-up to measure: label, angles, direction of the load."""
-    rows = []
-    for label, q, way in zip(n.labels, np.degrees(n.q), n.direction, strict=True):
-        rows.append((label, *(f"{v:.0f}" for v in q), direction_text(way)))
-    return rows
-
-
-def direction_text(way: Array) -> str:
-    """``down``, or the axis, or the vector."""
-    names = {(0, 0, -1): "down", (0, 0, 1): "up", (1, 0, 0): "+X", (-1, 0, 0): "−X", (0, 1, 0): "+Y", (0, -1, 0): "−Y"}
-    key = tuple(round(float(v)) for v in way)
-    if key in names and np.allclose(way, key, atol=1e-6):
-        return names[key]
-    return " ".join(f"{v:.2f}" for v in way)
-
-
 def proposal_text(n: NextReadings) -> str:
     """Loads, phases and repeats of a proposal."""
-    loads = ", ".join(f"{v:g}" for v in n.forces)
-    way = "put on one after the other and taken off again" if n.unloading else "put on one after the other"
+    done = n.protocol
+    loads = ", ".join(f"{v:g}" for v in done.forces)
+    way = "put on one after the other and taken off again" if done.unloading else "put on one after the other"
     read = ", ".join(
-        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in n.components
+        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in done.components
     )
     return (
         f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
-        f"of {loads} N {way}, {n.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        f"of {loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
         "`stiffarm diagnose MODEL DATA next_readings.csv`."
     )
 
@@ -296,7 +278,7 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
     return [
         Text(proposal_text(n)),
         Bullets(tuple(f"{_sentence(w)}." for w in n.words)),
-        Table("Set-ups to measure next", heads, tuple(set_up_rows(d, n)), (0, len(heads) - 1)),
+        Table("Set-ups to measure next", heads, set_up_rows(n.labels, n.q, n.direction), (0, len(heads) - 1)),
     ]
 
 

@@ -243,9 +243,8 @@ def _write_sheet(given: Arm, sheet: sheets.Sheet, folder: OutputFolder) -> None:
     from stiffarm.pages.pose_pictures import pose_pictures
 
     sheets.write_table(sheet, folder.path(TABLE))
-    q, direction = np.array([s.q for s in sheet.setups]), np.array([s.direction for s in sheet.setups])
     with progress("pictures of the set-ups") as bar:
-        pictures = pose_pictures(given.description, given.robot, q, direction, bar)
+        pictures = pose_pictures(given.description, given.robot, sheet.q, sheet.direction, bar)
     folder.write_text(PAGE, sheets.render_sheet(sheet, pictures))
 
 

@@ -16,7 +16,6 @@ from doe.planning.outset import Outset, check_plannable, first_outset, has_enoug
 from doe.planning.plan import (
     Foresight,
     MeasurementPlan,
-    Protocol,
     expected,
     experiments,
     foresee,
@@ -24,6 +23,7 @@ from doe.planning.plan import (
     seen_by,
 )
 from doe.planning.pose_designs import METHODS, Method, Zone, pose_design
+from doe.planning.protocol import Protocol, new_labels
 from doe.planning.tour import short_tour
 from doe.tables.idle_coordinates import idle_coordinates
 from fem.arm import Arm
@@ -139,7 +139,7 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
     made = _ordered(made, request, rng)
     held_deg = {name: float(np.degrees(held[robot.coordinate_index(name)])) for name in _others(robot, vary)}
     return Planned(
-        request, start, made, _labels(len(made.q), data), len(poses),
+        request, start, made, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
         expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
         (*notes, *remarks, *_remarks(start, request, data)), calibrated,
     )  # fmt: skip
@@ -149,7 +149,7 @@ def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protoc
     forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
     directions = usual_directions(data) if request.directions is None else request.directions
     components = usual_components(data) if request.components is None else request.components
-    return Protocol(forces, directions, components, request.repeats)
+    return Protocol(forces, directions, components, request.repeats, request.unloading)
 
 
 def _free(
@@ -271,15 +271,6 @@ def _check_size(request: Request, candidates: int) -> None:
 def _ordered(made: MeasurementPlan, request: Request, rng: np.random.Generator) -> MeasurementPlan:
     order = rng.permutation(len(made.q)) if request.random_order else short_tour(made.q)
     return replace(made, q=made.q[order], direction=made.direction[order])
-
-
-def _labels(n: int, data: Measurements | None) -> tuple[str, ...]:
-    """N1, N2 ...: none that the data have already."""
-    taken = set() if data is None else set(data.pose)
-    first = 1
-    while any(f"N{first + k}" in taken for k in range(n)):
-        first += 1
-    return tuple(f"N{first + k}" for k in range(n))
 
 
 def _remarks(start: Outset, request: Request, data: Measurements | None) -> list[str]:
