@@ -23,16 +23,17 @@ from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
 from doe.joint_twists.cycles import Branches, carried
 from doe.joint_twists.model_file import constant_compliances
 from doe.joint_twists.substitute import (
+    ORIENTATIONS,
     Errors,
     compliances_of,
     errors_of,
     predict,
     reachable_poses,
+    stiffness_window,
     stiffness_with,
     usual_models,
 )
 from doe.joint_twists.synthetic import Campaign, Truth, draw_poses, draw_truth, make_readings
-from doe.joint_twists.workspace import ORIENTATIONS, stiffness_window
 from fem import ArmModel, build_model
 from fem.statics.ports import ROWS
 from robots import load_description

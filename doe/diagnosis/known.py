@@ -49,15 +49,14 @@ def error_count(s: Setting) -> int:
 
 
 def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:
-    columns = []
+    columns = [np.zeros((len(s.data), 0))]
     for number, placed in enumerate(s.accepted):
         for k, p in free_numbers(placed):
             step = 0.05 * _prior_of(p, placed)[1]
             if p.role == "shape":
                 step = min(step, 0.2 * abs(float(placed.values[k])))
-            columns.append(_slope(s, number, k, step))
-    stacked = np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
-    return (stacked, *_accepted_priors(s))
+            columns.append(_slope(s, number, k, step)[:, None])
+    return (np.hstack(columns), *_accepted_priors(s))
 
 
 def _accepted_priors(s: Setting) -> tuple[Array, Array, Array]:
@@ -93,21 +92,21 @@ def _prior_of(p: EffectParameter, placed: PlacedEffect) -> tuple[float, float]:
 
 
 def _slope(s: Setting, number: int, k: int, step: float) -> Array:
-    ends = []
-    for sign in (1.0, -1.0):
-        values = s.accepted[number].values.copy()
-        values[k] += sign * step
-        accepted = list(s.accepted)
-        accepted[number] = PlacedEffect(s.accepted[number].effect, values)
-        ends.append(s.read(s.arm, accepted))
-    return np.asarray((ends[0] - ends[1]) / (2.0 * step))
+    placed = s.accepted[number]
+
+    def stepped(by: float) -> tuple[PlacedEffect, ...]:
+        values = placed.values.copy()
+        values[k] += by
+        return (*s.accepted[:number], PlacedEffect(placed.effect, values), *s.accepted[number + 1 :])
+
+    return s.slope(stepped, step)
 
 
 def errors_of(s: Setting) -> Array:
     """Change of the readings (m, e) by one standard deviation of each error that every model has."""
-    columns = []
+    columns = [np.zeros((len(s.data), 0))]
     for effect in s.known.values():
         if effect.usual > 0.0:
             ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
-            columns.append(0.5 * (ends[0] - ends[1]))
-    return np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
+            columns.append(0.5 * (ends[0] - ends[1])[:, None])
+    return np.hstack(columns)

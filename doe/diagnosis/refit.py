@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,12 +29,16 @@ class Refit:
     inverse: Array
     square: float
 
-    def spread(self, number: int) -> list[tuple[str, float]]:
-        """Standard deviations of an accepted effect's free numbers, by name, as amplitudes and shapes in SI."""
+    def columns(self, number: int) -> list[int]:
+        """Which of the numbers that ``inverse`` is about are the free ones of an accepted effect."""
         s = self.setting
         first = len(s.free) + error_count(s) + sum(len(free_numbers(e)) for e in s.accepted[:number])
-        sd = np.sqrt(np.diag(self.inverse))
-        return [(p.name, float(sd[first + i])) for i, (_, p) in enumerate(free_numbers(s.accepted[number]))]
+        return [first + k for k in range(len(free_numbers(s.accepted[number])))]
+
+    def spread(self, number: int) -> dict[str, float]:
+        """Standard deviations of an accepted effect's free numbers, by name, as amplitudes and shapes in SI."""
+        sd = np.sqrt(np.diag(self.inverse))[self.columns(number)].tolist()
+        return {p.name: v for (_, p), v in zip(free_numbers(self.setting.accepted[number]), sd, strict=True)}
 
 
 def accept(s: Setting, h: Hypothesis) -> Setting:
@@ -91,8 +95,9 @@ def _at(s: Setting, noise: Noise, weight: Array) -> tuple[float, Whitened]:
     here = -base_mean(s)
     n, e = len(s.free), error_count(s)
     # Errors of the model are no numbers of the setting: whatever they can take up is theirs.
-    fixed = replace_errors(base, n, e)
-    inner = Whitened(fixed, w.V) if e else None
+    mine = slice(n, n + e)
+    own = Base(base.columns[:, mine], base.residual, base.precision[mine], base.floor[mine])
+    inner = Whitened(own, w.V) if e else None
     rest = base.residual - base.columns @ here
     r = w.V.whiten(rest[:, None])[:, 0]
     square = float(r @ r)
@@ -100,10 +105,3 @@ def _at(s: Setting, noise: Noise, weight: Array) -> tuple[float, Whitened]:
         b = inner.W.T @ r
         square -= float(b @ inner.inverse @ b)
     return square + float(np.sum(base.precision * here**2)), w
-
-
-def replace_errors(base: Base, n: int, e: int) -> Base:
-    """The part of a base that its model errors make."""
-    return replace(
-        base, columns=base.columns[:, n : n + e], precision=base.precision[n : n + e], floor=base.floor[n : n + e]
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -127,6 +127,10 @@ class Setting:
         there = self.springs.copy()
         there[k] += step
         return (self.read(with_compliances(self.model, self.free, there), self.accepted) - self.prediction) / step
+
+    def slope(self, effects: Callable[[float], Sequence[PlacedEffect]], step: float) -> Array:
+        """Central difference (m,) of the readings by a number that effects have."""
+        return (self.read(self.arm, effects(step)) - self.read(self.arm, effects(-step))) / (2.0 * step)
 
     def moved(self, springs: Array, accepted: Sequence[PlacedEffect]) -> Setting:
         """Copy with other numbers."""

@@ -11,8 +11,7 @@ from tx200_stiffness import BENT_DEG, CASES, COMPARED, UNSEEN, arm, bent, first,
 
 from doe.joint_twists.checks import bending_ratio, diagonal_tests
 from doe.joint_twists.identify import Identified
-from doe.joint_twists.substitute import compliances_of, usual_models
-from doe.joint_twists.workspace import stiffness_window
+from doe.joint_twists.substitute import compliances_of, stiffness_window, usual_models
 from fem import ArmModel
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "validation" / "tx200_stiffness.md").read_text(encoding="utf-8")

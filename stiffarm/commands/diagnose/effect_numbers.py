@@ -42,7 +42,7 @@ def numbers_of(state: State) -> list[Number]:
     """Numbers of all effects of a state, in their order."""
     out = []
     for k, placed in enumerate(state.setting.accepted):
-        spread = dict(state.refit.spread(k))
+        spread = state.refit.spread(k)
         out += [_number(placed, i, p, spread.get(p.name)) for i, p in enumerate(placed.effect.parameters)]
     return out
 

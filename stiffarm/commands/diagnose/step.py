@@ -76,6 +76,13 @@ class Diagnosed:
         return self.found.verdict != "uninformative"
 
     @property
+    def unseen_rms_mm(self) -> tuple[float, float]:
+        """Errors before and after where the fit has not seen the readings: those held out, else poses left out."""
+        if self.held_out is None:
+            return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
+        return self.held_out.rms_before_mm, self.held_out.rms_after_mm
+
+    @property
     def in_model(self) -> tuple[Found, ...]:
         """Effects of the new model: those accepted, and those that are provisional."""
         return (*self.found.effects, *self.found.provisional)

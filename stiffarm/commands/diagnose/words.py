@@ -96,15 +96,14 @@ def _unknown(d: Diagnosed) -> float:
 def gap_sentence(d: Diagnosed) -> str:
     """How the gap shrank, on readings that the fit has not seen."""
     before, after, h = d.found.before, d.found.after, d.held_out
+    a, b = d.unseen_rms_mm
     if not d.in_model:
         text = f"The model with fitted springs is {before.fit_rms_mm:.3f} mm (RMS) off its readings"
-        far = before.left_out_rms_mm if h is None else h.rms_before_mm
         where = "at poses left out one at a time" if h is None else f"on {h.data.source}, which it has not seen"
         read = rms_mm(before.setting.data.value, before.setting.data.component)
         if not d.tells:
-            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {far:.3f} mm {where}."
-        return f"{text} and {far:.3f} mm {where}; {_floor(d)}."
-    a, b = (before.left_out_rms_mm, after.left_out_rms_mm) if h is None else (h.rms_before_mm, h.rms_after_mm)
+            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {a:.3f} mm {where}."
+        return f"{text} and {a:.3f} mm {where}; {_floor(d)}."
     where = "At poses left out one at a time" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from doe.joint_twists import Direction, Identified
-from doe.joint_twists.substitute import Errors
-from doe.joint_twists.workspace import Window
+from doe.joint_twists.substitute import Errors, Window
 from fem.statics.ports import ROWS
 from robots import InputError
 from stiffarm.pages.figure_parts import SERIES, above, log_ticks, note, title

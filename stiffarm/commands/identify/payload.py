@@ -10,9 +10,8 @@ from doe.joint_twists import Direction
 from doe.joint_twists.checks import Coupling, Loop
 from doe.joint_twists.laws import Law
 from doe.joint_twists.model_file import held_constant, rms_mm
-from doe.joint_twists.substitute import Errors
+from doe.joint_twists.substitute import Errors, Window
 from doe.joint_twists.unjudged import KINDS, NO_NOISE
-from doe.joint_twists.workspace import Window
 from robots.files.csv_text import rows_text
 from stiffarm.commands.identify.step import AtFlange, JointTwists
 from stiffarm.session.json_text import number

@@ -15,15 +15,17 @@ from doe.joint_twists.cycles import Branches
 from doe.joint_twists.model_file import constant_compliances, with_six_springs
 from doe.joint_twists.substitute import (
     Errors,
+    Orientation,
+    Window,
     compliances_of,
     errors_of,
     loads_in,
     predict,
     reachable_poses,
+    stiffness_window,
     stiffness_with,
     usual_models,
 )
-from doe.joint_twists.workspace import Orientation, Window, stiffness_window
 from fem.arm import Arm
 from robots import InputError, ModelDescription, why_no_closed_form
 from robots.arrays import Array

@@ -12,7 +12,7 @@ from doe import Measurements, bundled_data
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS, Zone
 from fem.arm import Arm
-from robots import InputError, Robot
+from robots import InputError
 from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
@@ -206,11 +206,12 @@ def plan(
         _refuse({"--pose": pose, "--rated-N": rated}, False)
         wanted = Request(
             poses=design_only or poses or 0, plain=design_only is not None, free=parsing.parse_parameters(free),
-            criterion=_criterion(criterion), forces=parsing.parse_loads(loads) or None,
+            criterion=parsing.parse_word(criterion, CRITERIA, "--criterion"), forces=parsing.parse_loads(loads) or None,
             directions=None if directions is None else plan_options.parse_directions(directions),
             components=None if read is None else plan_options.parse_read(read), repeats=repeats, unloading=unloading,
-            candidates=candidates, design=_design(design), levels=levels,
-            vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"), hold_deg=_held(given.robot, hold),
+            candidates=candidates, design=parsing.parse_word(design, METHODS, "--design"), levels=levels,
+            vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"),
+            hold_deg={} if hold is None else parsing.parse_pairs(hold, "--hold", given.robot.coordinates),
             zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
         )  # fmt: skip
         table = None if without_data else _readings(frame, given, data, confirm_units)
@@ -269,13 +270,8 @@ def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zo
 
 
 def _check_kind(poses: int | None, design_only: int | None, iso: bool) -> None:
-    asked = [
-        name
-        for name, there in (
-            ("--poses", poses is not None), ("--design-only", design_only is not None), ("--iso9283", iso)
-        )
-        if there
-    ]  # fmt: skip
+    tasks = {"--poses": poses is not None, "--design-only": design_only is not None, "--iso9283": iso}
+    asked = [name for name, there in tasks.items() if there]
     if len(asked) != 1:
         raise InputError(
             "plan", value=" with ".join(asked) or "no task", allowed="one of --poses N, --design-only N, --iso9283",
@@ -291,22 +287,6 @@ def _refuse(options: dict[str, Any], iso: bool) -> None:
             f"{', '.join(given)}: {'not with' if iso else 'only with'} --iso9283",
             remedy="leave it out: the standard fixes loads, directions and readings" if iso else "leave it out",
         )
-
-
-def _criterion(text: str) -> Any:
-    if text not in CRITERIA:
-        raise InputError("--criterion", value=text, allowed=", ".join(CRITERIA))
-    return text
-
-
-def _design(text: str) -> Any:
-    if text not in METHODS:
-        raise InputError("--design", value=text, allowed=", ".join(METHODS))
-    return text
-
-
-def _held(robot: Robot, text: str | None) -> dict[str, float]:
-    return {} if text is None else parsing.parse_pairs(text, "--hold", robot.coordinates)
 
 
 def _gauges(length: float, turn: float) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from doe.planning.plan import (
     plan,
     seen_by,
 )
-from doe.planning.pose_designs import METHODS, Method, Zone, pose_design
+from doe.planning.pose_designs import Method, Zone, pose_design
 from doe.planning.protocol import Protocol, new_labels
 from doe.planning.tour import short_tour
 from doe.tables.idle_coordinates import idle_coordinates
@@ -117,8 +117,6 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         nothing tells, readings that tell nothing, or that move with none of the parameters.
     """
     robot = given.robot
-    if request.design not in METHODS:
-        raise InputError("--design", value=request.design, allowed=", ".join(METHODS))
     rng = np.random.default_rng(request.seed)
     protocol = _protocol(given, data, request)
     probes = pose_design(robot, PROBES, fixed=resting_pose(robot, {}), rng=np.random.default_rng(request.seed))
@@ -137,7 +135,8 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         _check_size(request, len(poses) * len(protocol.directions))
         made = plan(start, poses, request.poses, protocol, request.criterion, rng=rng, progress=progress)
     made = _ordered(made, request, rng)
-    held_deg = {name: float(np.degrees(held[robot.coordinate_index(name)])) for name in _others(robot, vary)}
+    still = zip(robot.coordinates, np.degrees(held).tolist(), strict=True)
+    held_deg = {name: angle for name, angle in still if name not in vary}
     return Planned(
         request, start, made, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
         expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
@@ -215,10 +214,6 @@ def _coordinates(
         return vary, held, []
     stand = ", ".join(f"{n} = {np.degrees(held[robot.coordinate_index(n)]):g}" for n in free_idle)
     return vary, held, [f"{stand}: makes no difference to what is read, so it stands still (--vary overrides)"]
-
-
-def _others(robot: Robot, vary: tuple[str, ...]) -> list[str]:
-    return [name for name in robot.coordinates if name not in vary]
 
 
 def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Array, rng: np.random.Generator) -> Array:

@@ -21,11 +21,11 @@ from doe.joint_twists.substitute import (
     gear_refitted,
     predict,
     reachable_poses,
+    stiffness_window,
     stiffness_with,
     usual_models,
 )
 from doe.joint_twists.synthetic import TWIST_RATIO_J2, Campaign
-from doe.joint_twists.workspace import stiffness_window
 from fem import ConstantSpring, build_model, compliance, directional_stiffness
 from robots import InputError, forward_kinematics, jacobian, load_description, save_description
 from robots.library.models import parse_description, to_toml
