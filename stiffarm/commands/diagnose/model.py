@@ -28,14 +28,14 @@ SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
 
 
 def fitted_springs(state: State) -> tuple[SpringEstimate, ...]:
-    """Springs of a state with their intervals, from the compliances', which are normal; a rigid one is infinite."""
+    """Springs of a state with their intervals, from the compliances', which are normal; a rigid one stands at its bound."""
     s, out = state.setting, []
     half = NORMAL_95 * np.sqrt(np.diag(state.refit.inverse))
     for joint, c, spread in zip(s.free, s.springs.tolist(), half.tolist(), strict=False):
         interval = 1.0 / (c + spread), 1.0 / (c - spread) if c > spread else math.inf
         status: Status = "one-sided" if math.isinf(interval[1]) else "determined"
         rigid = c * TURN[1] <= 1.0
-        out.append(SpringEstimate(joint, math.inf, interval, "at bound") if rigid
+        out.append(SpringEstimate(joint, TURN[1], interval, "at bound") if rigid
                    else SpringEstimate(joint, 1.0 / c, interval, status))  # fmt: skip
     return tuple(out)
 
