@@ -21,7 +21,7 @@ import fem
 from doe import bundled_campaign, bundled_data, read_measurements, select_loads
 from doe.estimation.calibration import run_campaign
 from fem.arm import Arm
-from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
+from fem.springs import FourierBasis, PolynomialBasis, TableBasis
 from stiffarm.session import inputs
 from surrogate import Surrogate, scope_of, task_of, train, training
 from surrogate.scope import Scope

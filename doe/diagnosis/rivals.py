@@ -27,7 +27,7 @@ from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
 from doe.planning.protocol import Protocol
-from fem.effects.history import History
+from fem.effects.situation import History
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as student
 
-from fem.free.law_bases import Basis, FourierBasis, TableBasis
+from fem.springs import Basis, FourierBasis, TableBasis
 from robots import InputError
 from robots.arrays import Array, Indices
 

@@ -19,7 +19,7 @@ from doe.estimation.campaign import campaign_of
 from fem.arm import Arm
 from fem.effects import build_arm, reading_effects
 from meshes.array_cache import ArrayCache
-from meshes.shell_files import load_shell, save_shell
+from meshes.link_shells import load_shell, save_shell
 from meshes.shell_mesh import ShellMesh
 from meshes.surfaces.reading import read_surface
 from robots import forward_kinematics, load_description, load_robot, read_urdf

@@ -28,7 +28,7 @@ SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
 
 
 def fitted_springs(state: State) -> tuple[SpringEstimate, ...]:
-    """Springs of a state with their intervals, from the compliances', which are normal; a rigid one stands at its bound."""
+    """Springs of a state with their intervals, from the compliances', which are normal; rigid ones at their bound."""
     s, out = state.setting, []
     half = NORMAL_95 * np.sqrt(np.diag(state.refit.inverse))
     for joint, c, spread in zip(s.free, s.springs.tolist(), half.tolist(), strict=False):
