@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 from doe.diagnosis.candidates import not_testable, twins
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
-from doe.diagnosis.known import base_of
+from doe.diagnosis.known import Refit, accept, base_of, refit
 from doe.diagnosis.outset import replicate_weights
 from doe.diagnosis.ranking import rank
-from doe.diagnosis.refit import Refit, accept, refit
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count

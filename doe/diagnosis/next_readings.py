@@ -10,7 +10,7 @@ import numpy as np
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import choose, divergence, joint, right_names
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
-from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
+from doe.diagnosis.rivals import Question, family_of, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import Zone, pose_design
 from doe.planning.protocol import Protocol, every_load, new_labels, table_to_fill
@@ -139,7 +139,7 @@ def propose(
     p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
     choice = choose(p, poses)
     expected = _by_code(p.code, p.weight, divergence(*joint(p, choice.chosen.tolist())))
-    family = _families(question)
+    family = {code: family_of(question.setting, code) for code in question.weight}
     after = right_names(p, choice.chosen.tolist(), family, rng)
     rivals = _rivals(question, expected, family, after)
     before, right = (sum(r.probability * getattr(r, f) for r in rivals) for f in ("right_before", "right_after"))
@@ -183,10 +183,6 @@ def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, 
     q = pose_design(robot, n, "sobol", coordinates=coordinates, zone=zone, rng=rng)
     q = np.unique(np.radians(np.round(np.degrees(q))), axis=0)
     return q[robot.reachable(q) & zone.free(robot, q)]
-
-
-def _families(q: Question) -> dict[str, str]:
-    return {code: code if code in (NONE, UNKNOWN) else q.setting.known[code].family for code in q.weight}
 
 
 def _by_code(code: tuple[str, ...], weight: Array, kl: Array) -> dict[tuple[str, str], float]:

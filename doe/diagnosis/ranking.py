@@ -19,8 +19,7 @@ from doe.diagnosis.known import base_of, free_columns
 from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, plain_noises, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
-from doe.diagnosis.unknown import discrepancies
-from doe.diagnosis.weighing import Row, at_noise, extended, rough_at, unknown_at
+from doe.diagnosis.weighing import Row, at_noise, discrepancies, extended, rough_at, unknown_at
 from doe.estimation.noise import Noise
 from doe.published.readings import rms_mm
 from robots.arrays import Array

@@ -21,8 +21,7 @@ from doe.diagnosis.known import base_of, errors_of
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shapes, signature
-from doe.diagnosis.unknown import discrepancies
-from doe.diagnosis.weighing import extended
+from doe.diagnosis.weighing import discrepancies, extended
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
@@ -60,7 +59,7 @@ def question_of(s: Setting, d: Diagnosis) -> Question:
     """The ranking that the verdict rests on while its name is open, else the one of what comes after that name."""
     found = len(d.effects) + len(d.provisional)
     k = min(max(len(d.effects) - 1, 0), len(d.rankings) - 1)
-    families = {_family(s, code) for code in d.rankings[k].credible()}
+    families = {family_of(s, code) for code in d.rankings[k].credible()}
     if d.verdict != "ambiguous" and len(families) < FEWEST and found == k + 1 < len(d.rankings):
         k += 1
     start = s
@@ -70,7 +69,8 @@ def question_of(s: Setting, d: Diagnosis) -> Question:
     return _question(start, d.rankings[k])
 
 
-def _family(s: Setting, code: str) -> str:
+def family_of(s: Setting, code: str) -> str:
+    """Family of a hypothesis: "none" and "unknown" are families of their own."""
     return s.known[code].family if code in s.known else code
 
 
@@ -78,7 +78,7 @@ def _question(s: Setting, r: Ranking) -> Question:
     kept = list(r.credible(SURVIVING))
     for h in r.hypotheses[len(kept) :]:
         # Twins of one family are no question that a reading could answer: there is always something else beside them.
-        if len({_family(s, code) for code in kept}) < FEWEST:
+        if len({family_of(s, code) for code in kept}) < FEWEST:
             kept.append(h.code)
     hidden = tuple(r.hidden)
     prior = log_priors(s, [*(h.code for h in r.hypotheses), *hidden], Options())
@@ -127,12 +127,11 @@ def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Sett
 
 @dataclass(frozen=True)
 class _Ground:
-    """What all hypotheses share: joint setting with its base, noise, and the covariance V of the readings so far."""
+    """What all hypotheses share: joint setting with its base, and the covariance V of the readings so far."""
 
     question: Question
     joint: Setting
     base: Base
-    noise: Noise
     V: Covariance
 
     @property
@@ -149,7 +148,7 @@ def predictions(q: Question, joint: Setting, weight: Array, protocol: Protocol) 
     """
     noise = q.ranking.best.noise
     V = covariance(q.setting, noise, weight)
-    ground = _Ground(q, joint, base_of(joint), noise, V)
+    ground = _Ground(q, joint, base_of(joint), V)
     factors = noise_factors(joint, ground.old, noise, protocol)
     bases = _bases(ground)
     found = [foreseen(base, V, factors) for _, _, base in bases]

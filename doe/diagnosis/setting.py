@@ -143,6 +143,12 @@ def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) 
     )
 
 
+def own_compliance(model: ArmModel, joint: str) -> float:
+    """Compliance rad/(N m) about a joint's axis with all joints at zero."""
+    spring = model.joints[model.robot.joint_names.index(joint)].axial
+    return float(spring.compliance(np.zeros((1, model.robot.dof)))[0])
+
+
 def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
     """Joints whose springs are set free: those that have one; where none has, those that the readings see.
 

@@ -38,6 +38,11 @@ class Number:
         return f"{self.code}.{self.name}"
 
 
+def short(value: float, digits: int = 3) -> str:
+    """A number of so many digits with a true minus, its exponent without zeros before it."""
+    return f"{value:.{digits}g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
+
+
 def numbers_of(state: State) -> list[Number]:
     """Numbers of all effects of a state, in their order."""
     out = []

@@ -8,10 +8,10 @@ import numpy as np
 
 from doe.joint_twists import Direction
 from doe.joint_twists.checks import Coupling, Loop
+from doe.joint_twists.identify import KINDS, NO_NOISE
 from doe.joint_twists.laws import Law
 from doe.joint_twists.model_file import held_constant, rms_mm
 from doe.joint_twists.substitute import Errors, Window
-from doe.joint_twists.unjudged import KINDS, NO_NOISE
 from robots.files.csv_text import rows_text
 from stiffarm.commands.identify.step import AtFlange, JointTwists
 from stiffarm.session.json_text import number
@@ -97,10 +97,6 @@ def _has_null(value: Any) -> bool:
     return any(map(_has_null, value)) if isinstance(value, list) else value is None
 
 
-def _small(row: str) -> str:
-    return "um" if row.startswith("t") else "urad"
-
-
 def _noise(d: JointTwists, j: int) -> dict[str, Any]:
     """Noise of a joint's readings, where these tell it."""
     c = d.found.cycles
@@ -116,7 +112,7 @@ def _noise(d: JointTwists, j: int) -> dict[str, Any]:
 
 
 def _loop(x: Loop) -> dict[str, Any]:
-    unit = _small(x.row)
+    unit = "um" if x.row.startswith("t") else "urad"
     content = {
         "joint": x.joint, "row": x.row, f"width_{unit}": number(1e6 * x.width),
         f"width_sd_{unit}": number(1e6 * x.spread), "share_of_range_percent": number(100.0 * x.share),

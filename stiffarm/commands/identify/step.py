@@ -154,7 +154,8 @@ def run(
     window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
     return JointTwists(
         request, given, found, with_six_springs(given.description, found), loops(found),
-        diagonal_tests(found), _bending(found),
+        diagonal_tests(found),
+        bending_ratio(found.directions, found.names[RATIO_JOINT]) if model.robot.dof > RATIO_JOINT else None,
         None if no_flange else _at_flange(given, found, q, rng), no_flange, window, no_window,
         None if holdout is None else _held_out(given, found, holdout),
     )  # fmt: skip
@@ -188,10 +189,6 @@ def _at_flange(given: Arm, found: Identified, q: Array, rng: np.random.Generator
     p = predict(model, found, q)
     spread = np.median((p.high - p.low) / (2.0 * p.value), axis=0)
     return AtFlange(same, refitted, effective, of_file, np.asarray(spread))
-
-
-def _bending(found: Identified) -> BendingRatio | None:
-    return bending_ratio(found.directions, found.names[RATIO_JOINT]) if len(found.names) > RATIO_JOINT else None
 
 
 def _window(given: Arm, found: Identified, request: Request) -> tuple[Window | None, str]:

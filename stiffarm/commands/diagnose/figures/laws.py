@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Final, Literal
 
@@ -13,13 +13,14 @@ from matplotlib.figure import Figure
 
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import free_numbers
+from doe.diagnosis.setting import own_compliance, with_compliances
 from fem.effects import History, PlacedEffect
+from fem.effects.situation import plain_history
 from fem.model import ArmModel
-from fem.springs import ConstantSpring
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
 from robots.constants import NORMAL_95
-from stiffarm.commands.diagnose.effect_numbers import Number
+from stiffarm.commands.diagnose.effect_numbers import Number, short
 from stiffarm.pages.figure_parts import above, log_ticks, note, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
@@ -85,7 +86,7 @@ def _numbers(state: State, number: int, joint: str) -> _Numbers:
     index = [*own, *state.refit.columns(number)]
     C = state.refit.inverse[np.ix_(index, index)]
     step = STEP * np.sqrt(np.diag(C))
-    start = s.springs[own[0]] if own else _compliance(s.arm, joint)
+    start = s.springs[own[0]] if own else own_compliance(s.arm, joint)
     c, values = [float(start)], [placed.values]
     for i in range(len(index)):
         for sign in (1.0, -1.0):
@@ -106,11 +107,6 @@ def _band(curves: Array, covariance: Array) -> tuple[Array, Array, Array]:
     J = 0.5 * (curves[1::2] - curves[2::2])
     spread = NORMAL_95 * np.sqrt(np.maximum(np.einsum("fk,fg,gk->k", J, covariance, J), 0.0))
     return curves[0], curves[0] - spread, curves[0] + spread
-
-
-def _compliance(arm: ArmModel, joint: str) -> float:
-    part = arm.joints[arm.robot.joint_names.index(joint)]
-    return float(part.axial.compliance(np.zeros((1, arm.robot.dof)))[0])
 
 
 def _over_torque(
@@ -212,20 +208,11 @@ def _over_angle(state: State, number: int, placed: PlacedEffect, joint: str) -> 
 def compliance_over(arm: ArmModel, placed: PlacedEffect, v: Array, q: Array, c: float, index: int) -> Array:
     """Compliance (k,) rad/(N m) of a joint over poses q (k, dof), with the effect."""
     if placed.effect.stage == "model":
-        joints = tuple(replace(j, axial=_spring(c)) if j.joint == index else j for j in arm.joints)
-        changed = placed.effect.law(replace(arm, joints=joints), None, v)
+        changed = placed.effect.law(with_compliances(arm, (placed.effect.place,), np.array([c])), None, v)
         return np.asarray(changed.joints[index].axial.compliance(q))
     n = len(q)
-    bench: Any = _Bench(np.ones(n), np.full(n, c), _still(n), np.zeros((n, 1)), SimpleNamespace(q=q))
+    bench: Any = _Bench(np.ones(n), np.full(n, c), plain_history(n), np.zeros((n, 1)), SimpleNamespace(q=q))
     return np.asarray(c + placed.effect.law(None, bench, v)[:, 0])
-
-
-def _spring(c: float) -> ConstantSpring:
-    return ConstantSpring(1.0 / c if c > 0.0 else np.inf)
-
-
-def _still(n: int) -> History:
-    return History(np.arange(n), np.zeros(n, dtype=np.intp), np.full(n, np.nan), is_known=False)
 
 
 def curves_of(state: State, given: int) -> Sequence[LawCurve | None]:
@@ -318,7 +305,7 @@ def _number(ax: Axes, n: Number) -> None:
         if n.high > edges[1]:
             ax.plot(edges[1], 0.0, ">", color=_UP, markersize=8, clip_on=False)
     ax.plot(n.value, 0.0, "o", color=_UP, markersize=9, markeredgecolor="white", zorder=3)
-    note(ax, _text(n.value), (n.value, 0.0), (0, 9), va="bottom", weight="bold")
+    note(ax, short(n.value), (n.value, 0.0), (0, 9), va="bottom", weight="bold")
     if log:
         log_ticks(ax.xaxis)
     ax.set_ylim(-0.6, 1.1)
@@ -327,7 +314,3 @@ def _number(ax: Axes, n: Number) -> None:
     ax.spines["left"].set_visible(False)
     unit = "" if n.unit == "1" else f" ({n.unit})"
     ax.set_xlabel(f"{n.code}: {n.name}{unit}")
-
-
-def _text(value: float) -> str:
-    return f"{value:.3g}".replace("e+0", "e").replace("e-0", "e-").replace("-", "−")

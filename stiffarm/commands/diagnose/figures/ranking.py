@@ -104,7 +104,7 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
         left.barh(y, [100.0 * b.probability for b in bars], 0.68, color=[colours[b.kind] for b in bars])
         for k, b in enumerate(bars):
             note(left, _percent(b.probability), (100.0 * b.probability, k), (4, 0), ha="left")
-        left.set_yticks(y, [_name(b) for b in bars])
+        left.set_yticks(y, [words[b.kind] if b.kind in ("none", "unknown") else b.name for b in bars])
         left.set_ylim(len(bars) - 0.45, -0.55)
         left.set_xlim(0.0, 112.0)
         left.set_xticks(range(0, 101, 20))
@@ -122,10 +122,6 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
         figure.legend(handles=handles, loc="outside lower left", ncols=4)
         title(figure, heading)
     return figure
-
-
-def _name(b: Bar) -> str:
-    return {"none": "nothing missing", "unknown": "something unknown"}.get(b.kind, b.name)
 
 
 def _percent(p: float) -> str:

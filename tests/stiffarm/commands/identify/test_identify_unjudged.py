@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from doe.joint_twists import LawKind, TwistReadings, identify, write_twists
+from doe.joint_twists.identify import unjudged
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
-from doe.joint_twists.unjudged import unjudged
 from fem import build_model
 from fem.arm import Arm
 from robots import ModelDescription, load_description, save_description
