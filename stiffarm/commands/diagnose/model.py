@@ -7,9 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from doe.certainty.uncertainty import Status
+from doe.certainty.uncertainty import ParameterEstimate, Status
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import free_numbers
+from doe.model_file.applied import note_of
 from doe.model_file.carried_on import carried_on
 from doe.model_file.uncertainty_table import FoundNumber, calibration_table, uncertainty_table
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
@@ -20,27 +21,28 @@ from robots.schema.description import Calibration as Origin
 from robots.schema.description import CalibrationUncertainty
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.commands.calibrate.words import bound_of
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.session.spring_words import SpringEstimate, bound_of
 
 SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
 
 
-def fitted_springs(state: State) -> tuple[SpringEstimate, ...]:
+def fitted_springs(state: State) -> tuple[ParameterEstimate, ...]:
     """Springs of a state with their intervals, from the compliances', which are normal; rigid ones at their bound."""
     s, out = state.setting, []
-    half = NORMAL_95 * np.sqrt(np.diag(state.refit.inverse))
-    for joint, c, spread in zip(s.free, s.springs.tolist(), half.tolist(), strict=False):
-        interval = 1.0 / (c + spread), 1.0 / (c - spread) if c > spread else math.inf
-        status: Status = "one-sided" if math.isinf(interval[1]) else "determined"
+    sd = np.sqrt(np.diag(state.refit.inverse))
+    for joint, c, spread in zip(s.free, s.springs.tolist(), sd.tolist(), strict=False):
+        half = NORMAL_95 * spread
+        interval = 1.0 / (c + half), 1.0 / (c - half) if c > half else math.inf
         rigid = c * TURN[1] <= 1.0
-        out.append(SpringEstimate(joint, TURN[1], interval, "at bound") if rigid
-                   else SpringEstimate(joint, 1.0 / c, interval, status))  # fmt: skip
+        status: Status = "at bound" if rigid else "one-sided" if math.isinf(interval[1]) else "determined"
+        value = TURN[1] if rigid else 1.0 / c
+        out.append(ParameterEstimate(parameter(s.arm, f"{joint}.stiffness"), value, interval, spread, status, math.inf))
     return tuple(out)
 
 
-def springs_of(d: Diagnosed) -> tuple[SpringEstimate, ...]:
+def springs_of(d: Diagnosed) -> tuple[ParameterEstimate, ...]:
     """Springs of the new model: as `calibrate` finds them where nothing is added to the model, else as fitted with it.
 
     The same springs of the same model and readings have one value and one interval.
@@ -90,20 +92,16 @@ def described(d: Diagnosed) -> ModelDescription:
 
 
 def _with_springs(d: Diagnosed, after: State) -> ModelDescription:
-    springs = {s.joint: s for s in springs_of(d)}
-    joints = []
-    for joint in d.given.description.joint:
-        s = springs.get(joint.name)
-        if s is None:
-            joints.append(joint)
-            continue
-        low, high = s.interval
-        upper = "no upper limit" if math.isinf(high) else f"{high:.3g}"
-        note = f"{s.status}; 95 % interval {low:.3g} to {upper} N m/rad"
-        spring = None if bound_of(s) else RotationalStiffness(
-            value=float(f"{s.stiffness:.9g}"), unit="N m/rad", source=SPRING_SOURCE, note=note
-        )  # fmt: skip
-        joints.append(joint.model_copy(update={"stiffness": spring}))
+    springs = {
+        e.parameter.place: None if bound_of(e) else RotationalStiffness(
+            value=float(f"{e.value:.9g}"), unit="N m/rad", source=SPRING_SOURCE, note=note_of(e)
+        )
+        for e in springs_of(d)
+    }  # fmt: skip
+    joints = [
+        joint.model_copy(update={"stiffness": springs[joint.name]}) if joint.name in springs else joint
+        for joint in d.given.description.joint
+    ]
     has_path = any(table.code == LOAD_PATH for table in d.given.description.effect)
     path = d.given.description.load_path if has_path else d.given.model.load_path
     sources = {**d.given.description.sources, SPRING_SOURCE: "diagnosis"}
@@ -136,7 +134,9 @@ def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
     if codes:
         out.append(f"provisional, these readings do not settle it: {codes}")
     out += [
-        f"spring {s.joint}: rigid fits best, at least {s.interval[0]:.3g} N m/rad" for s in springs_of(d) if bound_of(s)
+        f"spring {s.parameter.place}: rigid fits best, at least {s.interval[0]:.3g} N m/rad"
+        for s in springs_of(d)
+        if bound_of(s)
     ]
     return tuple(out)
 
@@ -159,9 +159,9 @@ def uncertainty_of(state: State) -> CalibrationUncertainty | None:
     columns = [*range(len(s.free)), *(k for number in range(len(s.accepted)) for k in state.refit.columns(number))]
     numbers, slopes = [], [1.0] * len(s.free)
     for spring in fitted_springs(state):
-        at = 0.0 if bound_of(spring) else 1.0 / float(f"{spring.stiffness:.9g}")
+        at = 0.0 if bound_of(spring) else 1.0 / float(f"{spring.value:.9g}")
         known: Status = "determined" if spring.status == "determined" else "one-sided"
-        numbers.append(FoundNumber(f"{spring.joint}.stiffness", "N m/rad", "compliance", at, spring.interval, known,
+        numbers.append(FoundNumber(spring.parameter.name, "N m/rad", "compliance", at, spring.interval, known,
                                    math.inf, has_variance=True))  # fmt: skip
     for placed, index, own in free:
         code = f"{placed.effect.code}.{own.name}"

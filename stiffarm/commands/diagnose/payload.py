@@ -50,7 +50,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
         "calibration": None if d.calibrated is None else calibration_payload.answer(d.calibrated),
-        "springs": {s.joint: calibration_payload.spring(s) for s in springs_of(d) if d.tells},
+        "springs": {s.parameter.place: calibration_payload.spring(s) for s in springs_of(d) if d.tells},
         "noise": noise(found.after),
         "remarks": list(d.remarks),
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.where import labels_of, least_rms_mm, noise_floor_mm
-from stiffarm import __version__
+from stiffarm.commands.calibrate.words import bound_of
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.effect_numbers import numbers_of
 from stiffarm.commands.diagnose.figures.laws import curves_of, law_figure, numbers_figure
@@ -19,10 +18,10 @@ from stiffarm.commands.diagnose.figures.ranking import Bar, ranking_figure, twin
 from stiffarm.commands.diagnose.model import springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.noise_words import floor_name, scatter_name
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.spring_words import bound_of, mega
+from stiffarm.session.spring_words import mega
 
 # Candidates drawn: the most probable ones, and nothing missing and something unknown wherever they stand.
 DRAWN = 10
@@ -48,11 +47,7 @@ def write_report(d: Diagnosed, folder: OutputFolder) -> None:
         f"{d.given.model.link_kind} links, {d.given.model.load_path} load path; springs of "
         f"{', '.join(d.found.before.setting.free)} fitted."
     )
-    footer = (
-        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {d.used.source} "
-        f"(SHA-256 {d.used.sha256[:12]}...). Versions, command and timings: run.json."
-    )
-    folder.write_text("report.html", render(title, lede, _key_figures(d), sections, footer))
+    write_page(folder, title, lede, _key_figures(d), sections, made_of=data_words(d.used))
 
 
 def _key_figures(d: Diagnosed) -> list[KeyFigure]:
@@ -282,7 +277,7 @@ def how(d: Diagnosed) -> Section:
         for k, decision in enumerate(found.decisions)
     )
     springs = tuple(
-        (s.joint, mega(s.stiffness), mega(s.interval[0]),
+        (s.parameter.place, mega(s.value), mega(s.interval[0]),
          "no upper limit" if math.isinf(s.interval[1]) else mega(s.interval[1]),
          "rigid fits best" if bound_of(s) else s.status)
         for s in springs_of(d)
