@@ -50,10 +50,10 @@ def setting_of(
     joints = tuple(free) if free is not None else free_springs(model, data)
     p = problem(model, data, [parameter(model, f"{name}.stiffness") for name in joints])
     found = estimate(p, FLOOR)
-    own_compliance = np.array([own_compliance(model, name) for name in joints])
+    declared = np.array([own_compliance(model, name) for name in joints])
     index = [model.robot.joint_names.index(name) for name in joints]
     usual = np.array([ARM if k < 3 else WRIST for k in index])
-    typical = np.where(own_compliance > 0.0, np.maximum(own_compliance, found.u), np.maximum(usual, found.u))
+    typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
     known = catalogue(model, description, own)
     s = Setting(
         description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
