@@ -14,8 +14,8 @@ from doe.joint_twists import Direction, Identified
 from doe.joint_twists.substitute import Errors, Window
 from fem.statics.ports import ROWS
 from robots import InputError
-from stiffarm.pages.figure_parts import SERIES, above, log_ticks, note, title
-from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
+from stiffarm.pages.figure_parts import SERIES, above, drawing, log_ticks, note, panels
+from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 
 _BLUE: Final = OKABE_ITO["blue"]
 _ORANGE: Final = OKABE_ITO["vermillion"]
@@ -37,11 +37,9 @@ def loops_figure(found: Identified, made_up: str = "") -> Figure:
     shown = [(j, name) for j, name in enumerate(found.names) if _most_loaded(found, j) is not None]
     if not shown:
         raise InputError("loops figure: no gear was loaded")
-    columns = min(3, len(shown))
-    rows = -(-len(shown) // columns)
-    with house_style():
-        figure, axes = new_figure((10.5, 0.9 + 3.0 * rows), rows, columns)
-        for ax, (j, name) in zip(axes, shown, strict=False):
+    heading = f"Hysteresis about the gear axes, most loaded cycle of each joint{made_up}"
+    with panels(heading, len(shown), 3, 10.5, 3.0, 0.9) as (figure, axes):
+        for ax, (j, name) in zip(axes, shown, strict=True):
             cycle = _most_loaded(found, j)
             mine = (c.number == cycle) & np.isfinite(data.twist[:, 5])
             torque = np.abs(c.carried[cycle, 5]) * data.load
@@ -56,10 +54,7 @@ def loops_figure(found: Identified, made_up: str = "") -> Figure:
             ax.set_xlabel("torque about the gear axis (N m)")
             ax.set_ylabel("twist (µrad)")
             ax.set_title(name, loc="left", weight="bold")
-        for ax in axes[len(shown) :]:
-            ax.set_visible(False)
         axes[0].legend(loc="upper left")
-        title(figure, f"Hysteresis about the gear axes, most loaded cycle of each joint{made_up}")
     return figure
 
 
@@ -72,9 +67,8 @@ def _most_loaded(found: Identified, j: int) -> int | None:
 def laws_figure(found: Identified, made_up: str = "") -> Figure:
     """Stiffness over the joint's angle with 95 % bands, six directions (columns) of every joint (rows)."""
     dof = len(found.names)
-    with house_style():
-        high = 0.8 + 2.3 * dof
-        figure, _ = new_figure((16.0, high), rows=0)
+    high = 0.8 + 2.3 * dof
+    with drawing(f"Six stiffnesses of every joint over its angle{made_up}", (16.0, high), 0) as (figure, _):
         axes = figure.subplots(dof, 6, squeeze=False).ravel()
         for k, d in enumerate(found.directions.values()):
             ax = axes[k]
@@ -94,7 +88,6 @@ def laws_figure(found: Identified, made_up: str = "") -> Figure:
         figure.legend(handles=handles, loc="upper right", ncols=2)
         # By hand: 36 panels laid out by constraints are drawn twice, which takes seconds.
         figure.subplots_adjust(0.055, 0.5 / high, 0.99, 1.0 - 0.9 / high, wspace=0.26, hspace=0.2)
-        title(figure, f"Six stiffnesses of every joint over its angle{made_up}")
     return figure
 
 
@@ -132,8 +125,8 @@ def _law_panel(ax: Axes, d: Direction) -> None:
 
 def compliances_figure(found: Identified, made_up: str = "") -> Figure:
     """Six compliances of every joint: mean over the angles measured, with 95 % intervals, log axes."""
-    with house_style():
-        figure, axes = new_figure((11.0, 4.6), 1, 2)
+    heading = f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}"
+    with drawing(heading, (11.0, 4.6), 1, 2) as (figure, axes):
         for ax, rows, factor, unit in (
             (axes[0], ROWS[:3], 1e9, "nm/N"), (axes[1], ROWS[3:], 1e9, "nrad/(N m)"),
         ):  # fmt: skip
@@ -142,7 +135,6 @@ def compliances_figure(found: Identified, made_up: str = "") -> Figure:
             ax.set_xticks(range(len(found.names)), found.names)
             ax.grid(axis="x", visible=False)
             above(ax, handles, 3)
-        title(figure, f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}")
     return figure
 
 
@@ -174,8 +166,8 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
 
 def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:
     """How wrong models of the gears alone are: mean, 95th percentile and worst, by flange axis, log axis."""
-    with house_style():
-        figure, axes = new_figure("wide", 1, 2, sharey=True)
+    heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
+    with drawing(heading, (10.0, 4.0), 1, 2, sharey=True) as (figure, axes):
         for ax, e, words in (
             (axes[0], same, "same torsional stiffness"), (axes[1], refitted, "refitted to flange deflections"),
         ):  # fmt: skip
@@ -192,14 +184,12 @@ def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Fi
         log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
         axes[0].set_ylabel("error of directional stiffness (%)")
         axes[1].legend(loc="upper left")
-        title(figure, f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}")
     return figure
 
 
 def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
     """The map: mean of the directional stiffnesses in flange X, Y, Z over the window; grey is not reached."""
-    with house_style():
-        figure, (ax,) = new_figure((7.2, 5.6), 1, 1)
+    with drawing(f"Stiffness map of {robot}{made_up}", (7.2, 5.6), 1, 1) as (figure, (ax,)):
         mean = np.ma.masked_invalid(1e-3 * w.mean)
         ax.set_facecolor("#D9DBDE")
         mesh = ax.pcolormesh(1e3 * w.x, 1e3 * w.z, mean, cmap=STIFFNESS_COLOURS, shading="gouraud")
@@ -215,5 +205,4 @@ def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
         ax.set_ylabel("Z (mm)")
         words = {"base": "flange axes as the base's", "forward": "flange forward", "down": "flange down"}
         ax.set_title(f"plane Y = 0, {words[w.orientation]}, elbow {w.elbow}", loc="left", size=9.5)
-        title(figure, f"Stiffness map of {robot}{made_up}")
     return figure

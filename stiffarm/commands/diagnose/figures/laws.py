@@ -21,8 +21,8 @@ from robots import InputError
 from robots.arrays import Array, Bools, Indices
 from robots.constants import NORMAL_95
 from stiffarm.commands.diagnose.effect_numbers import Number, short
-from stiffarm.pages.figure_parts import above, log_ticks, note, title
-from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import above, drawing, log_ticks, note
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 Axis = Literal["torque", "angle"]
 
@@ -225,8 +225,7 @@ def law_figure(curve: LawCurve, heading: str) -> Figure:
 
     Over the torque: the turn; for friction the loop of loading and unloading. Over the angle: the compliance.
     """
-    with house_style():
-        figure, (ax,) = new_figure((8.4, 5.0))
+    with drawing(heading, (8.4, 5.0)) as (figure, (ax,)):
         names = ("loading", "unloading") if len(curve.branches) > 1 else ("law found",)
         for (x, y, low, high), colour, name in zip(curve.branches, (_UP, _DOWN), names, strict=False):
             ax.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
@@ -248,7 +247,6 @@ def law_figure(curve: LawCurve, heading: str) -> Figure:
             ax.set_xlabel(f"angle of {curve.joint} (deg)")
             ax.set_ylabel(f"compliance of {curve.joint} (µrad/(N m))")
         above(ax, ax.get_legend_handles_labels()[0], 5)
-        title(figure, heading)
     return figure
 
 
@@ -276,11 +274,10 @@ def numbers_figure(numbers: Sequence[Number]) -> Figure:
     shown = [n for n in numbers if np.isfinite(n.value)]
     if not shown:
         raise InputError("numbers figure: no number to draw")
-    with house_style():
-        figure, axes = new_figure((9.0, 0.9 + 1.15 * len(shown)), len(shown), 1)
+    heading = "Numbers found, with 95 % intervals; grey: what was thought plausible"
+    with drawing(heading, (9.0, 0.9 + 1.15 * len(shown)), len(shown)) as (figure, axes):
         for ax, n in zip(axes, shown, strict=True):
             _number(ax, n)
-        title(figure, "Numbers found, with 95 % intervals; grey: what was thought plausible")
     return figure
 
 
