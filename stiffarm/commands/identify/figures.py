@@ -167,7 +167,7 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
 def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:
     """How wrong models of the gears alone are: mean, 95th percentile and worst, by flange axis, log axis."""
     heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
-    with drawing(heading, (10.0, 4.0), 1, 2, sharey=True) as (figure, axes):
+    with drawing(heading, (10.0, 4.4), 1, 2, sharey=True) as (figure, axes):
         for ax, e, words in (
             (axes[0], same, "same torsional stiffness"), (axes[1], refitted, "refitted to flange deflections"),
         ):  # fmt: skip
