@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells, in_flange_axes, setup_labels
+from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
 from doe.joint_twists.readings import TwistReadings
 from doe.tables import columns as mc
 from doe.tables.columns import Columns, RawTable
@@ -146,17 +146,16 @@ def assemble_reflectors(
     first = np.array([fit.row for fit in fits], dtype=np.intp)
     noise, note = _noise(fits, sigma[first])
     covariance = np.array([np.diag(fit.covariance) for fit in fits])
-    labels = setup_labels(cells)
     return TwistReadings(
-        table.name, table.sha256, cells.q[first], cells.joint[first], in_flange_axes(robot, cells)[first],
+        table.name, table.sha256, cells.q[first], cells.joint[first], cells.wrench[first],
         cells.point[first], np.array([fit.twist for fit in fits]), noise[:, None] * np.sqrt(covariance),
-        tuple(cells.phase[i] for i in first), tuple(labels[i] for i in first),
+        tuple(cells.phase[i] for i in first), tuple(cells.setup[i] for i in first),
         tuple(table.lines[i] for i in first), cells.synthetic, (note,),
     )  # fmt: skip
 
 
 def _agree(rows: Indices, cells: Cells) -> bool:
-    same = np.column_stack([cells.q, cells.wrench, cells.point, cells.joint, cells.in_base])[rows]
+    same = np.column_stack([cells.q, cells.wrench, cells.point, cells.joint])[rows]
     return bool((same == same[0]).all()) and len({cells.phase[i] for i in rows}) == 1
 
 

@@ -12,10 +12,8 @@ from doe.joint_twists.columns import (
     SIGMAS,
     Cells,
     find_columns,
-    in_flange_axes,
     is_reflector_table,
     read_cells,
-    setup_labels,
 )
 from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflectors import assemble_reflectors
@@ -59,7 +57,7 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
         faults.raise_if_any("measurements")
         readings = assemble_reflectors(table, columns, cells, robot, faults)
     else:
-        readings = _assemble(table, columns, cells, robot, faults)
+        readings = _assemble(table, columns, cells, faults)
     if readings.n and not readings.wrench.any():
         faults.add(readings.row_numbers[0], "the load is zero in every component, here and in every row",
                    allowed="loads other than 0", remedy="give the forces: fx_N, fy_N, fz_N")  # fmt: skip
@@ -70,7 +68,7 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
     return replace(readings, notes=(*made_up, *column_notes(table, columns, robot), *readings.notes))
 
 
-def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults) -> TwistReadings:
+def _assemble(table: RawTable, columns: Columns, cells: Cells, faults: Faults) -> TwistReadings:
     both = (table, columns)
     twist = mc.numbers(*both, DISPLACEMENTS, faults, empty="not read")
     sigma = np.repeat(mc.numbers(*both, SIGMAS, faults, empty="not known", positive=True), 3, axis=1)
@@ -80,9 +78,9 @@ def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, fau
                        remedy="fill in the readings, or remove the row")  # fmt: skip
     good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
     return TwistReadings(
-        table.name, table.sha256, cells.q[good], cells.joint[good], in_flange_axes(robot, cells)[good],
+        table.name, table.sha256, cells.q[good], cells.joint[good], cells.wrench[good],
         cells.point[good], twist[good], sigma[good], tuple(compress(cells.phase, good)),
-        tuple(compress(setup_labels(cells), good)), tuple(compress(table.lines, good)), cells.synthetic, (),
+        tuple(compress(cells.setup, good)), tuple(compress(table.lines, good)), cells.synthetic, (),
     )  # fmt: skip
 
 
