@@ -80,30 +80,6 @@ class JointPart:
         """Whether forces and moments across the axis turn the joint about it, and the other way round."""
         return bool(self.bearing[5].any())
 
-    def springs(self) -> tuple[Array, Array]:
-        """The bearing as independent springs: unit directions (6, k) in the joint's frame, stiffnesses (k,).
-
-        Without the entries that couple it with the axis.
-        """
-        return independent_springs(self.bearing[:5, :5])
-
-
-def independent_springs(C: Array) -> tuple[Array, Array]:
-    """A compliance (k, k), k <= 6, as springs: directions (6, r) with stiffnesses (r,), r its rank.
-
-    Directions are unit vectors where C is diagonal; else eigenvectors of C with forces and moments scaled alike.
-    """
-    k = len(C)
-    if not (C - np.diag(np.diag(C))).any():
-        kept = np.flatnonzero(np.diag(C))
-        return np.eye(6)[:, kept], 1.0 / np.diag(C)[kept]
-    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    values, vectors = np.linalg.eigh(C / np.outer(size, size))
-    kept = np.flatnonzero(values > 1e-12)
-    directions = np.zeros((6, kept.size))
-    directions[:k] = size[:, None] * vectors[:, kept]
-    return directions, 1.0 / values[kept]
-
 
 @dataclass(frozen=True)
 class BarPart:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from robots import InputError
 from robots.arrays import Array, Integers
 
 if TYPE_CHECKING:
-    from meshes.surfaces.wrap import Departure, Method, Wrap
+    from meshes.surfaces.wrap import Method, Wrap
 
 Repair = Literal["auto", "none", "wrap"]
 
@@ -117,7 +117,7 @@ def wrapped(
 ) -> Meshed:
     """Wrap any surface and mesh the wrap's mid-surface; where no opening is asked for, the width is found by trial."""
     # Brings VTK with it, which only wrapping needs.
-    from meshes.surfaces.trials import by_trial, methods, warning
+    from meshes.surfaces.trials import by_trial, methods
     from meshes.surfaces.wrap import check_method, wrap_surface
 
     check_method(settings.wrap)
@@ -138,20 +138,8 @@ def wrapped(
         method, failed = methods(settings.wrap)[0], ()
         done = _casing(name, nodes, faces, settings.wall, size, settings.opening, method)
     rings, shrunk = choose_rings(interfaces, done.nodes, done.faces, size, name)
-    report = [f"closing width {trial}: not taken" for trial in failed]
-    report += [*warning(done.off, size), *done.report, *shrunk]
-    off = (done.off.middling, done.off.worst)
-    return Meshed(done.nodes, done.faces, rings, size, tuple(report), off)
-
-
-@dataclass(frozen=True)
-class _Casing:
-    """Nodes, faces, lines for the report and departure of a wrapped mid-surface."""
-
-    nodes: Array
-    faces: Integers
-    report: tuple[str, ...]
-    off: Departure
+    tried = (f"closing width {trial}: not taken" for trial in failed)
+    return replace(done, rings=rings, report=(*tried, *done.report, *shrunk))
 
 
 def _casing(
@@ -163,9 +151,9 @@ def _casing(
     opening: float,
     method: Method,
     most: float = np.inf,
-) -> _Casing:
-    """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is further than ``most`` m off."""
-    from meshes.surfaces.trials import TooFar
+) -> Meshed:
+    """Mid-surface of a wrap, meshed, no rings yet; SurfaceFault where there is none, or it is over ``most`` m off."""
+    from meshes.surfaces.trials import TooFar, warning
     from meshes.surfaces.wrap import departure, middle_surface, original_seen, wrap_surface
 
     wrap = wrap_surface(name, nodes, faces, size, opening, method)
@@ -188,7 +176,8 @@ def _casing(
         f"details lost and openings bridged: 95 % of what is seen is off by less than {1e3 * off.middling:.3g} mm, "
         f"all of it by less than {1e3 * off.worst:.3g} mm",
     )
-    return _Casing(middle, cells, report, off)
+    report = (*warning(off, size), *report)
+    return Meshed(middle, cells, {}, size, report, (off.middling, off.worst))
 
 
 def _remeshed(
