@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -75,6 +75,10 @@ class JointPart:
         """Compliances (5,) of the bearing one by one, without those off the diagonal."""
         return np.diag(self.bearing)[:5].copy()
 
+    def springs_about(self, row: int) -> list[SpringLaw]:
+        """The springs that may vary in a row of its axes, 0 to 5: the axial one, or the bearing's laws."""
+        return [self.axial] if row == 5 else [law for given, law in self.laws if given == row]
+
     @property
     def is_coupled(self) -> bool:
         """Whether forces and moments across the axis turn the joint about it, and the other way round."""
@@ -121,6 +125,10 @@ class ArmModel:
     load_tilt: Array = field(default_factory=lambda: np.zeros(3))
     load_point: Array = field(default_factory=lambda: np.zeros(3))
     masses: tuple[BodyMass, ...] = ()
+
+    def with_joint(self, name: str, **changes: Any) -> ArmModel:
+        """Copy with fields of one joint's part changed."""
+        return replace(self, joints=tuple(replace(j, **changes) if j.name == name else j for j in self.joints))
 
     def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
         """Copy with other laws about the joint axes; numbers are N m/rad.

@@ -9,7 +9,7 @@ import numpy as np
 
 from doe.certainty.law_band import LawBand, law_band
 from doe.estimation.calibration import StageResult
-from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
+from fem.free.parameters import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
 from robots.arrays import Array
 from stiffarm.session.json_text import number
 

@@ -14,9 +14,8 @@ from meshes import BeamMesh, casing_mesh
 from meshes.surfaces import reading as surface_reading
 from meshes.surfaces.checks import crossings
 from meshes.surfaces.link import ImportedLink, import_surface
-from meshes.surfaces.offset import offset_inward
 from meshes.surfaces.rings import Interface
-from meshes.surfaces.routes import ImportSettings
+from meshes.surfaces.routes import ImportSettings, offset_inward
 from robots import InputError
 
 # The committed file holds tapered_tube() in metres.
