@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from robots import InputError
 from robots.arrays import Array, Integers
@@ -68,6 +66,10 @@ def sides(cells: Integers) -> Integers:
 
 def connected(count: int, pairs: Integers) -> Integers:
     """Number of the piece (count,) that each of the nodes belongs to, where pairs (p, 2) of them are joined."""
+    # Meshes are also weighed and listed, where nobody needs SciPy.
+    import scipy.sparse as sp
+    from scipy.sparse.csgraph import connected_components
+
     graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
