@@ -17,7 +17,6 @@ from machining.cell.solids import Body, Solid, capsule, hull, ring, surface
 from meshes.beams import BeamMesh, body_index, body_tip, crank_beam_mesh, element_axes, link_beam_mesh
 from meshes.link_shells import link_shell_mesh
 from meshes.sections import section_dimensions
-from meshes.surfaces.bodies import body_surface
 from meshes.surfaces.checks import SurfaceFault, repair_surface
 from robots import InputError, ModelDescription, Robot, UrdfRobot, forward_kinematics, load_description, read_urdf
 from robots.arrays import Array
@@ -174,6 +173,9 @@ def _shape_solids(name: str, urdf: UrdfRobot) -> tuple[tuple[Solid, ...], list[s
 
 
 def _shape_solid(name: str, shape: Visual) -> tuple[Solid, list[str]]:
+    # Only the shapes of a URDF need what prepares surfaces, and its pictures' libraries.
+    from meshes.surfaces.bodies import body_surface
+
     read = body_surface([shape])
     try:
         return surface(read.sources[0], read.nodes, read.faces), []

@@ -228,7 +228,7 @@ def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
     if cell.linear_axes:
         figure = motion_figure(
             1e3 * arc, {CHOSEN: after.e * 1e3}, [f"{axis.name} (mm)" for axis in cell.linear_axes],
-            1e3 * np.array([axis.limits for axis in cell.linear_axes]), "Linear axes along the path",
+            1e3 * np.array([axis.limits for axis in cell.linear_axes]), "Linear axes along the path", whole=True,
         )  # fmt: skip
         caption = "Where the linear axes stand; beyond the dotted lines are their limits."
         blocks.append(pictures.add(figure, "axes", caption))

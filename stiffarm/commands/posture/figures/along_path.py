@@ -41,11 +41,18 @@ def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot) -> Fig
 
 
 def motion_figure(
-    arc_mm: Array, courses: Mapping[str, Array], labels: Sequence[str], limits: Array, heading: str
+    arc_mm: Array,
+    courses: Mapping[str, Array],
+    labels: Sequence[str],
+    limits: Array,
+    heading: str,
+    *,
+    whole: bool = False,
 ) -> Figure:
     """Draw what joints or axes do along the path, one panel each, with their limits.
 
-    ``arc_mm`` (n,); ``courses`` by name (n, c), the first is drawn boldly; ``limits`` (c, 2).
+    ``arc_mm`` (n,); ``courses`` by name (n, c), the first is drawn boldly; ``limits`` (c, 2), in the
+    picture if near, with ``whole`` in any case.
 
     Raises
     ------
@@ -60,7 +67,7 @@ def motion_figure(
     with house_style():
         figure, axes = new_figure((10.0, 0.9 + 2.6 * lines), lines, columns, sharex=True)
         for j, ax in enumerate(axes[:many]):
-            _panel(ax, arc_mm, {name: q[:, j] for name, q in courses.items()}, limits[j])
+            _panel(ax, arc_mm, {name: q[:, j] for name, q in courses.items()}, limits[j], whole)
             ax.set_title(labels[j], loc="left", pad=4)
         for ax in axes[many:]:
             ax.set_visible(False)
@@ -79,9 +86,9 @@ def draw_lines(ax: Axes, arc_mm: Array, series: Mapping[str, Array]) -> None:
         ax.plot(arc_mm, values, color=SERIES[k], linewidth=width, zorder=4 - k, label=name, marker=marker)
 
 
-def _panel(ax: Axes, arc_mm: Array, angles: Mapping[str, Array], limits: Array) -> None:
+def _panel(ax: Axes, arc_mm: Array, angles: Mapping[str, Array], limits: Array, whole: bool) -> None:
     draw_lines(ax, arc_mm, angles)
-    every = np.concatenate(list(angles.values()))
+    every = np.concatenate([*angles.values(), *([limits] if whole else [])])
     room = max(5.0, 0.12 * float(np.ptp(every)))
     low, high = float(every.min()) - room, float(every.max()) + room
     ax.set_ylim(low, high)
