@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -25,6 +26,20 @@ def parse_word(text: str, allowed: tuple[Word, ...], option: str) -> Word:
         if word == text:
             return word
     raise InputError(option, value=text, allowed=", ".join(allowed), remedy="choose one of them")
+
+
+def refuse_given(options: Mapping[str, object], why_not: str, remedy: str) -> None:
+    """Refuse options that were given (not None) where nothing would heed them."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise InputError(f"{', '.join(given)}: {why_not}", remedy=remedy)
+
+
+def refuse_together(options: Mapping[str, object]) -> None:
+    """Refuse more than one of some options that exclude one another."""
+    given = [name for name, value in options.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
 
 
 def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:

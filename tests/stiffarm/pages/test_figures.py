@@ -95,7 +95,7 @@ def bars() -> Figure:
 def many_bars() -> Figure:
     """As a calibration draws them: more names than can be written, one of them without a value."""
     one = {f"corner {i}": 0.05 + 1e-4 * i for i in range(60)} | {"corner 7": NAN}
-    return bars_figure("", {"fitted": one, "held out": {"far": 0.1}}, "RMS error (mm)", "pose", ("noise", 0.06))
+    return bars_figure("", {"fitted": one, "held out": {"far": 0.1}}, "RMS error (mm)", "pose", {"noise": 0.06})
 
 
 SPRINGS = (
