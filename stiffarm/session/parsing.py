@@ -13,6 +13,7 @@ from robots.arrays import Array
 from robots.robot import rotation_rpy, rpy_of
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 # Far above any load; beyond about 1e150 squares overflow.
 LARGEST_LOAD = 1e9
 FRAME_FORM = "x,y,z in mm, or x,y,z,a,b,c with a, b, c in deg about the fixed axes x, then y, then z"

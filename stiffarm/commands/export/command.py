@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from doe.tables.columns import DISPLACEMENTS
 from fem.arm import Arm
 from robots import InputError
 from stiffarm import __version__
@@ -88,7 +87,9 @@ def export(
                 "load": {n: number(v) for n, v in zip(parsing.WRENCH_NAMES, wrench, strict=True)},
                 "tool_node": deck.tool[0],
                 "tool_rotation_node": deck.tool[1],
-                "stiffarm": {n: number(1e3 * v) for n, v in zip(DISPLACEMENTS, deck.displacement, strict=True)},
+                "stiffarm": {
+                    n: number(1e3 * v) for n, v in zip(parsing.DISPLACEMENT_NAMES, deck.displacement, strict=True)
+                },
                 "nodes": deck.nodes,
                 "elements": deck.elements,
                 "equations": deck.equations,

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from doe.tables.columns import DISPLACEMENTS
 from fem import ArmModel, deflection_by_part
 from fem.arm import Arm
 from fem.effects import History, observed
@@ -18,7 +17,7 @@ from robots.arrays import Array
 from stiffarm.session.console import say, show_table
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import WRENCH_NAMES
+from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES
 from stiffarm.session.softness import flagged
 
 NO_LINKS = "no links described: all bodies rigid"
@@ -57,10 +56,10 @@ def of_pose(
     return head(given, model, rigid_joints) | {
         "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
-        "displacement": {n: number(v * 1e3) for n, v in zip(DISPLACEMENTS, d, strict=True)},
+        "displacement": {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, d, strict=True)},
         "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
         "by_part": {
-            name: {n: number(v * 1e3) for n, v in zip(DISPLACEMENTS, part[0], strict=True)}
+            name: {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, part[0], strict=True)}
             for name, part in parts.items()
         },
     }
@@ -179,9 +178,9 @@ def show(result: dict[str, Any]) -> None:
         return
     show_table(
         f"{result['robot']}: displacement of the tool point",
-        ["part", *DISPLACEMENTS],
-        [[name, *(f"{part[n]:+.4f}" for n in DISPLACEMENTS)] for name, part in result["by_part"].items()]
-        + [["total", *(f"{result['displacement'][n]:+.4f}" for n in DISPLACEMENTS)]],
+        ["part", *DISPLACEMENT_NAMES],
+        [[name, *(f"{part[n]:+.4f}" for n in DISPLACEMENT_NAMES)] for name, part in result["by_part"].items()]
+        + [["total", *(f"{result['displacement'][n]:+.4f}" for n in DISPLACEMENT_NAMES)]],
     )
     if "field" in result:
         _show_field(result["field"])

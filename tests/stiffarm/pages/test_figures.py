@@ -293,10 +293,12 @@ def test_a_bar_far_longer_than_the_others_is_cut_and_says_so() -> None:
     ax = bars().axes[0]
     assert ax.get_ylim()[1] < 0.1
     assert "leaves the axis" in ax.get_ylabel()
-    assert "1.05 ↑" in words(bars())
+    assert "1.0490 ↑" in words(bars())
     even = bars_figure("", {"fit": {"a": 0.05, "b": 0.06}, "left out": {"a": 0.07, "b": NAN}}, "RMS error (mm)")
     assert "axis" not in even.axes[0].get_ylabel()
     assert "–" in words(even), "not predicted"
+    # An exact fit has a scale of its own.
+    assert bars_figure("", {"fit": {"a": 0.0}}, "RMS error (mm)").axes[0].get_ylim()[1] > 0.0
 
 
 def test_what_a_spring_estimate_says() -> None:
