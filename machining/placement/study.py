@@ -16,7 +16,7 @@ from machining.placement.search import Survey, survey
 from machining.placement.space import space_of
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
-from machining.toolpaths.given import GivenPath
+from machining.toolpaths.conversion import GivenPath
 from robots import InputError
 from robots.arrays import Array
 

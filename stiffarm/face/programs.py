@@ -171,8 +171,8 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
         A program of another arm or cell, or one that cannot be read.
     """
     from machining.cell import arm_bodies, read_cell
+    from machining.programs.formats import read_program
     from machining.verification import Demands, verify
-    from machining.verification.given import read_program
 
     with called():
         bodies = arm_bodies(arm.description)
