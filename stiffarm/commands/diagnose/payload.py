@@ -10,8 +10,8 @@ from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
+from doe.tables.columns import DISPLACEMENTS
 from stiffarm.commands.calibrate import payload as calibration_payload
-from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import FittedSpring, springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
@@ -138,7 +138,7 @@ def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
             "loads_N": [number(float(v)) for v in n.forces],
             "unloading": n.unloading,
             "repeats": n.repeats,
-            "read": [COMPONENT_KEYS[k] for k in n.components],
+            "read": [DISPLACEMENTS[k] for k in n.components],
         }
         for label, q, way in zip(n.labels, n.q, n.direction, strict=True)
     ]
