@@ -69,12 +69,10 @@ def collected(moves: Iterable[ReadMove]) -> ReadMoves:
     if not rows:
         raise InputError("program", value="no move in it", allowed="one or more")
     _, kinds, words, external, joint, configuration, speed, duration = zip(*rows, strict=True)
-    if not (np.isfinite(words).all() and np.isfinite(external).all()):
+    placed, axes = np.array(words), np.array(external).reshape(len(rows), -1)
+    if not (np.isfinite(placed).all() and np.isfinite(axes).all()):
         raise InputError("coordinate in a program", allowed="finite numbers")
-    axes = np.array(external).reshape(len(rows), -1)
-    return ReadMoves(
-        kinds[0], np.array(words), axes, np.array(joint), list(configuration), np.array(speed), np.array(duration)
-    )
+    return ReadMoves(kinds[0], placed, axes, np.array(joint), list(configuration), np.array(speed), np.array(duration))
 
 
 def number(where: str, text: str) -> float:
