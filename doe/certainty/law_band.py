@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 from doe.certainty.uncertainty import Certainty
 from doe.estimation.estimate import Estimate
-from fem.free.laws import FreeLaw
+from fem.free.parameters import FreeLaw
 from robots.arrays import Array
 
 # A law's part in what is not determined that counts as rounding.

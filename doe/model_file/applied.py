@@ -12,7 +12,7 @@ import numpy as np
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.published.readings import PointOf
 from fem.free.base import Tables
-from fem.free.laws import FreeLaw
+from fem.free.parameters import FreeLaw
 from fem.springs import FourierBasis, PolynomialBasis, TableBasis
 from robots import InputError, ModelDescription
 from robots.schema.description import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import fem
-from machining.stiffness.compiled import FastSweep, fast_sweep
+from machining.stiffness.compiled import fast_sweep
 from machining.stiffness.objective import Objective
 from machining.task import Task, as_gammas
 from machining.toolpaths.path_error import PathError
@@ -161,23 +161,31 @@ def sweep_gamma(
     n, m = angle.shape
     fast = fast_sweep(model, task, objective.quantity, objective.forces(n), angle)
     if fast is not None:
-        return _sweep_of(fast, model, task, objective, angle)
-    frames = task.tool_frames(angle).reshape(n * m, 4, 4)
-    parts = [
-        inverse_kinematics(model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator)
-        for i in range(0, n * m, TARGETS)
-    ]
-    names = max((part.names for part in parts), key=len)
-    q = np.full((n * m, len(names), model.robot.dof), np.nan)
-    valid = np.zeros(q.shape[:2], dtype=np.bool_)
-    reason = np.full(q.shape[:2], np.int8(Reason.NO_SUCH))
-    for i, part in enumerate(parts):
-        rows, b = slice(i * TARGETS, i * TARGETS + len(part.q)), len(part.names)
-        q[rows, :b], valid[rows, :b], reason[rows, :b] = part.q, part.valid, part.reason
-    value = np.full(valid.shape, np.nan)
-    value[valid] = objective.values(model, q[valid], task, np.nonzero(valid)[0] // m)
+        q, valid, value, reason, names = fast.q, fast.valid, fast.value, fast.reason, BRANCH_NAMES
+        sure = np.ones((n, m), dtype=np.bool_)
+    else:
+        frames = task.tool_frames(angle).reshape(n * m, 4, 4)
+        found = [
+            inverse_kinematics(
+                model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator
+            )
+            for i in range(0, n * m, TARGETS)
+        ]
+        names, value = max((part.names for part in found), key=len), None
+        q = np.full((n * m, len(names), model.robot.dof), np.nan)
+        valid = np.zeros(q.shape[:2], dtype=np.bool_)
+        reason = np.full(q.shape[:2], np.int8(Reason.NO_SUCH))
+        for i, part in enumerate(found):
+            rows, b = slice(i * TARGETS, i * TARGETS + len(part.q)), len(part.names)
+            q[rows, :b], valid[rows, :b], reason[rows, :b] = part.q, part.valid, part.reason
+        sure = np.concatenate([part.sure for part in found]).reshape(n, m)
+    point = np.nonzero(valid)[0] // m
+    if value is None:
+        value = np.full(valid.shape, np.nan)
+        value[valid] = objective.values(model, q[valid], task, point)
+    else:
+        objective.check_finite(value[valid], point)
     shape = (n, m, len(names))
-    sure = np.concatenate([part.sure for part in parts]).reshape(n, m)
     return Sweep(
         objective,
         angle,
@@ -190,28 +198,6 @@ def sweep_gamma(
     )
 
 
-def _sweep_of(fast: FastSweep, model: fem.ArmModel, task: Task, objective: Objective, angle: Array) -> Sweep:
-    n, m = angle.shape
-    valid, value = fast.valid, fast.value
-    target = np.nonzero(valid)[0]
-    if value is None:
-        value = np.full(valid.shape, np.nan)
-        value[valid] = objective.values(model, fast.q[valid], task, target // m)
-    else:
-        objective.check_finite(value[valid], target // m)
-    shape = (n, m, len(BRANCH_NAMES))
-    return Sweep(
-        objective,
-        angle,
-        fast.q.reshape(*shape, -1),
-        valid.reshape(shape),
-        value.reshape(shape),
-        fast.reason.reshape(shape),
-        BRANCH_NAMES,
-        np.ones((n, m), dtype=np.bool_),
-    )
-
-
 def best_of(sweep: Sweep) -> Postures:
     """Best posture of each point among those of a sweep.
 
@@ -221,6 +207,11 @@ def best_of(sweep: Sweep) -> Postures:
         A point that cannot be reached.
     """
     sweep.check_reached()
+    return _best_known(sweep)
+
+
+def _best_known(sweep: Sweep) -> Postures:
+    """Best posture of each point; the value is NaN at points that have none."""
     n, _, b = sweep.valid.shape
     rows, best = np.arange(n), sweep.merit.reshape(n, -1).argmax(axis=1)
     at, branch = np.divmod(best, b)
@@ -280,19 +271,14 @@ def best_postures(
     centre = refined_peaks(
         gammas, sweep.merit.max(axis=2), lambda gamma: look(gamma).merit.max(axis=2), starts, tolerance
     )
-    fine, rows = look(centre), np.arange(task.path.n)
-    merit = np.concatenate([objective.sign * best.value[:, None], fine.merit.max(axis=2)], axis=1)
-    choice = merit.argmax(axis=1)
-    better, at = choice > 0, np.maximum(choice - 1, 0)
-    branch = fine.merit[rows, at].argmax(axis=1)
-    found = rows, at, branch
-    names = max(best.names, fine.names, key=len)
+    fine = _best_known(look(centre))
+    better = objective.sign * fine.value > objective.sign * best.value
     return Postures(
-        np.where(better, centre[rows, at], best.gamma),
-        np.where(better[:, None], fine.q[found], best.q),
-        np.where(better, fine.value[found], best.value),
-        np.where(better, branch, best.branch),
-        names,
+        np.where(better, fine.gamma, best.gamma),
+        np.where(better[:, None], fine.q, best.q),
+        np.where(better, fine.value, best.value),
+        np.where(better, fine.branch, best.branch),
+        max(best.names, fine.names, key=len),
     )
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from doe.certainty.law_band import LawBand, law_band
 from doe.estimation.calibration import StageResult
 from doe.published.pose_studies import PoseStudies
-from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
-from fem.springs import spring_from
+from fem.free.parameters import FreeLaw
+from fem.springs import FourierBasis, PolynomialBasis, TableBasis, spring_from
 from robots import Robot
 from robots.arrays import Array
 from stiffarm.session.json_text import number

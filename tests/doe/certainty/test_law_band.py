@@ -10,7 +10,7 @@ from doe.certainty.law_band import law_band
 from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
-from fem.free.laws import FreeLaw, TableBasis
+from fem.free.parameters import FreeLaw, TableBasis
 
 NODES = np.array([-1.0, 0.0, 1.0, 2.0])
 VALUES = np.array([12.0, 13.0, 13.5])
