@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import above, drawing, named_columns, named_rows, note
+from stiffarm.pages.bars import bars_figure
+from stiffarm.pages.figure_parts import drawing, named_columns
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 BEFORE: Final = OKABE_ITO["vermillion"]
@@ -155,24 +156,11 @@ def gap_figure(
     """
     if not rows:
         raise InputError("gap figure: no errors to draw")
-    y = np.arange(len(rows), dtype=np.float64)
-    with drawing("The gap between simulation and measurement", (10.0, 1.6 + 0.85 * len(rows))) as (figure, (ax,)):
-        series = [("before", BEFORE), ("after", AFTER)]
-        if all(np.isnan(pair[1]) for pair in rows.values()):
-            series = series[:1]
-        for k, (when, colour) in enumerate(series):
-            lengths = np.array([pair[k] for pair in rows.values()])
-            at = y + (k - 0.5 * (len(series) - 1)) * 0.36
-            ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=when)
-            for place, value in zip(at, lengths, strict=True):
-                note(ax, f"{value:.3f}", (value, place), (4, 0), ha="left")
-        ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"{name}: {noise:.3f}")
-        if np.isfinite(least):
-            ax.axvline(
-                least, color="#777777", linestyle=":", linewidth=1.4, label=f"springs alone, at best: {least:.3f}"
-            )
-        named_rows(ax, list(rows))
-        ax.margins(x=0.12)
-        ax.set_xlabel("RMS error (mm)")
-        above(ax, ax.get_legend_handles_labels()[0], 4)
-    return figure
+    series = {when: {label: pair[k] for label, pair in rows.items()} for k, when in enumerate(("before", "after"))}
+    if all(np.isnan(pair[1]) for pair in rows.values()):
+        del series["after"]
+    lines = {f"{name}: {noise:.3f}": noise}
+    if np.isfinite(least):
+        lines[f"springs alone, at best: {least:.3f}"] = least
+    heading = "The gap between simulation and measurement"
+    return bars_figure(heading, series, "RMS error (mm)", lines=lines, colours=(BEFORE, AFTER))
