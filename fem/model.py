@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -75,34 +75,14 @@ class JointPart:
         """Compliances (5,) of the bearing one by one, without those off the diagonal."""
         return np.diag(self.bearing)[:5].copy()
 
+    def springs_about(self, row: int) -> list[SpringLaw]:
+        """The springs that may vary in a row of its axes, 0 to 5: the axial one, or the bearing's laws."""
+        return [self.axial] if row == 5 else [law for given, law in self.laws if given == row]
+
     @property
     def is_coupled(self) -> bool:
         """Whether forces and moments across the axis turn the joint about it, and the other way round."""
         return bool(self.bearing[5].any())
-
-    def springs(self) -> tuple[Array, Array]:
-        """The bearing as independent springs: unit directions (6, k) in the joint's frame, stiffnesses (k,).
-
-        Without the entries that couple it with the axis.
-        """
-        return independent_springs(self.bearing[:5, :5])
-
-
-def independent_springs(C: Array) -> tuple[Array, Array]:
-    """A compliance (k, k), k <= 6, as springs: directions (6, r) with stiffnesses (r,), r its rank.
-
-    Directions are unit vectors where C is diagonal; else eigenvectors of C with forces and moments scaled alike.
-    """
-    k = len(C)
-    if not (C - np.diag(np.diag(C))).any():
-        kept = np.flatnonzero(np.diag(C))
-        return np.eye(6)[:, kept], 1.0 / np.diag(C)[kept]
-    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    values, vectors = np.linalg.eigh(C / np.outer(size, size))
-    kept = np.flatnonzero(values > 1e-12)
-    directions = np.zeros((6, kept.size))
-    directions[:k] = size[:, None] * vectors[:, kept]
-    return directions, 1.0 / values[kept]
 
 
 @dataclass(frozen=True)
@@ -145,6 +125,10 @@ class ArmModel:
     load_tilt: Array = field(default_factory=lambda: np.zeros(3))
     load_point: Array = field(default_factory=lambda: np.zeros(3))
     masses: tuple[BodyMass, ...] = ()
+
+    def with_joint(self, name: str, **changes: Any) -> ArmModel:
+        """Copy with fields of one joint's part changed."""
+        return replace(self, joints=tuple(replace(j, **changes) if j.name == name else j for j in self.joints))
 
     def with_springs(self, springs: Mapping[str, SpringLaw | float]) -> ArmModel:
         """Copy with other laws about the joint axes; numbers are N m/rad.

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.optimize import brentq
 
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.schema.description import BoxSection, TubeSection
 from robots.schema.quantities import PositiveLength
+
+# Has no type hints.
+_intersections: Any = trimesh.intersections
 
 STATIONS = 41
 # Share of the way that the casing must cover: of less, a beam over the whole way says nothing.
@@ -66,8 +71,8 @@ def equivalent_section(
     y /= np.linalg.norm(y)
     axes = np.stack([x, y, np.cross(x, y)])
     share = (np.arange(STATIONS) + 0.5) / STATIONS
-    flat = (nodes - root) @ axes.T
-    cuts = _casing_cuts([_cut(flat, faces, s * length) for s in share])
+    turned = trimesh.Trimesh((nodes - root) @ axes.T, faces, process=False)
+    cuts = _casing_cuts([_cut(turned, s * length) for s in share])
     cover = len(cuts) / STATIONS
     if cover < LEAST_COVER:
         raise InputError(
@@ -103,19 +108,10 @@ def _length(value: float, note: str) -> PositiveLength:
     return PositiveLength(value=round(1e3 * value, 3), unit="mm", source="derived", note=note)
 
 
-def _cut(nodes: Array, faces: Integers, place: float) -> Array | None:
+def _cut(mesh: trimesh.Trimesh, place: float) -> Array | None:
     """Segments (s, 2, 2) of the plane x = ``place`` through a surface, in y and z; None where it is not cut."""
-    height = nodes[:, 0] - place
-    # A node on the plane counts as above it, so that each cut face has exactly two cut edges.
-    above = height >= 0.0
-    cut = faces[above[faces].any(axis=1) & ~above[faces].all(axis=1)]
-    if len(cut) < 3:
-        return None
-    one, two = cut, np.roll(cut, -1, axis=1)
-    crossed = above[one] != above[two]
-    a, b = one[crossed], two[crossed]
-    share = height[a] / (height[a] - height[b])
-    return np.asarray((nodes[a] + share[:, None] * (nodes[b] - nodes[a]))[:, 1:].reshape(-1, 2, 2))
+    segments = np.asarray(_intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [place, 0.0, 0.0]))
+    return segments[:, :, 1:] if len(segments) >= 3 else None
 
 
 def _perimeter(segments: Array) -> float:

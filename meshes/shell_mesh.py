@@ -56,8 +56,22 @@ class ShellMesh:
     @property
     def edges(self) -> Integers:
         """All element edges (3m + 4q, 2) as pairs of nodes; an inner edge appears once for each element."""
-        sides = [np.stack([cells, np.roll(cells, -1, axis=1)], axis=2) for cells in (self.triangles, self.quads)]
-        return np.concatenate([side.reshape(-1, 2) for side in sides])
+        return np.concatenate([sides(self.triangles), sides(self.quads)])
+
+
+def sides(cells: Integers) -> Integers:
+    """Sides (e n, 2) of cells (e, n), each from a corner to the next one; an inner side stands there twice."""
+    return np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def connected(count: int, pairs: Integers) -> Integers:
+    """Number of the piece (count,) that each of the nodes belongs to, where pairs (p, 2) of them are joined."""
+    # Meshes are also weighed and listed, where nobody needs SciPy.
+    import scipy.sparse as sp
+    from scipy.sparse.csgraph import connected_components
+
+    graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _shapes(mesh: ShellMesh) -> Iterator[InputError]:

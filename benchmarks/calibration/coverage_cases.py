@@ -21,9 +21,8 @@ from doe.estimation.estimate import Estimate, estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
 from fem import ArmModel, build_model
-from fem.free.laws import FourierBasis, FreeLaw, law_parameters
 from fem.free.model import FreeModel, LoadedPoses
-from fem.free.parameters import Parameter, parameter
+from fem.free.parameters import FourierBasis, FreeLaw, Parameter, law_parameters, parameter
 from robots import load_description
 from robots.arrays import Array
 from robots.constants import NORMAL_95

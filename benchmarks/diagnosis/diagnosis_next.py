@@ -27,7 +27,7 @@ from scipy.stats import binomtest
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
-from doe.diagnosis.next_readings import NextReadings, as_measurements, columns_to_fill, propose
+from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import Zone, pose_design
@@ -111,7 +111,7 @@ def at_random(s: Setting, n: NextReadings, rng: np.random.Generator) -> NextRead
 def measured(spec: SetSpec, seed: int, n: NextReadings, folder: Path, k: int, taken: int, model: ArmModel) -> Any:
     """The sheet filled in by the hidden arm."""
     path = folder / f"next{k}.csv"
-    write_measurements(as_measurements(n), path, model.robot, to_fill=columns_to_fill(n))
+    write_measurements(n.sheet, path, model.robot, to_fill=n.protocol.columns)
     path.write_text(more(spec, seed, path.read_text(encoding="utf-8"), salt=k, taken=taken), encoding="utf-8")
     return read_measurements(path, model.robot)
 

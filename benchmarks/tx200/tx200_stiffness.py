@@ -23,16 +23,17 @@ from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
 from doe.joint_twists.cycles import Branches, carried
 from doe.joint_twists.model_file import constant_compliances
 from doe.joint_twists.substitute import (
+    ORIENTATIONS,
     Errors,
     compliances_of,
     errors_of,
     predict,
     reachable_poses,
+    stiffness_window,
     stiffness_with,
     usual_models,
 )
 from doe.joint_twists.synthetic import Campaign, Truth, draw_poses, draw_truth, make_readings
-from doe.joint_twists.workspace import ORIENTATIONS, stiffness_window
 from fem import ArmModel, build_model
 from fem.statics.ports import ROWS
 from robots import load_description
@@ -134,7 +135,7 @@ def study(model: ArmModel, case: Case, repeats: int) -> Tally:
             at = np.zeros((len(d.angle), 6))
             at[:, j] = d.angle
             true = 1.0 / truth.springs[j, r].compliance(at)
-            value, low, high = d.stiffness(at)
+            value, low, high = d.stiffness(d.angle)
             inside = float(np.sum((low <= true) & (true <= high)))
             tally.held[j, r] += inside
             tally.asked[j, r] += len(at)
@@ -183,7 +184,7 @@ def with_coupling(model: ArmModel, share: float) -> tuple[bool, float]:
     c = truth.compliances(np.zeros((1, 6)))[0, 1]
     truth = replace(truth, couplings={(1, 3, 5): share * float(np.sqrt(c[3] * c[5]))})
     found = identify(model, make_readings(model, truth, CAMPAIGN, rng))
-    test = next(t for t in diagonal_tests(found, model.robot.joint_names) if t.joint == "j2")
+    test = next(t for t in diagonal_tests(found) if t.joint == "j2")
     one = next(c for c in test.couplings if c.rows == ("rx", "rz"))
     return not test.suffices, one.share
 
@@ -227,7 +228,7 @@ def _coverage_part(tallies: list[tuple[Case, Tally]]) -> list[str]:
 def _finding_part(model: ArmModel, found: Identified) -> list[str]:
     b, ratio = bent(model, found), bending_ratio(found.directions, "j2")
     assert ratio is not None
-    widths = [x for x in loops(found, model.robot.joint_names) if x.row == "rz"]
+    widths = [x for x in loops(found) if x.row == "rz"]
     rows = "".join(
         f"| {x.joint} | {1e6 * x.width:.1f} +- {1e6 * NORMAL_95 * x.spread:.1f} | {100.0 * x.share:.1f} | "
         f"{100.0 * x.loading_only:+.1f} |\n"

@@ -27,7 +27,7 @@ from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
 from fem.elements.walls import wall_flexibilities
-from fem.free.laws import FreeLaw
+from fem.free.parameters import FreeLaw
 from fem.springs import spring_from
 from meshes.array_cache import ArrayCache, add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash

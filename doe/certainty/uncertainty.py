@@ -14,8 +14,7 @@ from doe.estimation.estimate import Estimate, estimate, seen_columns, step_sizes
 from doe.estimation.least_squares import is_convex
 from doe.estimation.noise import likelihood
 from doe.estimation.problem import Problem
-from fem.free.laws import FreeLaw
-from fem.free.parameters import Parameter
+from fem.free.parameters import FreeLaw, Parameter
 from robots import InputError
 from robots.arrays import Array, Bools, Indices, Integers
 from robots.progress import Progress

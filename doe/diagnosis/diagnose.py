@@ -6,17 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from doe.diagnosis.decide import Decision, Kind, decide
-from doe.diagnosis.held_out import leave_one_pose_out
-from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
-from doe.diagnosis.known import base_of
+from doe.diagnosis.candidates import not_testable, twins
+from doe.diagnosis.evidence import leave_one_pose_out
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
+from doe.diagnosis.known import Refit, accept, base_of, refit
 from doe.diagnosis.outset import replicate_weights
 from doe.diagnosis.ranking import rank
-from doe.diagnosis.refit import Refit, accept, refit
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count
-from doe.diagnosis.testable import not_testable, twins
 from doe.estimation.noise import Noise, within_readings
 from doe.plausibility.passive_arm import told_by
 from doe.tables.loaded import rms_mm
@@ -206,7 +204,7 @@ def state_of(s: Setting, noise: Noise, weight: Array) -> State:
 
 def _found(fitted: Refit, number: int, pick: _Pick) -> Found:
     placed = fitted.setting.accepted[number]
-    return Found(placed, dict(fitted.spread(number)), pick.hypothesis.probability, pick.gain)
+    return Found(placed, fitted.spread(number), pick.hypothesis.probability, pick.gain)
 
 
 def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick], options: Options) -> float:

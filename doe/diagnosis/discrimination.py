@@ -15,11 +15,12 @@ the bound rises with D alone, so that the choice is the T-optimal one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from doe.planning.optimal_choice import exchange
 from robots.arrays import Array, Bools, Indices
 
 # Numbers in the covariances that are worked on at once: some 60 MB.
@@ -46,14 +47,6 @@ class Predictions:
     def __len__(self) -> int:
         return int(self.mean.shape[1])
 
-    def own(self) -> Array:
-        """Covariance of every experiment alone, without noise (h, N, r, r)."""
-        return np.stack([F @ F.transpose(0, 2, 1) for F in self.factor])
-
-    def cross(self, j: int) -> Array:
-        """Covariance of every experiment with experiment j (h, N, r, r)."""
-        return np.stack([F @ F[j].T for F in self.factor])
-
     @property
     def same(self) -> Bools:
         """Which rivals (h, h) go by one name."""
@@ -73,13 +66,13 @@ class Choice:
     entropy: float
 
 
-def joint(p: Predictions, chosen: Sequence[int]) -> tuple[Array, Array]:
-    """Means (h, k) and covariances (h, k, k), noise included, of some experiments' readings together."""
-    index = np.array(chosen, dtype=np.intp)
-    mean = p.mean[:, index].reshape(len(p.code), -1)
-    k = mean.shape[1]
-    flat = [F[index].reshape(k, -1) for F in p.factor]
-    return mean, np.stack([F @ F.T for F in flat]) + np.eye(k)
+def joint(p: Predictions, chosen: Sequence[int] | Indices) -> tuple[Array, Array]:
+    """Means (..., h, k) and covariances (..., h, k, k), noise included, of the readings of experiments (..., n)."""
+    index = np.asarray(chosen, dtype=np.intp)
+    mean = np.moveaxis(p.mean[:, index], 0, -3)
+    mean = mean.reshape(*mean.shape[:-2], -1)
+    flat = [F[index].reshape(*index.shape[:-1], mean.shape[-1], -1) for F in p.factor]
+    return mean, np.stack([F @ np.swapaxes(F, -1, -2) for F in flat], axis=-3) + np.eye(mean.shape[-1])
 
 
 def divergence(mean: Array, covariance: Array) -> Array:
@@ -106,68 +99,23 @@ def information(p: Predictions, kl: Array) -> Array:
     return np.asarray(-np.log(np.exp(-D) @ p.weight) @ p.weight)
 
 
-def choose(p: Predictions, n: int, allowed: Callable[[list[int]], Bools] | None = None) -> Choice:
-    """Choose n experiments: the best one by one, then swaps until none gains (Fedorov exchange).
+def choose(p: Predictions, n: int) -> Choice:
+    """Choose n experiments: the best one by one, then swaps until none gains (Fedorov exchange)."""
+    h, r = len(p.code), p.mean.shape[2]
 
-    ``allowed``: which experiments (N,) may join some chosen ones; by default all others.
-    """
-    free = allowed or (lambda taken: ~np.isin(np.arange(len(p)), taken))
-    own = p.own()
-    crossed: dict[int, Array] = {}
-    chosen: list[int] = []
-    best = 0.0
-    for _ in range(n):
-        j, best = _best(p, own, crossed, chosen, free(chosen))
-        chosen.append(j)
-    for _ in range(SWEEPS if n > 1 else 0):
-        before = best
-        for place in range(n):
-            rest = [*chosen[:place], *chosen[place + 1 :]]
-            j, value = _best(p, own, crossed, rest, free(rest))
-            if value > best * (1.0 + LEAST_GAIN):
-                chosen, best = [*rest, j], value
-        if best <= before * (1.0 + LEAST_GAIN):
-            break
+    def score(taken: list[int]) -> Array:
+        k = (len(taken) + 1) * r
+        together = np.column_stack([np.tile(taken, (len(p), 1)), np.arange(len(p))]).astype(np.intp)
+        # Covariances, their inverses, and the products of every pair of rivals.
+        parts = np.array_split(together, -(-len(p) * (2 * h * k * k + h * h * k) // AT_ONCE))
+        out = np.concatenate([information(p, divergence(*joint(p, part))) for part in parts])
+        out[taken] = -np.inf
+        return out
+
+    chosen, best = exchange(score, n, least_gain=LEAST_GAIN, sweeps=SWEEPS)
     names = {code: float(p.weight[np.array(p.code) == code].sum()) for code in p.code}
     share = np.array(list(names.values()))
     return Choice(np.array(chosen, dtype=np.intp), best, float(-share @ np.log(np.maximum(share, 1e-300))))
-
-
-def _best(p: Predictions, own: Array, crossed: dict[int, Array], chosen: list[int], free: Bools) -> tuple[int, float]:
-    """The experiment that goes best with those chosen, and the information then."""
-    for j in chosen:
-        if j not in crossed:
-            crossed[j] = p.cross(j)
-    at = np.flatnonzero(free)
-    value = np.concatenate([_values(p, own, crossed, chosen, part) for part in _parts(p, len(chosen), at)])
-    top = int(np.argmax(value))
-    return int(at[top]), float(value[top])
-
-
-def _parts(p: Predictions, taken: int, at: Indices) -> list[Indices]:
-    h, r = len(p.code), p.mean.shape[2]
-    k = (taken + 1) * r
-    # Covariances, their inverses, and the products of every pair of rivals.
-    size = max(1, AT_ONCE // (2 * h * k * k + h * h * k))
-    return [at[i : i + size] for i in range(0, len(at), size)]
-
-
-def _values(p: Predictions, own: Array, crossed: dict[int, Array], chosen: list[int], at: Indices) -> Array:
-    """Information (n,) of each experiment ``at`` (n,) together with those chosen."""
-    h, r, c = len(p.code), p.mean.shape[2], len(chosen)
-    k = (c + 1) * r
-    fixed_mean, fixed = joint(p, chosen) if chosen else (np.zeros((h, 0)), np.zeros((h, 0, 0)))
-    S = np.empty((len(at), h, k, k))
-    S[:, :, : c * r, : c * r] = fixed
-    for place, j in enumerate(chosen):
-        C = crossed[j][:, at].transpose(1, 0, 2, 3)
-        S[:, :, c * r :, place * r : (place + 1) * r] = C
-        S[:, :, place * r : (place + 1) * r, c * r :] = C.transpose(0, 1, 3, 2)
-    S[:, :, c * r :, c * r :] = own[:, at].transpose(1, 0, 2, 3) + np.eye(r)
-    mean = np.empty((len(at), h, k))
-    mean[:, :, : c * r] = fixed_mean
-    mean[:, :, c * r :] = p.mean[:, at].transpose(1, 0, 2)
-    return information(p, divergence(mean, S))
 
 
 def right_names(

@@ -20,7 +20,7 @@ from scipy.special import log_ndtr
 
 from doe.diagnosis.signatures import Signature
 from doe.estimation.blocks import Covariance
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,17 @@ class Base:
     residual: Array
     precision: Array
     floor: Array
+
+    def beside(
+        self, columns: Array, mean: Array | float = 0.0, sd: Array | float = 1.0, floor: Array | float = -np.inf
+    ) -> Base:
+        """The base with more columns (m, k): of numbers with means, standard deviations and floors (k,)."""
+        k = columns.shape[1]
+        mean, sd, floor = (np.broadcast_to(x, k) for x in (mean, sd, floor))
+        return Base(
+            np.hstack([self.columns, columns]), self.residual - columns @ mean,
+            np.concatenate([self.precision, sd**-2.0]), np.concatenate([self.floor, floor]),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -133,3 +144,30 @@ def _stack(w: Whitened, candidates: Sequence[Signature], G: Array, g: Array, K: 
         Fitted(unbounded + float(a), b, c, float(d), e)
         for a, b, c, d, e in zip(gain, v, covariance, excess, u, strict=True)
     ]
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """``error`` (m,): read minus predicted from all other poses; ``log_density`` (g,) of each pose's readings."""
+
+    error: Array
+    log_density: Array
+
+
+def leave_one_pose_out(base: Base, V: Covariance, pose: Integers) -> LeftOut:
+    """How well a hypothesis predicts poses that it has not seen: each from the others, at fixed noise.
+
+    ``pose`` (m,): number of the pose of each component.
+    """
+    w = Whitened(base, V)
+    error, density = np.zeros(len(w.r)), []
+    for g in range(int(pose.max()) + 1):
+        mine = pose == g
+        # Block deletion: what is left of the whole fit's residual grows by the pose's share in it.
+        W = w.W[mine]
+        kept = np.eye(len(W)) - W @ w.inverse @ W.T
+        fitted = w.r[mine] - W @ w.u
+        left = np.linalg.solve(kept, fitted)
+        density.append(0.5 * float(np.linalg.slogdet(kept)[1] - left @ fitted - len(left) * np.log(2.0 * np.pi)))
+        error[mine] = base.residual[mine] - base.columns[mine] @ (w.u - w.inverse @ (W.T @ left))
+    return LeftOut(error, np.array(density))

@@ -1,13 +1,13 @@
-"""Hypotheses about what a model is missing: none, each effect of the catalogue, something unknown."""
+"""Hypotheses about what a model is missing: none, each effect of the catalogue, something unknown; what to do next."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from doe.diagnosis.evidence import Base, Fitted
-from doe.diagnosis.held_out import LeftOut
+from doe.diagnosis.evidence import Base, Fitted, LeftOut
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
@@ -17,6 +17,19 @@ NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing and of something that the catalogue does not know; the rest is shared by
 # the families of effects that the readings can see, and within a family by its members.
 PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1
+# What a ranking may go by.
+Worth = Literal["evidence", "bic", "left-out"]
+
+# Readings that tell nothing about the arm ("uninformative") cannot say either that nothing is missing from its model.
+Kind = Literal["none", "named", "ambiguous", "unknown", "uninformative"]
+
+# Below this probability of "nothing missing" there is something to explain.
+ALARM = 0.12
+# A name is sure from this share of the probability of all effects on.
+NAME = 0.8
+# A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
+# what is left of one looks like another.
+FURTHER, GAIN = 0.9, 5.5
 
 
 @dataclass(frozen=True)
@@ -25,7 +38,7 @@ class Options:
 
     pose_term: bool = True
     priors: bool = True
-    by: str = "evidence"
+    by: Worth = "evidence"
     prior_none: float = PRIOR_NONE
     noise: NoisePrior = NoisePrior()  # noqa: RUF009 - frozen
 
@@ -49,6 +62,12 @@ class Hypothesis:
     signature: Signature | None = None
     fit: Fitted | None = None
     usual_excess: float = math.nan
+
+    def worth(self, by: Worth) -> float:
+        """What it weighs by, in logarithms."""
+        if by == "bic":
+            return -0.5 * self.bic
+        return float(self.left_out.log_density.sum()) if by == "left-out" else self.log_evidence
 
 
 @dataclass(frozen=True)
@@ -91,3 +110,35 @@ def log_priors(s: Setting, codes: Sequence[str], options: Options) -> dict[str, 
         for code in members:
             out[code] = math.log(s.known[code].chance * rest / len(families) / len(members))
     return out
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a ranking says: its kind, the effect to take up (if any), and why in a few words."""
+
+    kind: Kind
+    hypothesis: Hypothesis | None
+    reason: str
+
+
+def decide(r: Ranking, *, further: bool = False) -> Decision:
+    """Judge one ranking; ``further``: something has been found already.
+
+    A name must also predict left-out poses better than nothing missing does. Where the unknown leads, the best effect
+    is taken up all the same: two of them together may explain what none does alone.
+    """
+    none, unknown = r.of(NONE), r.of(UNKNOWN)
+    named = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
+    if none.probability >= ALARM or not named:
+        return Decision("none", None, "the readings do not ask for more than the model has")
+    top, mass = named[0], sum(h.probability for h in named)
+    if further and (mass < FURTHER * (1.0 - unknown.probability) or top.log_evidence - none.log_evidence < GAIN):
+        return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
+    if unknown.probability > 0.5:
+        return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
+    gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
+    if top.probability < NAME * mass:
+        return Decision("ambiguous", top, "several effects explain the readings about equally well")
+    if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
+        return Decision("ambiguous", top, "it fits, but does not predict poses left out")
+    return Decision("named", top, "it explains the readings and predicts poses left out")

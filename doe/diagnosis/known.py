@@ -1,22 +1,31 @@
-"""What is taken as given beside a candidate: springs, small errors that every model has, accepted effects."""
+"""What is taken as given beside a candidate: springs, small errors, accepted effects; these numbers at their best."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from doe.diagnosis.evidence import Base
+from doe.diagnosis.evidence import Base, Whitened
+from doe.diagnosis.hypotheses import Hypothesis
+from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import prior
+from doe.estimation.noise import Noise
 from fem.effects.base import EffectParameter, PlacedEffect
 from robots.arrays import Array
 
 # Standard deviation of a spring's compliance beforehand, in shares of its typical value.
 SPRING = 1.5
+ROUNDS, HALVINGS = 12, 5
+# Steps stop when the sum of squares with priors falls by less.
+LAST = 1e-3
 
 
 def base_of(s: Setting) -> Base:
     """Columns and priors of everything but the candidates."""
-    parts = [_springs(s), _errors(s), _accepted(s)]
+    springs = s.spring_columns, s.typical - s.springs, SPRING * s.typical, -s.springs
+    parts = [springs, _errors(s), _accepted(s)]
     columns = np.hstack([p[0] for p in parts])
     mean, sd, floor = (np.concatenate([p[k] for p in parts]) for k in (1, 2, 3))
     return Base(columns, s.residual - columns @ mean, sd**-2.0, floor - mean)
@@ -25,10 +34,6 @@ def base_of(s: Setting) -> Base:
 def base_mean(s: Setting) -> Array:
     """Prior means (b,) of the base's numbers, from where they stand."""
     return np.concatenate([s.typical - s.springs, np.zeros(error_count(s)), _accepted_priors(s)[0]])
-
-
-def _springs(s: Setting) -> tuple[Array, Array, Array, Array]:
-    return s.spring_columns, s.typical - s.springs, SPRING * s.typical, -s.springs
 
 
 def _errors(s: Setting) -> tuple[Array, Array, Array, Array]:
@@ -49,15 +54,14 @@ def error_count(s: Setting) -> int:
 
 
 def _accepted(s: Setting) -> tuple[Array, Array, Array, Array]:
-    columns = []
+    columns = [np.zeros((len(s.data), 0))]
     for number, placed in enumerate(s.accepted):
         for k, p in free_numbers(placed):
             step = 0.05 * _prior_of(p, placed)[1]
             if p.role == "shape":
                 step = min(step, 0.2 * abs(float(placed.values[k])))
-            columns.append(_slope(s, number, k, step))
-    stacked = np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
-    return (stacked, *_accepted_priors(s))
+            columns.append(_slope(s, number, k, step)[:, None])
+    return (np.hstack(columns), *_accepted_priors(s))
 
 
 def _accepted_priors(s: Setting) -> tuple[Array, Array, Array]:
@@ -93,21 +97,108 @@ def _prior_of(p: EffectParameter, placed: PlacedEffect) -> tuple[float, float]:
 
 
 def _slope(s: Setting, number: int, k: int, step: float) -> Array:
-    ends = []
-    for sign in (1.0, -1.0):
-        values = s.accepted[number].values.copy()
-        values[k] += sign * step
-        accepted = list(s.accepted)
-        accepted[number] = PlacedEffect(s.accepted[number].effect, values)
-        ends.append(s.read(s.arm, accepted))
-    return np.asarray((ends[0] - ends[1]) / (2.0 * step))
+    placed = s.accepted[number]
+
+    def stepped(by: float) -> tuple[PlacedEffect, ...]:
+        values = placed.values.copy()
+        values[k] += by
+        return (*s.accepted[:number], PlacedEffect(placed.effect, values), *s.accepted[number + 1 :])
+
+    return s.slope(stepped, step)
 
 
 def errors_of(s: Setting) -> Array:
     """Change of the readings (m, e) by one standard deviation of each error that every model has."""
-    columns = []
+    columns = [np.zeros((len(s.data), 0))]
     for effect in s.known.values():
         if effect.usual > 0.0:
             ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
-            columns.append(0.5 * (ends[0] - ends[1]))
-    return np.stack(columns, axis=1) if columns else np.zeros((len(s.data), 0))
+            columns.append(0.5 * (ends[0] - ends[1])[:, None])
+    return np.hstack(columns)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A setting whose numbers fit best at a noise; ``inverse`` (b, b): covariance of springs, errors, effects."""
+
+    setting: Setting
+    noise: Noise
+    inverse: Array
+    square: float
+
+    def columns(self, number: int) -> list[int]:
+        """Which of the numbers that ``inverse`` is about are the free ones of an accepted effect."""
+        s = self.setting
+        first = len(s.free) + error_count(s) + sum(len(free_numbers(e)) for e in s.accepted[:number])
+        return [first + k for k in range(len(free_numbers(s.accepted[number])))]
+
+    def spread(self, number: int) -> dict[str, float]:
+        """Standard deviations of an accepted effect's free numbers, by name, as amplitudes and shapes in SI."""
+        sd = np.sqrt(np.diag(self.inverse))[self.columns(number)].tolist()
+        return {p.name: v for (_, p), v in zip(free_numbers(self.setting.accepted[number]), sd, strict=True)}
+
+
+def accept(s: Setting, h: Hypothesis) -> Setting:
+    """The setting with a hypothesis's effect in it, its numbers as the ranking has them."""
+    assert h.signature is not None  # noqa: S101 - of an effect, not of nothing or the unknown
+    values = h.signature.values.copy()
+    springs, accepted = s.springs, list(s.accepted)
+    if h.fit is not None:
+        amplitudes = h.fit.mean.copy()
+        positive = h.signature.positive
+        amplitudes[positive] = np.maximum(amplitudes[positive], 0.05 * h.signature.mean[positive])
+        values[h.signature.effect.amplitudes] = amplitudes
+        springs, accepted = _moved(s, h.fit.base - (-base_mean(s)))
+    return s.moved(springs, (*accepted, PlacedEffect(h.signature.effect, values)))
+
+
+def _moved(s: Setting, step: Array) -> tuple[Array, list[PlacedEffect]]:
+    """Springs and accepted effects after a step (b,) of the base's numbers from where they stand."""
+    springs = np.maximum(s.springs + step[: len(s.free)], 0.0)
+    at, accepted = len(s.free) + error_count(s), []
+    for placed in s.accepted:
+        values = placed.values.copy()
+        for k, p in free_numbers(placed):
+            values[k] += step[at]
+            if not p.signed:
+                values[k] = max(values[k], 1e-3 * placed.values[k], 1e-3 * p.size[0] if p.role == "shape" else 0.0)
+            at += 1
+        accepted.append(PlacedEffect(placed.effect, values))
+    return springs, accepted
+
+
+def refit(s: Setting, noise: Noise, weight: Array) -> Refit:
+    """Springs and accepted effects with the least sum of squares, priors included, at a given noise."""
+    square, w = _at(s, noise, weight)
+    for _ in range(ROUNDS):
+        step = w.u + base_mean(s)
+        for half in range(HALVINGS):
+            there = s.moved(*_moved(s, 0.5**half * step))
+            found, ahead = _at(there, noise, weight)
+            if found < square:
+                break
+        else:
+            break
+        gain, s, square, w = square - found, there, found, ahead
+        if gain < LAST:
+            break
+    return Refit(s, noise, w.inverse, square)
+
+
+def _at(s: Setting, noise: Noise, weight: Array) -> tuple[float, Whitened]:
+    """Sum of squares with priors at the setting's own numbers (its model errors at their best), ready for a step."""
+    base = base_of(s)
+    w = Whitened(base, covariance(s, noise, weight))
+    here = -base_mean(s)
+    n, e = len(s.free), error_count(s)
+    # Errors of the model are no numbers of the setting: whatever they can take up is theirs.
+    mine = slice(n, n + e)
+    own = Base(base.columns[:, mine], base.residual, base.precision[mine], base.floor[mine])
+    inner = Whitened(own, w.V) if e else None
+    rest = base.residual - base.columns @ here
+    r = w.V.whiten(rest[:, None])[:, 0]
+    square = float(r @ r)
+    if inner is not None:
+        b = inner.W.T @ r
+        square -= float(b @ inner.inverse @ b)
+    return square + float(np.sum(base.precision * here**2)), w

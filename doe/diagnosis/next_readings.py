@@ -10,12 +10,11 @@ import numpy as np
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import choose, divergence, joint, right_names
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
-from doe.diagnosis.rivals import Cycle, Question, predictions, question_of, with_candidates
+from doe.diagnosis.rivals import Question, family_of, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import Zone, pose_design
-from doe.tables.columns import DISPLACEMENTS, LOADS
+from doe.planning.protocol import Protocol, every_load, new_labels, table_to_fill
 from doe.tables.measurements import Measurements
-from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY
@@ -62,8 +61,7 @@ class Pair:
 class NextReadings:
     """Set-ups to measure next, in the order of their choice.
 
-    ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``forces`` (l,) N rising, put on one after the
-    other and, if ``unloading``, taken off again; ``components`` (0..5) read; ``repeats`` of each cycle; ``labels``
+    ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``protocol``: what is done in each; ``labels``
     (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first; ``pairs``:
     largest weight first. ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open;
     ``right_before``, ``right_after``: probability that the right family comes out on top.
@@ -71,10 +69,7 @@ class NextReadings:
 
     q: Array
     direction: Array
-    forces: Array
-    unloading: bool
-    components: tuple[int, ...]
-    repeats: int
+    protocol: Protocol
     labels: tuple[str, ...]
     first_step: int
     rivals: tuple[Rival, ...]
@@ -84,6 +79,13 @@ class NextReadings:
     right_before: float
     right_after: float
     words: tuple[str, ...]
+
+    @property
+    def sheet(self) -> Measurements:
+        """The readings to take, nothing read yet; steps go on after those of the first table."""
+        return table_to_fill(
+            "readings to take next", self.q, self.direction, self.labels, self.protocol, self.first_step
+        )
 
 
 def propose(
@@ -120,7 +122,7 @@ def propose(
     Returns
     -------
     NextReadings
-        Its ``as_measurements`` table, written with the columns to fill, comes back by joining it to the first table
+        Its ``sheet``, written with the columns to fill, comes back by joining it to the first table
         (:func:`doe.tables.joined.join`): its labels and steps go on after those. ``rng`` settles the choice.
 
     Raises
@@ -128,34 +130,32 @@ def propose(
     InputError
         Number of poses, loads, directions or components out of range; hardly any pose that the robot can take.
     """
-    cycle = _cycle(s, loads, components, unloading, repeats)
-    way = _unit(directions)
+    protocol = _protocol(s, loads, directions, components, unloading, repeats)
     if not 1 <= poses <= MOST_POSES:
         raise InputError("poses to measure next", value=poses, allowed=f"1 to {MOST_POSES}")
     q = _poses(s, max(candidates, 4 * poses), zone, coordinates, rng)
     question = question_of(s, d)
-    at, direction = _loaded(s, q, way, cycle)
-    p = predictions(question, with_candidates(question.setting, at, cycle), d.weight, cycle)
+    at = every_load(s.model, q, protocol.directions, protocol.course)
+    p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
     choice = choose(p, poses)
     expected = _by_code(p.code, p.weight, divergence(*joint(p, choice.chosen.tolist())))
-    family = _families(question)
+    family = {code: family_of(question.setting, code) for code in question.weight}
     after = right_names(p, choice.chosen.tolist(), family, rng)
     rivals = _rivals(question, expected, family, after)
-    turn = np.repeat(q, len(way), axis=0)[choice.chosen]
-    rising = np.unique(cycle.forces)
     before, right = (sum(r.probability * getattr(r, f) for r in rivals) for f in ("right_before", "right_after"))
     pairs = _pairs(rivals, expected)
+    pose, way = np.divmod(choice.chosen, len(protocol.directions))
     return NextReadings(
-        turn, direction[choice.chosen], rising, len(cycle.forces) > len(rising), cycle.components, repeats,
-        _labels(s, poses), len(s.data.free.at) + 1, rivals, pairs, choice.information, choice.entropy,
-        before, right, _words(rivals, pairs, before, right),
+        q[pose], protocol.directions[way], protocol, new_labels(poses, "next ", s.data.poses), len(s.data.free.at) + 1,
+        rivals, pairs, choice.information, choice.entropy, before, right, _words(rivals, pairs, before, right),
     )  # fmt: skip
 
 
-def _cycle(
-    s: Setting, loads: Sequence[float] | None, components: Sequence[int] | None, unloading: bool | None, repeats: int
-) -> Cycle:
-    """One cycle of a new set-up, checked."""
+def _protocol(
+    s: Setting, loads: Sequence[float] | None, directions: Sequence[Sequence[float]], components: Sequence[int] | None,
+    unloading: bool | None, repeats: int,
+) -> Protocol:  # fmt: skip
+    """What is done in a new set-up, checked."""
     known = np.unique(np.round(np.linalg.norm(s.data.free.at.wrench[:, :3], axis=1), 1))
     known = known[known > 0.0]
     if loads is None and len(known) == 0:
@@ -170,21 +170,11 @@ def _cycle(
             value=[float(x) for x in up],
             allowed=f"above 0{f', at most {most:.0f} (payload, or the largest load so far)' if most < np.inf else ''}",
         )
-    read = tuple(np.unique(s.data.component).tolist()) if components is None else tuple(sorted(set(components)))
-    if not read or not set(read) <= set(range(6)):
-        raise InputError("components to read next", value=list(read), allowed="0 to 5, one or more")
-    if not 1 <= repeats <= 1000:
-        raise InputError("repeats of new readings", value=repeats, allowed="1 to 1000")
-    down = s.history.is_known if unloading is None else unloading
-    return Cycle(np.concatenate([up, up[-2::-1]]) if down else up, read, repeats)
-
-
-def _unit(directions: Sequence[Sequence[float]]) -> Array:
+    read = np.unique(s.data.component if components is None else components).tolist()
     way = np.asarray(directions, dtype=np.float64)
-    size = np.linalg.norm(way, axis=1) if way.ndim == 2 and way.shape[1:] == (3,) else np.zeros(0)
-    if not len(size) or not np.isfinite(size).all() or not (size > 0.0).all():
-        raise InputError("directions of the load", value=way.tolist(), allowed="vectors (x, y, z), not zero")
-    return way / size[:, None]
+    with np.errstate(invalid="ignore"):
+        unit = way / np.linalg.norm(way, axis=-1, keepdims=True)
+    return Protocol(up, unit, tuple(read), repeats, s.history.is_known if unloading is None else unloading)
 
 
 def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, rng: np.random.Generator) -> Array:
@@ -193,20 +183,6 @@ def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, 
     q = pose_design(robot, n, "sobol", coordinates=coordinates, zone=zone, rng=rng)
     q = np.unique(np.radians(np.round(np.degrees(q))), axis=0)
     return q[robot.reachable(q) & zone.free(robot, q)]
-
-
-def _loaded(s: Setting, q: Array, way: Array, cycle: Cycle) -> tuple[LoadedPoses, Array]:
-    """All candidates under all loads, poses slowest, then directions; and each one's direction."""
-    direction = np.tile(way, (len(q), 1))
-    force = (direction[:, None] * cycle.forces[:, None]).reshape(-1, 3)
-    wrench = np.hstack([force, np.zeros_like(force)])
-    point = np.tile(s.model.robot.T_flange_tool[:3, 3], (len(wrench), 1))
-    turned = np.repeat(q, len(way) * len(cycle.forces), axis=0)
-    return as_loaded(s.model, turned, wrench, point), direction
-
-
-def _families(q: Question) -> dict[str, str]:
-    return {code: code if code in (NONE, UNKNOWN) else q.setting.known[code].family for code in q.weight}
 
 
 def _by_code(code: tuple[str, ...], weight: Array, kl: Array) -> dict[tuple[str, str], float]:
@@ -242,16 +218,6 @@ def _pairs(rivals: tuple[Rival, ...], expected: dict[tuple[str, str], float]) ->
     )
 
 
-def _labels(s: Setting, n: int) -> tuple[str, ...]:
-    """Names of new set-ups that no set-up so far has."""
-    taken, out, k = set(s.data.poses), list[str](), 1
-    while len(out) < n:
-        if f"next {k}" not in taken:
-            out.append(f"next {k}")
-        k += 1
-    return tuple(out)
-
-
 def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, after: float) -> tuple[str, ...]:
     out = [f"probability of naming the right family: {100 * before:.0f} % now, {100 * after:.0f} % after, as foreseen"]
     hidden = [r for r in rivals if r.hidden]
@@ -267,33 +233,3 @@ def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, af
         first, second = ("nothing missing" if c == NONE else c for c in (pair.first, pair.second))
         out.append(f"{first} or {second}: expected log evidence {least:.1f}, which {what}")
     return tuple(out)
-
-
-def as_measurements(n: NextReadings) -> Measurements:
-    """The readings to take, in their order, nothing read yet; steps go on after those of the first table.
-
-    Write it with :func:`doe.tables.reading.write_measurements` and ``to_fill=columns_to_fill(n)``.
-    """
-    rising = n.forces.tolist()
-    up = [(f, "loading") for f in rising]
-    # The largest load is read once: nothing changes between the last step up and the first one down.
-    rows = [*up, *((f, "unloading") for f in rising[-2::-1])] if n.unloading else up
-    one, total = len(rows), len(rows) * n.repeats * len(n.q)
-    each = np.repeat(np.arange(len(n.q)), one * n.repeats)
-    force = np.tile([f for f, _ in rows], n.repeats * len(n.q))
-    wrench = np.zeros((total, len(LOADS)))
-    wrench[:, :3] = n.direction[each] * force[:, None]
-    repeat = np.tile(np.repeat(np.arange(1, n.repeats + 1), one), len(n.q)).tolist()
-    return Measurements(
-        source="readings to take next", sha256="", q=n.q[each], wrench=wrench + 0.0,
-        displacement=np.full((total, len(DISPLACEMENTS)), np.nan), point=np.full((total, 3), np.nan),
-        sigma=np.full(total, np.nan), pose=tuple(n.labels[k] for k in each),
-        repeat=tuple(repeat), phase=tuple(phase for _, phase in rows) * (n.repeats * len(n.q)),
-        step=n.first_step + np.arange(total, dtype=np.float64), row_numbers=tuple(range(2, total + 2)),
-        extra={}, notes=(),
-    )  # fmt: skip
-
-
-def columns_to_fill(n: NextReadings) -> tuple[str, ...]:
-    """Names of the columns that are still empty."""
-    return tuple(DISPLACEMENTS[k] for k in n.components)

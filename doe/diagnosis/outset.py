@@ -9,7 +9,7 @@ import numpy as np
 
 from doe.diagnosis.known import errors_of
 from doe.diagnosis.scatter import FLOOR
-from doe.diagnosis.setting import Setting, free_springs
+from doe.diagnosis.setting import Setting, free_springs, own_compliance
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
 from doe.tables.load_history import history_of
@@ -50,10 +50,10 @@ def setting_of(
     joints = tuple(free) if free is not None else free_springs(model, data)
     p = problem(model, data, [parameter(model, f"{name}.stiffness") for name in joints])
     found = estimate(p, FLOOR)
-    own_compliance = np.array([_own(model, name) for name in joints])
+    declared = np.array([own_compliance(model, name) for name in joints])
     index = [model.robot.joint_names.index(name) for name in joints]
     usual = np.array([ARM if k < 3 else WRIST for k in index])
-    typical = np.where(own_compliance > 0.0, np.maximum(own_compliance, found.u), np.maximum(usual, found.u))
+    typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
     known = catalogue(model, description, own)
     s = Setting(
         description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
@@ -73,11 +73,6 @@ def _history(data: Measurements, history: History | None) -> History:
         return history
     down = history.unloading(np.linalg.norm(data.wrench[:, :3], axis=1))
     return replace(history, is_known=bool(down.any()))
-
-
-def _own(model: ArmModel, name: str) -> float:
-    joint = model.joints[model.robot.joint_names.index(name)]
-    return float(joint.axial.compliance(np.zeros((1, model.robot.dof)))[0])
 
 
 def replicate_weights(p: Problem) -> Array:

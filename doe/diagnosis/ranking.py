@@ -13,15 +13,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from doe.diagnosis.candidates import VAGUE, candidates_of, hidden_among, pruned
-from doe.diagnosis.evidence import Base, Fitted, Whitened
-from doe.diagnosis.held_out import extended, leave_one_pose_out
+from doe.diagnosis.evidence import Base, Fitted, Whitened, leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, free_columns
 from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, plain_noises, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
-from doe.diagnosis.unknown import discrepancies
-from doe.diagnosis.weighing import Row, at_noise, rough_at, unknown_at, with_springs
+from doe.diagnosis.weighing import Row, at_noise, discrepancies, extended, rough_at, unknown_at
 from doe.estimation.noise import Noise
 from doe.tables.loaded import rms_mm
 from robots.arrays import Array
@@ -48,12 +46,10 @@ def rank(s: Setting, weight: Array, options: Options = Options()) -> Ranking:  #
     candidates = pruned(s, base, weight, noises, candidates)
     table = [at_noise(s, base, weight, noise, candidates, options) for noise in noises]
     # The noise that goes with each leader, where the base alone would call its effect scatter.
-    for _ in range(1):
-        leaders = _leaders(table)
-        more = [fitted_noise(s, np.hstack([free, c.columns]), weight, first) for c in leaders]
-        more = [n for n in _limited(more, options) if n not in noises]
-        noises += more
-        table += [at_noise(s, base, weight, noise, candidates, options) for noise in more]
+    more = [fitted_noise(s, np.hstack([free, c.columns]), weight, first) for c in _leaders(table)]
+    more = [n for n in _limited(more, options) if n not in noises]
+    noises += more
+    table += [at_noise(s, base, weight, noise, candidates, options) for noise in more]
     wild = Options(options.pose_term, options.priors, options.by, options.prior_none, NoisePrior(WILD))
     smooth = [unknown_at(s, base, weight, n, wild) for n in _calm_and_wild(noises, table)]
     unknown = [*smooth, *(rough_at(s, base, row, wild, options) for row in table)]
@@ -107,49 +103,40 @@ def _ranked(
     candidates: dict[str, list[Signature]], hidden: dict[str, float], usual: dict[str, float], options: Options,
 ) -> Ranking:  # fmt: skip
     n = math.log(len(table))
-    lines: list[tuple[str, float, float, Noise, Base, Signature | None, Fitted | None]] = []
-    at = int(np.argmax([row.none for row in table]))
-    none_bic = max(row.none_bic for row in table)
-    lines.append((NONE, float(logsumexp([row.none for row in table])) - n, none_bic, table[at].noise, base, None, None))
+
+    def line(
+        code: str, z: float, bic: float, noise: Noise, wide: Base, c: Signature | None = None, fit: Fitted | None = None
+    ) -> Hypothesis:
+        left = leave_one_pose_out(wide, covariance(s, noise, weight), s.data.pose)
+        rms = rms_mm(left.error, s.data.component)
+        return Hypothesis(code, z, -2.0 * bic, math.nan, noise, left, rms, c, fit, usual.get(code, math.nan))
+
+    none = np.array([row.none for row in table])
+    bic = max(row.none_bic for row in table)
+    lines = [line(NONE, float(logsumexp(none)) - n, bic, table[int(np.argmax(none))].noise, base)]
     for code in candidates:
         z = np.array([row.best[code][0] for row in table])
         row = table[int(np.argmax(z))]
         _, _, signature, fit = row.best[code]
-        wide = with_springs(s, base, signature) if signature.shift is not None else extended(base, signature)
         bic = max(row.best[code][1] for row in table)
-        lines.append((code, float(logsumexp(z)) - n, bic, row.noise, wide, signature, fit))
+        wide = extended(s, base, signature)
+        lines.append(line(code, float(logsumexp(z)) - n, bic, row.noise, wide, signature, fit))
     z = np.array([one[1] for one in unknown])
     noise, _, wide = unknown[int(np.argmax(z))]
     V = covariance(s, noise, weight)
     # Effective numbers of a penalised fit: those that the readings, not the prior, determine.
     w = Whitened(wide, V)
     numbers = float(np.trace(w.inverse @ (w.W.T @ w.W))) - len(s.free)
-    unknown_bic = -0.5 * (V.log_det + w.square) - 0.5 * numbers * math.log(len(s.data))
+    bic = -0.5 * (V.log_det + w.square) - 0.5 * numbers * math.log(len(s.data))
     # Smooth and rough count half each. Where a smooth one was not worked out, at poor noises, it adds nothing.
-    lines.append((UNKNOWN, float(logsumexp(z)) - n - math.log(2.0), unknown_bic, noise, wide, None, None))
-    return _with_probabilities(s, base, weight, lines, hidden, usual, options)
+    lines.append(line(UNKNOWN, float(logsumexp(z)) - n - math.log(2.0), bic, noise, wide))
+    return Ranking(_by_probability(s, lines, options), hidden, base)
 
 
-def _with_probabilities(
-    s: Setting, base: Base, weight: Array,
-    lines: list[tuple[str, float, float, Noise, Base, Signature | None, Fitted | None]],
-    hidden: dict[str, float], usual: dict[str, float], options: Options,
-) -> Ranking:  # fmt: skip
-    prior = log_priors(s, [line[0] for line in lines], options)
-    left = {line[0]: leave_one_pose_out(line[4], covariance(s, line[3], weight), s.data.pose) for line in lines}
-    if options.by == "bic":
-        score = np.array([line[2] for line in lines])
-    elif options.by == "left-out":
-        score = np.array([float(left[line[0]].log_density.sum()) for line in lines])
-    else:
-        score = np.array([line[1] for line in lines])
-    total = score + np.array([prior[line[0]] for line in lines])
+def _by_probability(s: Setting, lines: list[Hypothesis], options: Options) -> tuple[Hypothesis, ...]:
+    """Hypotheses with their probabilities, most probable first."""
+    prior = log_priors(s, [h.code for h in lines], options)
+    total = np.array([h.worth(options.by) + prior[h.code] for h in lines])
     probability = np.exp(total - logsumexp(total))
     order = np.argsort(-probability, kind="stable")
-    out = []
-    for i in order:
-        code, z, bic, noise, _, signature, fit = lines[i]
-        rms = rms_mm(left[code].error, s.data.component)
-        out.append(Hypothesis(code, z, -2.0 * bic, float(probability[i]), noise, left[code], rms, signature, fit,
-                              usual.get(code, math.nan)))  # fmt: skip
-    return Ranking(tuple(out), hidden, base)
+    return tuple(replace(lines[i], probability=float(probability[i])) for i in order)

@@ -16,16 +16,16 @@ from scipy.special import log_ndtr, softmax
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import Predictions
 from doe.diagnosis.evidence import Base, Whitened, fit_all
-from doe.diagnosis.held_out import extended
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, errors_of
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.signatures import Signature, shapes, signature
-from doe.diagnosis.unknown import discrepancies
+from doe.diagnosis.signatures import shapes, signature
+from doe.diagnosis.weighing import discrepancies, extended
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
+from doe.planning.protocol import Protocol
 from fem.effects.situation import History
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
@@ -59,7 +59,7 @@ def question_of(s: Setting, d: Diagnosis) -> Question:
     """The ranking that the verdict rests on while its name is open, else the one of what comes after that name."""
     found = len(d.effects) + len(d.provisional)
     k = min(max(len(d.effects) - 1, 0), len(d.rankings) - 1)
-    families = {_family(s, code) for code in d.rankings[k].credible()}
+    families = {family_of(s, code) for code in d.rankings[k].credible()}
     if d.verdict != "ambiguous" and len(families) < FEWEST and found == k + 1 < len(d.rankings):
         k += 1
     start = s
@@ -69,7 +69,8 @@ def question_of(s: Setting, d: Diagnosis) -> Question:
     return _question(start, d.rankings[k])
 
 
-def _family(s: Setting, code: str) -> str:
+def family_of(s: Setting, code: str) -> str:
+    """Family of a hypothesis: "none" and "unknown" are families of their own."""
     return s.known[code].family if code in s.known else code
 
 
@@ -77,7 +78,7 @@ def _question(s: Setting, r: Ranking) -> Question:
     kept = list(r.credible(SURVIVING))
     for h in r.hypotheses[len(kept) :]:
         # Twins of one family are no question that a reading could answer: there is always something else beside them.
-        if len({_family(s, code) for code in kept}) < FEWEST:
+        if len({family_of(s, code) for code in kept}) < FEWEST:
             kept.append(h.code)
     hidden = tuple(r.hidden)
     prior = log_priors(s, [*(h.code for h in r.hypotheses), *hidden], Options())
@@ -88,26 +89,14 @@ def _question(s: Setting, r: Ranking) -> Question:
     return Question(s, r, dict(zip(log, weight.tolist(), strict=True)), hidden)
 
 
-@dataclass(frozen=True)
-class Cycle:
-    """What is done in a new set-up: forces (l,) N in the order they are put on, and how it is read.
-
-    ``components`` (0..5); ``repeats`` of the whole.
-    """
-
-    forces: Array
-    components: tuple[int, ...]
-    repeats: int
-
-
-def with_candidates(s: Setting, loaded: LoadedPoses, cycle: Cycle) -> Setting:
+def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Setting:
     """The setting with new set-ups behind its own readings, read as zero.
 
     ``loaded``: (N l) loaded poses, set-ups slowest. The m readings of the setting come first; (N l c) follow, in the
     order set-up, force, component.
     """
     p, h = s.data, s.history
-    forces, c = len(cycle.forces), np.array(cycle.components, dtype=np.int64)
+    forces, c = len(protocol.course), np.array(protocol.components, dtype=np.int64)
     n = len(loaded) // forces
     at = LoadedPoses(*(np.concatenate([getattr(p.free.at, f), getattr(loaded, f)]) for f in ("q", "wrench", "point")))
     new = len(loaded) * len(c)
@@ -138,12 +127,11 @@ def with_candidates(s: Setting, loaded: LoadedPoses, cycle: Cycle) -> Setting:
 
 @dataclass(frozen=True)
 class _Ground:
-    """What all hypotheses share: joint setting with its base, noise, and the covariance V of the readings so far."""
+    """What all hypotheses share: joint setting with its base, and the covariance V of the readings so far."""
 
     question: Question
     joint: Setting
     base: Base
-    noise: Noise
     V: Covariance
 
     @property
@@ -152,7 +140,7 @@ class _Ground:
         return len(self.V.variance)
 
 
-def predictions(q: Question, joint: Setting, weight: Array, cycle: Cycle) -> Predictions:
+def predictions(q: Question, joint: Setting, weight: Array, protocol: Protocol) -> Predictions:
     """What the rivals predict for the new set-ups of ``joint``; ``weight`` (m,): of the readings so far.
 
     The noise is that of the most probable hypothesis, for all of them. "unknown" is its smooth part only: rough
@@ -160,8 +148,8 @@ def predictions(q: Question, joint: Setting, weight: Array, cycle: Cycle) -> Pre
     """
     noise = q.ranking.best.noise
     V = covariance(q.setting, noise, weight)
-    ground = _Ground(q, joint, base_of(joint), noise, V)
-    factors = noise_factors(joint, ground.old, noise, cycle)
+    ground = _Ground(q, joint, base_of(joint), V)
+    factors = noise_factors(joint, ground.old, noise, protocol)
     bases = _bases(ground)
     found = [foreseen(base, V, factors) for _, _, base in bases]
     share = np.array([w for _, w, _ in bases])
@@ -173,15 +161,15 @@ def predictions(q: Question, joint: Setting, weight: Array, cycle: Cycle) -> Pre
     )
 
 
-def noise_factors(joint: Setting, first: int, noise: Noise, cycle: Cycle) -> Array:
+def noise_factors(joint: Setting, first: int, noise: Noise, protocol: Protocol) -> Array:
     """Lower factors (N, r, r) of the noise's covariance in each new set-up, the mean of all repeats read.
 
     Readings of one component in one set-up have its scatter in common, however often they are repeated; ``first``:
     number of the first new reading of ``joint``.
     """
-    f, components = joint.prediction, len(cycle.components)
-    r = len(cycle.forces) * components
-    variance = (noise.variance(joint.data, f) / cycle.repeats)[first:].reshape(-1, r)
+    f, components = joint.prediction, len(protocol.components)
+    r = len(protocol.course) * components
+    variance = (noise.variance(joint.data, f) / protocol.repeats)[first:].reshape(-1, r)
     common = noise.common(joint.data, f)[first:].reshape(-1, r, 2)
     together = np.equal.outer(np.arange(r) % components, np.arange(r) % components)
     V = np.einsum("nik,njk->nij", common, common) * together
@@ -200,7 +188,9 @@ def _bases(g: _Ground) -> list[tuple[str, float, Base]]:
             out.append((code, share, _unknown(g)))
         else:
             for part, values in _shapes(g, code, code in leading):
-                out.append((code, share * part, _with(g, signature(g.joint, g.joint.known[code], values))))
+                out.append(
+                    (code, share * part, extended(g.joint, g.base, signature(g.joint, g.joint.known[code], values)))
+                )
     return out
 
 
@@ -223,18 +213,6 @@ def _shapes(g: _Ground, code: str, leads: bool) -> list[tuple[float, Array]]:
     return [(float(share[k]) / total, every[k]) for k in top]
 
 
-def _with(g: _Ground, c: Signature) -> Base:
-    """The base with an effect in it."""
-    if c.shift is None or c.springs is None:
-        return extended(g.base, c)
-    n = len(g.joint.free)
-    columns = np.hstack([c.springs, g.base.columns[:, n:]])
-    mean = g.joint.typical - g.joint.springs
-    return replace(
-        g.base, columns=columns, residual=g.base.residual - c.shift - (c.springs - g.base.columns[:, :n]) @ mean
-    )
-
-
 def _unknown(g: _Ground) -> Base:
     """The base with the smooth discrepancy whose length and size suit the present readings best."""
     scaled = g.base.columns[: g.old] / np.sqrt(g.base.precision)
@@ -248,11 +226,7 @@ def _unknown(g: _Ground) -> Base:
         if value > best:
             best, chosen = value, X
     assert chosen is not None  # noqa: S101 - there are always some lengths and sizes
-    k = chosen.shape[1]
-    return Base(
-        np.hstack([g.base.columns, chosen]), g.base.residual, np.concatenate([g.base.precision, np.ones(k)]),
-        np.concatenate([g.base.floor, np.full(k, -np.inf)]),
-    )  # fmt: skip
+    return g.base.beside(chosen)
 
 
 def foreseen(base: Base, V: Covariance, noise: Array) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -121,6 +121,10 @@ class Setting:
         there[k] += step
         return (self.read(with_compliances(self.model, self.free, there), self.accepted) - self.prediction) / step
 
+    def slope(self, effects: Callable[[float], Sequence[PlacedEffect]], step: float) -> Array:
+        """Central difference (m,) of the readings by a number that effects have."""
+        return (self.read(self.arm, effects(step)) - self.read(self.arm, effects(-step))) / (2.0 * step)
+
     def moved(self, springs: Array, accepted: Sequence[PlacedEffect]) -> Setting:
         """Copy with other numbers."""
         return replace(self, springs=springs, accepted=tuple(accepted))
@@ -131,6 +135,12 @@ def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) 
     return model.with_springs(
         {name: 1.0 / c if c > 0.0 else np.inf for name, c in zip(joints, compliance, strict=True)}
     )
+
+
+def own_compliance(model: ArmModel, joint: str) -> float:
+    """Compliance rad/(N m) about a joint's axis with all joints at zero."""
+    spring = model.joints[model.robot.joint_names.index(joint)].axial
+    return float(spring.compliance(np.zeros((1, model.robot.dof)))[0])
 
 
 def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:

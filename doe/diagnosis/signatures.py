@@ -91,11 +91,13 @@ def _column(s: Setting, effect: Effect, zero: Array, k: int) -> Array:
     """Change of the readings (m,) per amplitude k, from no effect."""
     p = effect.parameters[k]
     step = 0.3 * p.size[1]
-    there = zero.copy()
-    there[k] = step
+
+    def with_it(by: float) -> tuple[PlacedEffect, ...]:
+        return (*s.accepted, PlacedEffect(effect, np.where(np.arange(len(zero)) == k, by, zero)))
+
     if effect.stage == "arm":
         # On top of everything else: the rest of the arm need not be worked out again.
-        d = np.asarray(effect.law(None, s.situation, there), dtype=np.float64)
+        d = np.asarray(effect.law(None, s.situation, with_it(step)[-1].values), dtype=np.float64)
         if d.shape != (len(s.data.free.at), 6):
             raise InputError(
                 f"effect {effect.code}: shape of what its law returns",
@@ -103,8 +105,4 @@ def _column(s: Setting, effect: Effect, zero: Array, k: int) -> Array:
                 allowed=f"({len(s.data.free.at)}, 6): displacement of every loaded pose",
             )
         return np.asarray(d[s.data.row, s.data.component] / step)
-    ahead = s.read(s.arm, (*s.accepted, PlacedEffect(effect, there)))
-    if not p.signed:
-        return (ahead - s.prediction) / step
-    there[k] = -step
-    return (ahead - s.read(s.arm, (*s.accepted, PlacedEffect(effect, there)))) / (2.0 * step)
+    return s.slope(with_it, step) if p.signed else (s.read(s.arm, with_it(step)) - s.prediction) / step

@@ -1,9 +1,16 @@
-"""Evidence of every hypothesis at one noise."""
+"""Evidence of every hypothesis at one noise, that of the rival which no catalogue names among them.
+
+That rival is a smooth discrepancy over pose and load, a share of the deflection: a normal process over the joint angles
+that matter, with a squared-exponential kernel (Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.00294), written as
+columns: the poses' kernel has as many directions as there are poses. It may change with the load and differ between
+loading and unloading.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -13,10 +20,18 @@ from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.scatter import covariance, typical_size
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shape_count
-from doe.diagnosis.unknown import discrepancies
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
-from robots.arrays import Array
+from fem.compiled.compliance import deflection
+from robots.arrays import Array, Bools
+
+# Lengths over which it varies, in half ranges of the joints as read; sizes as shares of the deflection.
+LENGTHS = (0.8, 1.8)
+SIZES = (0.03, 0.08, 0.2)
+# Shares of the size with which it changes with the load and the phase.
+LOAD, PHASE = 0.7, 0.5
+# Directions of the kernel weaker than this carry nothing.
+NEGLIGIBLE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -42,7 +57,7 @@ def at_noise(
     best: dict[str, tuple[float, float, Signature, Fitted | None]] = {}
     for code, some in candidates.items():
         if some[0].shift is not None:
-            other = Whitened(with_springs(s, base, some[0]), V)
+            other = Whitened(extended(s, base, some[0]), V)
             bic = -0.5 * (V.log_det + other.square)
             best[code] = (other.log_evidence + density, bic, some[0], None)
             continue
@@ -51,13 +66,8 @@ def at_noise(
         top = int(np.argmax(z))
         numbers = len(some[0].effect.parameters)
         bic = plain + 0.5 * max(f.excess for f in found) - 0.5 * numbers * math.log(m)
-        best[code] = (_log_sum(z) - math.log(shape_count(some[0].effect)) + density, bic, some[top], found[top])
+        best[code] = (float(logsumexp(z)) - math.log(shape_count(some[0].effect)) + density, bic, some[top], found[top])
     return Row(noise, w.log_evidence + density, plain, best)
-
-
-def _log_sum(z: Array) -> float:
-    most = float(z.max())
-    return most + math.log(float(np.exp(z - most).sum()))
 
 
 def as_if(s: Setting, base: Base, c: Signature, V: Covariance) -> Array:
@@ -65,20 +75,19 @@ def as_if(s: Setting, base: Base, c: Signature, V: Covariance) -> Array:
     assert c.shift is not None  # noqa: S101 - asked before
     assert c.springs is not None  # noqa: S101
     n = len(s.free)
-    springs = Whitened(with_springs(s, base, c), V).u[:n] + s.typical - s.springs
+    springs = Whitened(extended(s, base, c), V).u[:n] + s.typical - s.springs
     return np.asarray(c.shift + c.springs @ springs)
 
 
-def with_springs(s: Setting, base: Base, c: Signature) -> Base:
-    """The base with other springs' columns and another prediction (an effect without amplitudes)."""
-    assert c.shift is not None  # noqa: S101 - asked before
-    assert c.springs is not None  # noqa: S101
+def extended(s: Setting, base: Base, c: Signature) -> Base:
+    """The base with an effect in it: its columns; without amplitudes other springs' columns and another prediction."""
+    if c.shift is None:
+        return base.beside(c.columns, c.mean, c.sd, np.where(c.positive, -c.mean, -np.inf))
+    assert c.springs is not None  # noqa: S101 - goes with the shift
     n = len(s.free)
-    columns = base.columns.copy()
-    columns[:, :n] = c.springs
+    columns = np.hstack([c.springs, base.columns[:, n:]])
     mean = s.typical - s.springs
-    residual = base.residual - c.shift - (c.springs - base.columns[:, :n]) @ mean
-    return Base(columns, residual, base.precision, base.floor)
+    return replace(base, columns=columns, residual=base.residual - c.shift - (c.springs - base.columns[:, :n]) @ mean)
 
 
 def unknown_at(s: Setting, base: Base, weight: Array, noise: Noise, options: Options) -> tuple[Noise, float, Base]:
@@ -86,11 +95,7 @@ def unknown_at(s: Setting, base: Base, weight: Array, noise: Noise, options: Opt
     V = covariance(s, noise, weight)
     out: list[tuple[float, Base]] = []
     for columns in discrepancies(s):
-        k = columns.shape[1]
-        wide = Base(
-            np.hstack([base.columns, columns]), base.residual, np.concatenate([base.precision, np.ones(k)]),
-            np.concatenate([base.floor, np.full(k, -np.inf)]),
-        )  # fmt: skip
+        wide = base.beside(columns)
         out.append((Whitened(wide, V).log_evidence, wide))
     z = np.array([one[0] for one in out])
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0
@@ -102,3 +107,58 @@ def rough_at(s: Setting, base: Base, row: Row, wild: Options, options: Options) 
     size = typical_size(s)
     change = wild.noise.log_density(row.noise, size) - options.noise.log_density(row.noise, size)
     return row.noise, row.none + (change if options.priors else 0.0), base
+
+
+def discrepancies(s: Setting) -> Iterator[Array]:
+    """Columns (m, k), standard normal each, for every length and size."""
+    p = s.data
+    q = np.array([p.free.at.q[p.row[p.pose == g][0]] for g in range(len(p.poses))])
+    moving = np.ptp(q, axis=0) > 1e-6
+    moving &= _matters(s)
+    x = q[:, moving]
+    x = (x - x.mean(axis=0)) / np.maximum(0.5 * np.ptp(x, axis=0), 1e-9)
+    factors = _load_factors(s)
+    for length in LENGTHS:
+        distance = np.sum((x[:, None] - x[None]) ** 2, axis=2)
+        values, vectors = np.linalg.eigh(np.exp(-0.5 * distance / length**2))
+        kept = values > NEGLIGIBLE * values.max(initial=1.0)
+        poses = vectors[:, kept] * np.sqrt(values[kept])
+        for size in SIZES:
+            yield np.hstack([size * f[:, None] * poses[p.pose] for f in factors])
+
+
+def _matters(s: Setting) -> Bools:
+    """Joints (dof,) whose angle changes any reading."""
+    at, out = s.data.free.at, []
+    for k in range(at.q.shape[1]):
+        q = at.q.copy()
+        q[:, k] += 0.05
+        d = deflection(s.arm, q, at.wrench, at.point)[s.data.row, s.data.component]
+        out.append(bool(np.max(np.abs(d - s.prediction)) > 1e-6 * np.max(np.abs(s.prediction), initial=1e-300)))
+    return np.array(out)
+
+
+def _load_factors(s: Setting) -> list[Array]:
+    """Size of the deflection (m,), alone and times load and phase, for each component."""
+    p = s.data
+    size = _size_of_pose(s)
+    force = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
+    spread = float(np.ptp(force))
+    load = (force - force.mean()) / (0.5 * spread) if spread > 1e-9 else np.zeros(len(force))
+    out = []
+    for component in np.unique(p.component):
+        mine = np.where(p.component == component, size, 0.0)
+        out.append(mine)
+        if spread > 1e-9:
+            out.append(LOAD * load * mine)
+        if s.history.is_known:
+            out.append(PHASE * np.where(s.unloading[p.row], 1.0, -1.0) * mine)
+    return out
+
+
+def _size_of_pose(s: Setting) -> Array:
+    """Length of the predicted displacement (m,), of the kind that was read."""
+    p = s.data
+    square = np.zeros((len(p.free.at), 2))
+    np.add.at(square, (p.row, (p.component >= 3).astype(int)), s.prediction**2)
+    return np.asarray(np.sqrt(square)[p.row, (p.component >= 3).astype(int)])

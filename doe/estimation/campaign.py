@@ -19,8 +19,7 @@ from pydantic import Field, PositiveFloat, model_validator
 from doe.estimation.study_plan import Comparison, RegressionChoice, SpringRange
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
-from fem.free.laws import FreeLaw, law_parameters, polynomial_basis
-from fem.free.parameters import Parameter, parameter
+from fem.free.parameters import FreeLaw, Parameter, law_parameters, parameter, polynomial_basis
 from fem.springs import Basis, FourierBasis, TableBasis
 from robots import InputError, Robot
 from robots.files.reading import parse_toml, read_text

@@ -15,9 +15,8 @@ from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
 from fem.effects.situation import History
-from fem.free.laws import FreeLaw
 from fem.free.model import FreeModel
-from fem.free.parameters import Parameter
+from fem.free.parameters import FreeLaw, Parameter
 from fem.statics.loads import as_loaded
 from robots.arrays import Array, Bools, Integers
 

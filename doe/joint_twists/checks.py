@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import norm
 
-from doe.joint_twists.direction import Direction
 from doe.joint_twists.identify import Identified
+from doe.joint_twists.laws import Direction, Law
 from fem.statics.ports import ROWS
 from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
@@ -46,10 +47,10 @@ class Loop:
         return bool(abs(self.width) > NORMAL_95 * self.spread)
 
 
-def loops(found: Identified, names: tuple[str, ...]) -> tuple[Loop, ...]:
+def loops(found: Identified) -> tuple[Loop, ...]:
     """Loops of every joint and row that was loaded and read both ways."""
     c, out = found.cycles, []
-    for j, name in enumerate(names):
+    for j, name in enumerate(found.names):
         for r, row in enumerate(ROWS):
             t = c.carried[:, r]
             mine = (c.joint == j) & np.isfinite(c.half_width[:, r]) & np.isfinite(c.slope[:, r])
@@ -104,43 +105,29 @@ class DiagonalTest:
         return not any(c.proven and abs(c.share) > SMALL for c in self.couplings)
 
 
-def diagonal_tests(found: Identified, names: tuple[str, ...]) -> tuple[DiagonalTest, ...]:
+def diagonal_tests(found: Identified) -> tuple[DiagonalTest, ...]:
     """Added-variable test of every pair of rows at every joint: entry (a, b) = (b, a), constant over the angle.
 
     Weighted least squares with the laws of both rows free to follow, set-ups scattering together; entries are tested
     one at a time.
     """
-    tested: dict[str, list[Coupling]] = {name: [] for name in names}
-    for j, name in enumerate(names):
-        for a, b in combinations(range(6), 2):
-            one = _coupling(found, j, name, a, b)
-            if one is not None:
-                tested[name].append(one)
-    proven = _holm([c for some in tested.values() for c in some])
-    return tuple(
-        DiagonalTest(name, tuple(_marked(c, (name, *c.rows) in proven) for c in some))
-        for name, some in tested.items() if some
-    )  # fmt: skip
-
-
-def _marked(c: Coupling, proven: bool) -> Coupling:
-    return Coupling(c.joint, c.rows, c.entry, c.spread, c.share, c.p_value, proven)
+    pairs = [(j, name, a, b) for j, name in enumerate(found.names) for a, b in combinations(range(6), 2)]
+    tested = [one for one in (_coupling(found, *pair) for pair in pairs) if one is not None]
+    proven = _holm(tested)
+    marked = [replace(c, proven=(c.joint, *c.rows) in proven) for c in tested]
+    watched = dict.fromkeys(c.joint for c in tested)
+    return tuple(DiagonalTest(name, tuple(c for c in marked if c.joint == name)) for name in watched)
 
 
 def _coupling(found: Identified, j: int, name: str, a: int, b: int) -> Coupling | None:
     laws = [found.directions[name, ROWS[r]] for r in (a, b)]
-    parts = []
     if not all(found.cycles.noise_known[j, r // 3] for r in (a, b)):
         return None  # nothing tells what chance does
-    for (r, other), d in zip(((a, b), (b, a)), laws, strict=True):
-        part = _equations(found, j, r, other, d)
-        if part is None:
-            return None
-        parts.append(part)
-    (Ja, xa, ya), (Jb, xb, yb) = parts
-    A = np.zeros((len(ya) + len(yb), Ja.shape[1] + Jb.shape[1] + 1))
-    A[: len(ya), : Ja.shape[1]], A[: len(ya), -1] = Ja, xa
-    A[len(ya) :, Ja.shape[1] : -1], A[len(ya) :, -1] = Jb, xb
+    one, other = _equations(found, j, a, b, laws[0].law), _equations(found, j, b, a, laws[1].law)
+    if one is None or other is None:
+        return None
+    (Ja, xa, ya), (Jb, xb, yb) = one, other
+    A = np.column_stack([block_diag(Ja, Jb), np.concatenate([xa, xb])])
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     U, s, Vt = np.linalg.svd(A / size, full_matrices=False)
     # An added column that the laws can follow themselves cannot be tested.
@@ -155,21 +142,18 @@ def _coupling(found: Identified, j: int, name: str, a: int, b: int) -> Coupling 
     )
 
 
-def _equations(found: Identified, j: int, r: int, other: int, d: Direction) -> tuple[Array, Array, Array] | None:
+def _equations(found: Identified, j: int, r: int, other: int, law: Law | None) -> tuple[Array, Array, Array] | None:
     """Whitened equations of row r: derivatives by its law's coefficients, the other row's load, and residuals."""
     c = found.cycles
-    if d.law is None:
+    if law is None:
         return None
     mine = np.flatnonzero((c.joint == j) & np.isfinite(c.slope[:, r]))
-    q, t, v = c.q[mine], c.carried[mine, r], c.variance[mine, r]
-    f = d.law.compliance(q)[0]
-    J = -(f * t)[:, None] * d.law.spring.basis(q)
-    x, y = c.carried[mine, other], c.slope[mine, r] - f * t
-    share = found.scatter[r // 3]
-    rows = np.column_stack([J, x, y])
+    angle, t, v = c.angle[mine], c.carried[mine, r], c.variance[mine, r]
+    f = law.value(angle)
+    rows = np.column_stack([law.slopes(angle) * t[:, None], c.carried[mine, other], c.slope[mine, r] - f * t])
     for s in np.unique(c.setup[mine]):
         k = c.setup[mine] == s
-        common = share * f[k] * t[k]
+        common = found.scatter[r // 3] * f[k] * t[k]
         L = np.linalg.cholesky(np.diag(v[k]) + np.outer(common, common))
         rows[k] = np.linalg.solve(L, rows[k])
     return rows[:, :-2], rows[:, -2], rows[:, -1]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,7 +12,7 @@ from doe.tables import columns as mc
 from doe.tables.checks import joint_keys
 from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, RawTable
 from robots import Robot, forward_kinematics
-from robots.arrays import Array, Bools, Indices
+from robots.arrays import Array, Indices
 from robots.faults import Faults
 
 # Per row, of translations and of rotations.
@@ -26,7 +25,6 @@ REFLECTOR: Final = ("reading", "arm", "reflector", *UNLOADED, *LOADED)
 ARMS: Final = ("before", "behind")
 AXES: Final = ("flange", "base")
 SYNTHETIC: Final = "synthetic"
-_UNIT: Final = re.compile(r"_?(um|mm|cm|m|in|inch|kn|n|nm|nmm|mrad|rad|deg|urad)?$")
 
 
 def is_reflector_table(table: RawTable) -> bool:
@@ -36,134 +34,74 @@ def is_reflector_table(table: RawTable) -> bool:
 
 def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
     """Sort the header into known columns and unknown ones; what is wrong with it goes to ``faults``."""
-    raw = is_reflector_table(table)
-    own = (*REFLECTOR, "sigma_mm") if raw else (*DISPLACEMENTS, *SIGMAS)
-    names = (*robot.coordinates, *LOADS, *COMMON, *own)
-    known, unknown = dict[str, int](), dict[str, int]()
-    for i, name in enumerate(table.header):
-        if name in known or name in unknown:
-            faults.add(1, f"column {name} stands there twice", value=name, allowed="each name once",
-                       remedy="rename or remove one of the two")  # fmt: skip
-        elif name in names:
-            known[name] = i
-        elif right := _meant(name, names):
-            faults.add(1, f"column {name} has a wrong or missing unit", value=name, allowed=right,
-                       remedy=f"convert the values if need be and name the column {right}")  # fmt: skip
-        elif re.fullmatch(r"q_?\d+[a-z]*(_[a-z]+)?|(a|j|axis|theta)_?\d+[a-z]*_(deg|rad)", name, re.I):
-            faults.add(1, f"column {name} is not a joint coordinate of {robot.name}", value=name,
-                       allowed=", ".join(robot.coordinates),
-                       remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
-        elif name:
-            unknown[name] = i
-    _check_present(known, robot, raw, faults)
-    return Columns(known, unknown)
-
-
-def _meant(name: str, names: Sequence[str]) -> str | None:
-    plain = re.sub(r"\W+", "_", name.lower()).strip("_")
-    for right in names:
-        stem, _, unit = right.rpartition("_")
-        if stem and unit and plain.startswith(stem.lower()) and _UNIT.fullmatch(plain[len(stem) :]):
-            return right
-    return None
-
-
-def _check_present(known: dict[str, int], robot: Robot, raw: bool, faults: Faults) -> None:
-    one_of: dict[str, tuple[str, ...]] = {
-        f"joint column of {robot.name}": robot.coordinates, "load column": LOADS, "column joint": ("joint",),
-        "column phase": ("phase",),
-    }  # fmt: skip
-    if raw:
-        one_of |= {f"column {name}": (name,) for name in REFLECTOR}
-    else:
-        one_of["column of a displacement or twist"] = DISPLACEMENTS
-    for what, group in one_of.items():
-        if not set(group) & set(known):
-            faults.add(1, f"the header has no {what}", allowed=f"at least one of {', '.join(group)}",
-                       remedy="add it, named exactly so")  # fmt: skip
-    missing = [name for name in POINT if name not in known]
-    if 0 < len(missing) < len(POINT):
-        faults.add(1, f"no column {', '.join(missing)}", allowed=f"all of {', '.join(POINT)}, or none",
-                   remedy="give all three coordinates of the loaded point in the flange frame")  # fmt: skip
+    needed: dict[str, Sequence[str]] = {"column joint": ("joint",), "column phase": ("phase",)}
+    if is_reflector_table(table):
+        needed |= {f"column {name}": (name,) for name in REFLECTOR}
+        return mc.find_columns(table, robot, faults, (*COMMON, *REFLECTOR, "sigma_mm"), needed)
+    needed["column of a displacement or twist"] = DISPLACEMENTS
+    return mc.find_columns(table, robot, faults, (*COMMON, *DISPLACEMENTS, *SIGMAS), needed)
 
 
 @dataclass(frozen=True)
 class Cells:
-    """What each row of either kind of table says: pose, joint, load, phase, labels. NaN or "" where faulty."""
+    """What each row of either kind of table says: pose, joint, load, phase, set-up. NaN, -1 or "" where faulty.
+
+    Loads (n, 6) are in flange axes.
+    """
 
     q: Array
     joint: Indices
     wrench: Array
     point: Array
-    in_base: Bools
     phase: tuple[str, ...]
-    pose: tuple[str, ...]
-    repeat: tuple[str, ...]
+    setup: tuple[str, ...]
     synthetic: bool
 
 
 def read_cells(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Cells:
     """Parse the columns that both kinds of table have."""
     cells = (table, columns)
-    known = columns.known
     q = mc.numbers(*cells, robot.coordinates, faults, missing=0.0)
     wrench = mc.numbers(*cells, LOADS, faults, missing=0.0)
     point = mc.numbers(*cells, POINT, faults, missing=0.0)
     mc.numbers(*cells, ("step",), faults, empty="not known")
 
     def words(name: str) -> tuple[str, ...]:
-        return mc.texts(table, known.get(name))
+        return mc.texts(table, columns.known.get(name))
 
-    axes = tuple(text or "flange" for text in words("axes"))
-    _check(table, axes, AXES, "axes", "say in which axes the load is given", faults)
-    _check(table, words("phase"), PHASES, "phase", "use one of these words", faults)
-    return Cells(
-        q, _joints(table, words("joint"), robot, faults), wrench, point,
-        np.array([text == "base" for text in axes], dtype=np.bool_), words("phase"), words("pose"), words("repeat"),
-        any(SYNTHETIC in text.lower() for text in words("origin")),
-    )  # fmt: skip
+    axes, watched, phase = tuple(text or "flange" for text in words("axes")), words("joint"), words("phase")
+    known = {str(k + 1): k for k in range(robot.dof)} | {name: k for k, name in enumerate(robot.joint_names)}
+    names = f"{', '.join(robot.joint_names)}, or 1 to {robot.dof}"
+    _check(
+        table, watched, known, names, "joint", f"name the joint of {robot.name} between the two arms watched", faults
+    )
+    _check(table, axes, AXES, ", ".join(AXES), "axes", "say in which axes the load is given", faults)
+    _check(table, phase, PHASES, ", ".join(PHASES), "phase", "use one of these words", faults)
+    joint = np.array([known.get(text, -1) for text in watched], dtype=np.intp)
+    turned = np.flatnonzero(
+        [text == "base" and bool(np.isfinite(row).all()) for text, row in zip(axes, q, strict=True)]
+    )
+    if turned.size:
+        R = forward_kinematics(robot, q[turned]).R_flange
+        wrench[turned] = np.einsum("nji,nkj->nki", R, wrench[turned].reshape(-1, 2, 3)).reshape(-1, 6)
+    made_up = any(SYNTHETIC in text.lower() for text in words("origin"))
+    return Cells(q, joint, wrench, point, phase, _setups(q, joint, words("pose"), words("repeat")), made_up)
 
 
 def _check(
-    table: RawTable, texts: Sequence[str], allowed: Sequence[str], name: str, remedy: str, faults: Faults
+    table: RawTable, texts: Sequence[str], known: Collection[str], allowed: str, name: str, remedy: str, faults: Faults
 ) -> None:
     for line, text in zip(table.lines, texts, strict=True):
-        if text not in allowed:
+        if text not in known:
             problem = f"column {name}" + ("" if text else " is empty")
-            faults.add(line, problem, value=text or None, allowed=", ".join(allowed), remedy=remedy)
+            faults.add(line, problem, value=text or None, allowed=allowed, remedy=remedy)
 
 
-def _joints(table: RawTable, texts: Sequence[str], robot: Robot, faults: Faults) -> Indices:
-    """Index of the joint watched, by name or number from 1."""
-    known = {name: k for k, name in enumerate(robot.joint_names)}
-    known = {str(k + 1): k for k in range(robot.dof)} | known
-    out = np.full(len(texts), -1, dtype=np.intp)
-    for i, text in enumerate(texts):
-        if text in known:
-            out[i] = known[text]
-        else:
-            faults.add(table.lines[i], "column joint" + ("" if text else " is empty"), value=text or None,
-                       allowed=f"{', '.join(robot.joint_names)}, or 1 to {robot.dof}",
-                       remedy=f"name the joint of {robot.name} between the two arms watched")  # fmt: skip
-    return out
-
-
-def in_flange_axes(robot: Robot, cells: Cells) -> Array:
-    """Loads (n, 6) in flange axes."""
-    out = cells.wrench.copy()
-    rows = np.flatnonzero(cells.in_base & np.isfinite(cells.q).all(axis=1))
-    if rows.size:
-        R = forward_kinematics(robot, cells.q[rows]).R_flange
-        out[rows] = np.einsum("nji,nkj->nki", R, out[rows].reshape(-1, 2, 3)).reshape(-1, 6)
-    return out
-
-
-def setup_labels(cells: Cells) -> tuple[str, ...]:
+def _setups(q: Array, joint: Indices, pose: Sequence[str], repeat: Sequence[str]) -> tuple[str, ...]:
     """One label for each set-up: joint watched, pose and repeat."""
-    keys = joint_keys(np.nan_to_num(cells.q))
     number: dict[object, int] = {}
     out = []
-    for key, pose, joint, repeat in zip(keys, cells.pose, cells.joint.tolist(), cells.repeat, strict=True):
-        place = number.setdefault((key, pose, joint, repeat), len(number) + 1)
-        out.append(f"{pose or f'set-up {place}'}/{joint + 1}" + (f"/{repeat}" if repeat else ""))
+    for key, label, j, again in zip(joint_keys(np.nan_to_num(q)), pose, joint.tolist(), repeat, strict=True):
+        place = number.setdefault((key, label, j, again), len(number) + 1)
+        out.append(f"{label or f'set-up {place}'}/{j + 1}" + (f"/{again}" if again else ""))
     return tuple(out)

@@ -17,6 +17,7 @@ import numpy as np
 
 from doe.joint_twists.laws import on_one_turn
 from doe.joint_twists.readings import TwistReadings
+from doe.tables.measurements import rows_of
 from fem import ArmModel
 from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics
@@ -65,6 +66,11 @@ class Cycles:
     def m(self) -> int:
         """Number of cycles."""
         return len(self.q)
+
+    @property
+    def angle(self) -> Array:
+        """Angle (m,) rad of the watched joint."""
+        return self.q[np.arange(self.m), self.joint]
 
 
 def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean") -> Cycles:
@@ -125,33 +131,30 @@ def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean")
 
 def _numbers(data: TwistReadings) -> Indices:
     """Number of the cycle of each reading; zero loads join the cycle that they begin or end."""
-    seen: dict[str, list[tuple[int, Array]]] = {}
     out = np.full(data.n, -1, dtype=np.intp)
-    size, count = data.load, 0
-    for i in range(data.n):
-        if size[i] == 0.0:
-            continue
-        way = data.wrench[i] / np.linalg.norm(data.wrench[i])
-        mine = seen.setdefault(data.setup[i], [])
-        known = [c for c, other in mine if other @ way > SAME_DIRECTION]
-        if not known:
-            mine.append((count, way))
-            known, count = [count], count + 1
-        out[i] = known[0]
-    rows_of: dict[str, list[int]] = {}
-    for i in np.flatnonzero(out >= 0).tolist():
-        rows_of.setdefault(data.setup[i], []).append(i)
-    for i in np.flatnonzero(out < 0).tolist():
-        same = rows_of.get(data.setup[i])
-        if not same:
+    ways: list[Array] = []
+    size = data.load
+    for label, rows in rows_of(data.setup).items():
+        begun: list[int] = []
+        loaded = rows[size[rows] > 0.0].tolist()
+        if not loaded:
             raise InputError(
-                f"{data.source}, row {data.row_numbers[i]}: set-up {data.setup[i]} has no load other than zero",
+                f"{data.source}, row {data.row_numbers[rows[0]]}: set-up {label} has no load other than zero",
                 remedy="remove the row, or give the loads of its cycle",
             )
-        place = bisect(same, i)
-        # A zero before a load begins its cycle, a zero after one ends it.
-        after = data.phase[i] == "loading"
-        out[i] = out[same[min(place, len(same) - 1) if after else max(place - 1, 0)]]
+        for i in loaded:
+            way = data.wrench[i] / np.linalg.norm(data.wrench[i])
+            known = [c for c in begun if ways[c] @ way > SAME_DIRECTION]
+            if not known:
+                known = [len(ways)]
+                begun.append(len(ways))
+                ways.append(way)
+            out[i] = known[0]
+        for i in rows[size[rows] == 0.0].tolist():
+            place = bisect(loaded, i)
+            # A zero before a load begins its cycle, a zero after one ends it.
+            after = data.phase[i] == "loading"
+            out[i] = out[loaded[min(place, len(loaded) - 1) if after else max(place - 1, 0)]]
     return out
 
 
@@ -171,6 +174,13 @@ def _check_branches(data: TwistReadings, number: Indices, branches: Branches) ->
             )  # fmt: skip
 
 
+def _summed(x: Array, number: Indices, m: int) -> Array:
+    """Sums (m, ...) over cycles of x (n, ...)."""
+    out = np.zeros((m, *x.shape[1:]))
+    np.add.at(out, number, x)
+    return out
+
+
 @dataclass(frozen=True)
 class _Sums:
     """Weighted sums of each cycle and row (m, 6) for the fit of slope and half width, loads over the top one's."""
@@ -184,18 +194,8 @@ class _Sums:
 
     @staticmethod
     def of(w: Array, F: Array, g: Array, y: Array, number: Indices, m: int) -> _Sums:
-        y = np.where(np.isfinite(y), y, 0.0)
-
-        def total(x: Array) -> Array:
-            out = np.zeros((m, 6))
-            np.add.at(out, number, w * x)
-            return out
-
-        f, s = F[:, None], g[:, None]
-        one = np.ones((len(F), 6))
-        return _Sums(
-            total(f * f * one), total(f * s * one), total(s * s * one), total(f * y), total(s * y), total(y * y)
-        )
+        y, f, s = np.where(np.isfinite(y), y, 0.0), F[:, None], g[:, None]
+        return _Sums(*(_summed(w * x, number, m) for x in (f * f, f * s, s * s, f * y, s * y, y * y)))
 
     def solved(self) -> tuple[Array, Array, Array, Array]:
         """Slope, its variance, half width, its variance, for weights that are one over the variance."""
@@ -220,10 +220,8 @@ class _Sums:
 def _noise(data: TwistReadings, fit: _Sums, use: Array, sigma: Array, number: Indices) -> tuple[Array, Indices]:
     """Standard deviation (dof, 2) of readings without a sigma of their own, by joint and kind, with freedoms."""
     squares, fitted = fit.left_over()
-    count = np.zeros_like(squares)
-    np.add.at(count, number, use)
     own = _cycle_sigma(sigma, use, number, len(squares))
-    free = np.where(own, 0.0, count - fitted)
+    free = np.where(own, 0.0, _summed(use, number, len(squares)) - fitted)
     squares = np.where(own, 0.0, squares)
     joint = np.zeros(len(squares), dtype=np.intp)
     joint[number] = data.joint
@@ -239,9 +237,7 @@ def _noise(data: TwistReadings, fit: _Sums, use: Array, sigma: Array, number: In
 
 def _cycle_sigma(sigma: Array, use: Array, number: Indices, m: int) -> Bools:
     """Cycles and rows (m, 6) whose readings all bring their sigma."""
-    without = np.zeros((m, 6))
-    np.add.at(without, number, use * ~np.isfinite(sigma))
-    return np.asarray(without == 0.0)
+    return np.asarray(_summed(use * ~np.isfinite(sigma), number, m) == 0.0)
 
 
 def _setups(data: TwistReadings, first: Indices) -> tuple[Indices, tuple[str, ...]]:
@@ -252,12 +248,9 @@ def _setups(data: TwistReadings, first: Indices) -> tuple[Indices, tuple[str, ..
 
 def _loads(model: ArmModel, data: TwistReadings, number: Indices, first: Indices) -> tuple[Array, Array]:
     """Mean direction of each cycle's force (m, 3), flange axes, and what its joint carries per newton (m, 6)."""
-    per = np.zeros((len(first), 6))
-    total = np.zeros(len(first))
     # Weighted by the load, as its directions count in the slope.
-    np.add.at(per, number, data.wrench * data.load[:, None])
-    np.add.at(total, number, data.load**2)
-    per /= total[:, None]
+    per = _summed(data.wrench * data.load[:, None], number, len(first))
+    per /= _summed(data.load**2, number, len(first))[:, None]
     return per[:, :3], carried(model, data.q[first], per, data.point[first])[np.arange(len(first)), data.joint[first]]
 
 

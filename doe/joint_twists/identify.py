@@ -14,13 +14,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as student
 
 from doe.joint_twists.cycles import Branches, Cycles, cycles_of
-from doe.joint_twists.direction import Direction, Status
-from doe.joint_twists.laws import LAWS, Law, LawKind, angles_of, basis_of, check_law, choose_law, fit_law
+from doe.joint_twists.laws import (
+    FEWEST_FOR_A_LAW,
+    FEWEST_FOR_ORDER_TWO,
+    LAWS,
+    Direction,
+    LawKind,
+    angles_of,
+    check_law,
+    choose_law,
+    fit_law,
+)
 from doe.joint_twists.readings import TwistReadings
-from doe.joint_twists.unjudged import FEWEST_SPARE, Unjudged, unjudged
 from fem import ArmModel
 from fem.statics.ports import ROWS
 from robots import InputError
@@ -32,6 +39,13 @@ UNLOADED = 1e-6
 MOST_SCATTER = 2.0
 # Freedoms with which Student's distribution is the normal one.
 PLENTY = 10**9
+KINDS = ("translations", "rotations")
+# Fewer spare set-ups say nothing about their scatter.
+FEWEST_SPARE = 6
+NO_NOISE = (
+    "no load cycle has more readings than are fitted to it, and the table gives no standard deviation (sigma_mm, "
+    "sigma_twist_mrad): nothing tells the noise of a reading"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +67,17 @@ class Identified:
     notes: tuple[str, ...]
     unjudged: tuple[Unjudged, ...] = ()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(dict.fromkeys(joint for joint, _ in self.directions))
+
     def compliances(self, q: Array) -> tuple[Array, Array]:
         """Compliances (n, dof, 6) at poses q, zero where there is no number, and their standard deviations."""
         c, sd = np.zeros((2, len(q), len(self.directions) // 6, 6))
         for k, d in enumerate(self.directions.values()):
             if d.law is not None:
-                c[:, k // 6, k % 6], sd[:, k // 6, k % 6] = d.compliance(q)
+                c[:, k // 6, k % 6], sd[:, k // 6, k % 6] = d.compliance(q[:, k // 6])
         return c, sd
 
 
@@ -85,7 +104,7 @@ def identify(
     if law is not None:
         for j, name in enumerate(names):
             if (cycles.joint == j).any():
-                check_law(law, name, angles_of(cycles.q[cycles.joint == j, j])[0])
+                check_law(law, name, angles_of(cycles.angle[cycles.joint == j])[0])
     setups = [_setups(cycles, j, r) for j in range(len(names)) for r in range(6)]
     scatter, dof = zip(*(_scatter(setups, kind) for kind in (0, 1)), strict=True)
     directions = {}
@@ -99,11 +118,11 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _SetUps:
-    """Compliance of one row of one joint by set-up: q (s, dof), c (s,), variance (s,)."""
+    """Compliance of one row of one joint by set-up: angle (s,) rad of the joint, c (s,), variance (s,)."""
 
     joint: int
     row: int
-    q: Array
+    angle: Array
     c: Array
     variance: Array
 
@@ -112,32 +131,25 @@ def _setups(cycles: Cycles, joint: int, row: int) -> _SetUps:
     """Weighted least squares through zero over the cycles of each set-up."""
     t, u, v = cycles.carried[:, row], cycles.slope[:, row], cycles.variance[:, row]
     use = (cycles.joint == joint) & np.isfinite(u) & (np.abs(t) > UNLOADED)
-    numbers, first, place = np.unique(cycles.setup[use], return_index=True, return_inverse=True)
-    if not numbers.size:
-        empty = np.zeros(0)
-        return _SetUps(joint, row, np.zeros((0, cycles.q.shape[1])), empty, empty)
+    _, first, place = np.unique(cycles.setup[use], return_index=True, return_inverse=True)
     information = np.bincount(place, t[use] ** 2 / v[use])
     c = np.bincount(place, t[use] * u[use] / v[use]) / information
-    return _SetUps(joint, row, cycles.q[use][first], c, 1.0 / information)
+    return _SetUps(joint, row, cycles.angle[use][first], c, 1.0 / information)
 
 
 def _scatter(setups: list[_SetUps], kind: int) -> tuple[float, int]:
     """Scatter of set-ups at one angle as a share of the compliance, by restricted likelihood, and its freedoms.
 
-    Each angle has a mean of its own, so no law is taken for granted.
+    Each angle has a mean of its own, so no law is taken for granted; a set-up alone at its angle says nothing.
     """
-    groups = []
-    for s in setups:
-        if s.row // 3 == kind and s.c.size:
-            _, place = angles_of(s.q[:, s.joint])
-            many = np.bincount(place)[place] > 1
-            if many.any():
-                _, own = np.unique(place[many], return_inverse=True)
-                groups.append((s.c[many], s.variance[many], own))
-    c, v = (np.concatenate([g[k] for g in groups]) if groups else np.zeros(0) for k in (0, 1))
-    counts = np.cumsum([0, *(int(g[2].max()) + 1 for g in groups)])
-    place = np.concatenate([g[2] + at for g, at in zip(groups, counts, strict=False)]) if groups else c.astype(np.intp)
-    spare = len(c) - int(counts[-1])
+    mine = [s for s in setups if s.row // 3 == kind and s.c.size]
+    c = np.concatenate([np.zeros(0), *(s.c for s in mine)])
+    v = np.concatenate([np.zeros(0), *(s.variance for s in mine)])
+    numbers, groups = [np.zeros(0, dtype=np.intp)], 0
+    for s in mine:
+        numbers.append(groups + angles_of(s.angle)[1])
+        groups = int(numbers[-1].max()) + 1
+    place, spare = np.concatenate(numbers), len(c) - groups
     if spare < FEWEST_SPARE:
         return 0.0, 0
 
@@ -166,41 +178,35 @@ def _direction(
     is_judged = bool(cycles.noise_known[s.joint, kind]) or dof > 0
     # Where nothing was estimated there are no freedoms to run short of.
     free = min([int(n) for n in (dof, cycles.noise_dof[s.joint, kind]) if n > 0], default=PLENTY)
-    quantile = float(student.ppf(0.975, free))
     if not s.c.size:
         return Direction(name, row, "not identified", None, np.nan, np.nan, none, none, none, free)
-    angle, value, sd = _by_angle(s, scatter)
+    angle, place = angles_of(s.angle)
+    means = [_mean(s.c[place == a], s.variance[place == a], scatter) for a in range(len(angle))]
+    value, sd = np.array(means).T
     mean, spread = _mean(s.c, s.variance, scatter)
     if not is_judged:
         spread, sd = np.nan, np.full_like(sd, np.nan)
+    found = Direction(name, row, "not determined", None, mean, spread, angle, value, sd, free)
     if not mean > 0.0:
-        return Direction(name, row, "not determined", None, mean, spread, angle, value, sd, free)
-    if mean < quantile * spread:
-        law = _fitted("constant", s, angle, scatter)
-        status: Status = "one-sided" if law is not None else "not determined"
-        return Direction(name, row, status, law, mean, spread, angle, value, sd, free)
-    chosen, scores = (asked, {}) if asked else choose_law(s.joint, s.q, s.c, s.variance, scatter)
-    law = _fitted(chosen, s, angle, scatter) or _fitted("constant", s, angle, scatter)
-    status = "not determined" if law is None else "determined" if is_judged else "not judged"
-    if law is not None and not is_judged:
-        law = replace(law, covariance=np.full_like(law.covariance, np.nan))
-    return Direction(name, row, status, law, mean, spread, angle, value, sd, free, scores)
-
-
-def _fitted(kind: LawKind, s: _SetUps, angles: Array, scatter: float) -> Law | None:
-    return fit_law(kind, basis_of(kind, s.joint, angles), s.q, s.c, s.variance, scatter)
+        return found
+    readings = (s.angle, s.c, s.variance, scatter)
+    if mean < found.quantile * spread:
+        law = fit_law("constant", *readings)
+        return found if law is None else replace(found, status="one-sided", law=law)
+    chosen, scores = (asked, {}) if asked else choose_law(*readings)
+    law = fit_law(chosen, *readings) or fit_law("constant", *readings)
+    if law is None:
+        return replace(found, scores=scores)
+    if is_judged:
+        return replace(found, status="determined", law=law, scores=scores)
+    unsure = replace(law, covariance=np.full_like(law.covariance, np.nan))
+    return replace(found, status="not judged", law=unsure, scores=scores)
 
 
 def _mean(c: Array, variance: Array, scatter: float) -> tuple[float, float]:
     mean = float(np.sum(c / variance) / np.sum(1.0 / variance))
     w = 1.0 / (variance + (scatter * mean) ** 2)
     return float(np.sum(w * c) / np.sum(w)), float(1.0 / np.sqrt(np.sum(w)))
-
-
-def _by_angle(s: _SetUps, scatter: float) -> tuple[Array, Array, Array]:
-    angles, place = angles_of(s.q[:, s.joint])
-    pairs = [_mean(s.c[place == a], s.variance[place == a], scatter) for a in range(len(angles))]
-    return angles, np.array([m for m, _ in pairs]), np.array([sd for _, sd in pairs])
 
 
 def _notes(
@@ -220,3 +226,73 @@ def _notes(
             "of the stiffness at most, and the model holds them rigid"
         )
     return tuple(out)
+
+
+@dataclass(frozen=True)
+class Unjudged:
+    """Something that these readings cannot judge: ``what``, of which joints, stiffnesses or kinds, and why."""
+
+    what: str
+    of: tuple[str, ...]
+    reason: str
+
+    @property
+    def words(self) -> str:
+        """One sentence."""
+        return f"{self.what} of {', '.join(self.of)} cannot be judged: {self.reason}"
+
+
+def unjudged(
+    directions: Mapping[tuple[str, str], Direction],
+    cycles: Cycles,
+    names: tuple[str, ...],
+    asked: LawKind | None,
+    scatter_dof: tuple[int, int],
+) -> tuple[Unjudged, ...]:
+    """All of it, each reason once."""
+    found: dict[tuple[str, str], list[str]] = {}
+
+    def add(what: str, of: str, reason: str) -> None:
+        found.setdefault((what, reason), []).append(of)
+
+    watched = [j for j in range(len(names)) if (cycles.joint == j).any()]
+    for j in watched:
+        for reason in _of_angles(len(angles_of(cycles.angle[cycles.joint == j])[0]), asked):
+            add("how the stiffnesses vary with the angle", names[j], reason)
+        for kind, words in enumerate(KINDS):
+            if not cycles.noise_known[j, kind]:
+                add(f"how sure the {words} are", names[j], NO_NOISE)
+    for (joint, row), d in directions.items():
+        for what, reason in _of_law(d, asked):
+            add(what, f"{joint}.{row}", reason)
+    for words, freedoms in zip(KINDS, scatter_dof, strict=True):
+        if freedoms < FEWEST_SPARE:
+            add("the scatter between set-ups", words, f"fewer than {FEWEST_SPARE} set-ups beyond the first at an "
+                "angle; intervals hold for the noise of the readings alone")  # fmt: skip
+    return tuple(Unjudged(what, tuple(of), reason) for (what, reason), of in found.items())
+
+
+def _of_angles(count: int, asked: LawKind | None) -> list[str]:
+    if count == 1:
+        return ["all readings at one angle (whole turns apart is the same angle)"]
+    if asked is None and count < FEWEST_FOR_A_LAW:
+        return [f"fewer than {FEWEST_FOR_A_LAW} angles; constants are taken"]
+    if asked is None and count < FEWEST_FOR_ORDER_TWO:
+        return [f"fewer than {FEWEST_FOR_ORDER_TWO} angles show nothing that varies faster than once a turn"]
+    return []
+
+
+def _of_law(d: Direction, asked: LawKind | None) -> list[tuple[str, str]]:
+    if d.law is None:
+        return []
+    out, size, count = [], d.law.basis.size, len(d.angle)
+    if d.law.kind == "constant" and d.status != "one-sided" and (d.scores if asked is None else asked != "constant"):
+        wanted = "a law over the angle" if asked is None else f"the law {asked}"
+        out.append((wanted, "it does not settle on these angles; a constant is taken"))
+    if 1 < count <= size:
+        out.append(("the law's lack of fit", f"{size} numbers through {count} angles leave none to check the law by"))
+    lost = [kind for kind, score in d.scores.items() if not np.isfinite(score)]
+    if lost:
+        out.append((f"how well {' and '.join(lost)} predicts angles left out",
+                    "without one of the angles it does not settle"))  # fmt: skip
+    return out

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from doe.tables.measurements import columns_of, selected, stacked
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
 
@@ -45,10 +46,10 @@ class TwistReadings:
 
     def __post_init__(self) -> None:
         widths = {"q": self.q.shape[1:], "wrench": (6,), "point": (3,), "twist": (6,), "sigma": (6,)}
-        for item in fields(self)[2:11]:
-            shape, expected = np.shape(getattr(self, item.name)), (self.n, *widths.get(item.name, ()))
+        for name, column in columns_of(self).items():
+            shape, expected = np.shape(column), (self.n, *widths.get(name, ()))
             if shape != expected:
-                raise InputError(f"twist readings: {item.name}", value=f"shape {shape}", allowed=f"{expected}")
+                raise InputError(f"twist readings: {name}", value=f"shape {shape}", allowed=f"{expected}")
 
     @property
     def n(self) -> int:
@@ -68,12 +69,7 @@ class TwistReadings:
 
     def select(self, mask: Bools) -> TwistReadings:
         """The readings where ``mask`` (n,) is true."""
-        parts: dict[str, object] = {}
-        for item in fields(self)[2:11]:
-            value = getattr(self, item.name)
-            kept = value[mask] if isinstance(value, np.ndarray) else tuple(np.array(value, dtype=object)[mask])
-            parts[item.name] = kept
-        return replace(self, **parts)  # type: ignore[arg-type]
+        return replace(self, **selected(self, mask))  # type: ignore[arg-type]
 
 
 def joined(tables: Sequence[TwistReadings]) -> TwistReadings:
@@ -97,16 +93,10 @@ def joined(tables: Sequence[TwistReadings]) -> TwistReadings:
             allowed="either kind",
             remedy="leave the synthetic ones out",
         )
-    parts: dict[str, object] = {}
-    for item in fields(TwistReadings)[2:11]:
-        values = [getattr(t, item.name) for t in tables]
-        if item.name == "setup":
-            values = [tuple(f"{label} ({t.source})" for label in t.setup) for t in tables]
-        is_array = isinstance(values[0], np.ndarray)
-        parts[item.name] = np.concatenate(values) if is_array else tuple(v for some in values for v in some)
+    apart = [replace(t, setup=tuple(f"{label} ({t.source})" for label in t.setup)) for t in tables]
     return replace(
         tables[0],
-        **parts,  # type: ignore[arg-type]
+        **stacked(apart),  # type: ignore[arg-type]
         source=" + ".join(t.source for t in tables),
         sha256=hashlib.sha256("".join(t.sha256 for t in tables).encode()).hexdigest(),
         notes=tuple(f"{t.source}: {note}" for t in tables for note in t.notes),

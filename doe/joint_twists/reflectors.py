@@ -1,17 +1,34 @@
-"""Rigid-body fits of retroreflector coordinates: how one arm moved against its neighbour, and how sure that is."""
+"""Retroreflectors of a tracker on two neighbouring arms: rigid-body fits, and tables of their coordinates.
+
+Tables have one row a reflector. Columns beside those of :func:`doe.joint_twists.table.read_twists`: ``reading`` (label:
+rows of one reading have one pose, joint, load and phase), ``arm`` (before or behind the joint), ``reflector`` (label),
+its coordinates in the robot's base frame without the load ``x0_mm y0_mm z0_mm`` and under it ``x_mm y_mm z_mm``;
+``sigma_mm``: the tracker's noise in a coordinate. Where that is not given it is estimated from what the rigid-body fits
+leave over.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from robots import InputError
-from robots.arrays import Array
+from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
+from doe.joint_twists.readings import TwistReadings
+from doe.tables import columns as mc
+from doe.tables.columns import Columns, RawTable
+from doe.tables.measurements import rows_of
+from robots import InputError, Robot, forward_kinematics
+from robots.arrays import Array, Indices
+from robots.faults import Faults
 
 FEWEST = 3
 # Second singular value of the reflectors' spread over the first: below it a turn about their line is not seen.
 THIN = 0.05
+# A reflector that moved further under the load was knocked, or two were mixed up.
+FARTHEST_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -25,28 +42,6 @@ class Motion:
     twist: Array
     covariance: Array
     residuals: Array
-
-
-def kabsch(before: Array, after: Array) -> tuple[Array, Array]:
-    """Rotation R (3, 3) and centroid shift: least-squares rigid motion ``after ~ R (before - mean) + mean'``.
-
-    Kabsch (1976), doi:10.1107/S0567739476001873; Horn (1987) gives the same by quaternions.
-
-    Returns
-    -------
-    R, and the difference of the centroids (3,)
-    """
-    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
-    U, _, Vt = np.linalg.svd(a.T @ b)
-    D = np.diag([1.0, 1.0, np.sign(np.linalg.det(Vt.T @ U.T))])
-    return np.asarray(Vt.T @ D @ U.T), after.mean(axis=0) - before.mean(axis=0)
-
-
-def rotation_vector(R: Array) -> Array:
-    """Axis times angle (3,) rad of a rotation by less than a quarter turn."""
-    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = float(np.linalg.norm(axis))
-    return axis * (np.arcsin(min(sine, 1.0)) / sine) if sine > 0.0 else axis
 
 
 def motion(unloaded: Array, loaded: Array, origin: Array, what: str) -> Motion:
@@ -64,30 +59,29 @@ def motion(unloaded: Array, loaded: Array, origin: Array, what: str) -> Motion:
             allowed=f"{FEWEST} or more, not in line",
             remedy="a rigid body's motion needs three points",
         )
-    spread = np.linalg.svd(unloaded - unloaded.mean(axis=0), compute_uv=False)
-    if spread[1] < THIN * spread[0]:
-        raise InputError(
-            f"{what}: reflectors nearly in line",
-            value=f"spread across the line {spread[1] / max(spread[0], 1e-300):.3f} of that along it",
-            allowed=f"{THIN} or more",
-            remedy="move one reflector away from the line: the turn about it cannot be seen",
-        )
-    R, shift = kabsch(unloaded, loaded)
-    r = rotation_vector(R)
-    centre = unloaded.mean(axis=0)
-    moved = (R @ (unloaded - centre).T).T + centre + shift
-    t = shift + (R - np.eye(3)) @ (origin - centre)
-    return Motion(np.concatenate([t, r]), _covariance(unloaded - origin), loaded - moved)
+    centre, there = unloaded.mean(axis=0), loaded.mean(axis=0)
+    for arms in (unloaded - centre, loaded - there):
+        spread = np.linalg.svd(arms, compute_uv=False)
+        if spread[1] < THIN * spread[0]:
+            raise InputError(
+                f"{what}: reflectors nearly in line",
+                value=f"spread across the line {spread[1] / max(spread[0], 1e-300):.3f} of that along it",
+                allowed=f"{THIN} or more",
+                remedy="move one reflector away from the line: the turn about it cannot be seen",
+            )
+    # Least squares over rotations (Kabsch 1976, doi:10.1107/S0567739476001873).
+    turn = Rotation.align_vectors(loaded - there, unloaded - centre)[0]
+    t = there + turn.apply(origin - centre) - origin
+    residuals = loaded - there - turn.apply(unloaded - centre)
+    return Motion(np.concatenate([t, turn.as_rotvec()]), _covariance(unloaded - origin), residuals)
 
 
 def _covariance(arms: Array) -> Array:
     """Covariance of t and r for unit noise in unloaded and loaded coordinates alike: (sum G^T G)^-1 times two."""
     G = np.zeros((len(arms), 3, 6))
     G[:, :, :3] = np.eye(3)
-    x, y, z = arms.T
-    zero = np.zeros(len(arms))
-    # r x a = -[a]x r.
-    G[:, :, 3:] = np.stack([np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1)
+    # r x a, for a turn about each axis.
+    G[:, :, 3:] = np.swapaxes(np.cross(np.eye(3), arms[:, None]), 1, 2)
     # Scaled to the reflectors' size, so that metres and radians do not spoil the inversion.
     size = np.concatenate([np.ones(3), np.full(3, 1.0 / max(np.linalg.norm(arms, axis=1).max(), 1e-9))])
     A = np.einsum("kia,kib->ab", G * size, G * size)
@@ -103,3 +97,86 @@ def relative(before: Motion, behind: Motion, R: Array) -> tuple[Array, Array]:
     turn[:3, :3] = turn[3:, 3:] = R.T
     twist = turn @ (behind.twist - before.twist)
     return twist, turn @ (behind.covariance + before.covariance) @ turn.T
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """One reading: its first row, its twist, the covariance for unit noise, squares left over, and their number."""
+
+    row: int
+    twist: Array
+    covariance: Array
+    squares: float
+    spare: int
+
+
+def assemble_reflectors(
+    table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults
+) -> TwistReadings:  # fmt: skip
+    """Readings from a table of reflectors; what is wrong with it goes to ``faults``."""
+    both = (table, columns)
+    unloaded = mc.numbers(*both, UNLOADED, faults)
+    loaded = mc.numbers(*both, LOADED, faults)
+    sigma = mc.numbers(*both, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
+    label = mc.texts(table, columns.known["reading"])
+    arm = mc.texts(table, columns.known["arm"])
+    for line, text in zip(table.lines, arm, strict=True):
+        if text not in ARMS:
+            faults.add(line, "column arm", value=text or None, allowed=", ".join(ARMS),
+                       remedy="say whether the reflector sits on the arm before or behind the joint")  # fmt: skip
+    for i in np.flatnonzero(np.linalg.norm(loaded - unloaded, axis=1) > FARTHEST_M):
+        faults.add(table.lines[i], "columns x_mm y_mm z_mm, the reflector moved by more than "
+                   f"{1e3 * FARTHEST_M:g} mm", value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
+                   allowed="displacements under load", remedy="check units and the reflector's label")  # fmt: skip
+    faults.raise_if_any("measurements")
+    frames = forward_kinematics(robot, cells.q)
+    fits = []
+    for rows in rows_of(label).values():
+        j = int(cells.joint[rows[0]])
+        if not _agree(rows, cells):
+            faults.add(table.lines[rows[0]], f"reading {label[rows[0]]}: its rows differ in pose, joint, load or phase",
+                       allowed="one of each a reading", remedy="give each reading a label of its own")  # fmt: skip
+            continue
+        R = frames.R[rows[0], j + 1] @ robot.R_post[j].T
+        try:
+            fits.append(_fit(rows, unloaded, loaded, arm, frames.p[rows[0], j + 1], R, f"reading {label[rows[0]]}"))
+        except InputError as error:
+            faults.record(table.lines[rows[0]], error)
+    faults.raise_if_any("measurements")
+    first = np.array([fit.row for fit in fits], dtype=np.intp)
+    noise, note = _noise(fits, sigma[first])
+    covariance = np.array([np.diag(fit.covariance) for fit in fits])
+    return TwistReadings(
+        table.name, table.sha256, cells.q[first], cells.joint[first], cells.wrench[first],
+        cells.point[first], np.array([fit.twist for fit in fits]), noise[:, None] * np.sqrt(covariance),
+        tuple(cells.phase[i] for i in first), tuple(cells.setup[i] for i in first),
+        tuple(table.lines[i] for i in first), cells.synthetic, (note,),
+    )  # fmt: skip
+
+
+def _agree(rows: Indices, cells: Cells) -> bool:
+    same = np.column_stack([cells.q, cells.wrench, cells.point, cells.joint])[rows]
+    return bool((same == same[0]).all()) and len({cells.phase[i] for i in rows}) == 1
+
+
+def _fit(rows: Indices, unloaded: Array, loaded: Array, arm: Sequence[str], origin: Array, R: Array, what: str) -> _Fit:
+    moved: dict[str, Motion] = {}
+    for side in ARMS:
+        own = rows[[arm[i] == side for i in rows]]
+        moved[side] = motion(unloaded[own], loaded[own], origin, f"{what}, arm {side} the joint")
+    twist, covariance = relative(moved["before"], moved["behind"], R)
+    squares = sum(float((m.residuals**2).sum()) for m in moved.values())
+    return _Fit(int(rows[0]), twist, covariance, squares, 3 * len(rows) - 12)
+
+
+def _noise(fits: Sequence[_Fit], given: Array) -> tuple[Array, str]:
+    """The tracker's noise in a coordinate (n,) m, as given or from what the fits leave over."""
+    # Residuals are differences of two coordinates: twice the variance.
+    spare = sum(fit.spare for fit in fits)
+    found = np.sqrt(sum(fit.squares for fit in fits) / (2.0 * spare)) if spare else np.nan
+    if np.isfinite(given).all():
+        return given, f"reflectors: rigid-body fits leave {1e6 * found:.1f} um in a coordinate"
+    if not spare:
+        return given, "reflectors: three an arm and no sigma_mm: the noise comes from the load cycles alone"
+    words = f"reflectors: noise of {1e6 * found:.1f} um in a coordinate, from what the rigid-body fits leave over"
+    return np.where(np.isfinite(given), given, found), words

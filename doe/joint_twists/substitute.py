@@ -1,4 +1,4 @@
-"""What the six stiffnesses of every joint make of the flange: directional stiffness, its uncertainty, usual models.
+"""What the six stiffnesses of every joint make of the flange: stiffness, its uncertainty, usual models, a map.
 
 Links are rigid, as in the paper: what they give way by between two reflectors is in the joints' stiffnesses. A force f
 at the flange centre moves it along itself by ``sum_jr c_jr s_jr^2`` per newton, with s_jr what row r of joint j carries
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import nnls
@@ -17,13 +18,33 @@ from doe.joint_twists.cycles import carried
 from doe.joint_twists.identify import Identified
 from fem import ArmModel
 from fem.statics.transfers import joint_rows
-from robots import InputError, forward_kinematics
+from robots import InputError, forward_kinematics, inverse_kinematics, why_no_closed_form
 from robots.arrays import Array
+from robots.frames import framed
 
 # Compliances (n, dof, 6) of the rows of every joint at poses (n, dof).
 Compliances = Callable[[Array], Array]
 
 AXIS = 5
+# Of the six rows of a joint, the one about its gear axis.
+ABOUT_GEAR = np.eye(6)[AXIS]
+XYZ = np.eye(3)
+
+# Axes of the flange on the map. The paper says that "the flange coordinate system was not rotated in any axis", not
+# which orientation that is. forward: Z along the base's X; then the wrist centre of the origin is at 1344 - 194 =
+# 1150 mm, a round figure, and the arm reaches the whole window. base: parallel to the base's, Z up, as with all joints
+# at zero: the arm reaches half of it. down: Z down, as for milling on a table.
+Orientation = Literal["base", "forward", "down"]
+
+ORIENTATIONS: dict[str, Array] = {
+    "base": np.eye(3),
+    "forward": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "down": np.diag([1.0, -1.0, -1.0]),
+}
+# TX200 paper, section 2.1.
+ORIGIN_M = (1.344, 0.550)
+# Not stated in the paper: chosen so that the arm reaches all of it.
+SIZE_M = (0.6, 0.6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,25 +70,26 @@ def loads_in(model: ArmModel, q: Array, directions: Array) -> Array:
     return s.reshape(n, k, -1, 6)
 
 
-def stiffness_with(model: ArmModel, compliances: Compliances, q: Array, directions: Array | None = None) -> Array:
-    """Directional stiffness |F| / |d . F/|F|| (n, k) N/m at the flange centre; default: flange X, Y, Z.
+def stiffness_with(
+    model: ArmModel, compliances: Compliances, q: Array, directions: Array = XYZ, *, or_rigid: bool = False
+) -> Array:
+    """Directional stiffness |F| / |d . F/|F|| (n, k) N/m at the flange centre along ``directions`` (k, 3), flange axes.
 
     Raises
     ------
     InputError
-        A direction in which nothing gives way.
+        A direction in which nothing gives way; with ``or_rigid`` the stiffness there is inf.
     """
-    ways = np.eye(3) if directions is None else np.asarray(directions, dtype=np.float64)
-    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, ways) ** 2, compliances(q))
-    if not (moved > 0.0).all():
+    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, directions) ** 2, compliances(q))
+    if not or_rigid and not (moved > 0.0).all():
         raise InputError("directional stiffness: nothing gives way in a direction", remedy="identify more stiffnesses")
-    return np.asarray(1.0 / moved)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / moved)
 
 
-def predict(model: ArmModel, found: Identified, q: Array, directions: Array | None = None) -> Stiffness:
+def predict(model: ArmModel, found: Identified, q: Array, directions: Array = XYZ) -> Stiffness:
     """Directional stiffness by identified stiffnesses, with 95 % intervals from their covariances."""
-    ways = np.eye(3) if directions is None else np.asarray(directions, dtype=np.float64)
-    s2 = loads_in(model, q, ways) ** 2
+    s2 = loads_in(model, q, directions) ** 2
     c, sd = found.compliances(q)
     moved = np.einsum("nkjr,njr->nk", s2, c)
     spread = np.sqrt(np.einsum("nkjr,njr->nk", s2**2, sd**2))
@@ -90,9 +112,7 @@ def gear_only(six: Compliances) -> Compliances:
     """The usual model (eq. 3 of the paper): the same stiffness about the gear axes, all else rigid."""
 
     def law(q: Array) -> Array:
-        c = np.zeros_like(six(q))
-        c[:, :, AXIS] = six(q)[:, :, AXIS]
-        return c
+        return np.asarray(six(q) * ABOUT_GEAR)
 
     return law
 
@@ -121,9 +141,7 @@ def gear_refitted(model: ArmModel, six: Compliances, q: Array) -> tuple[Complian
     effective[moves] = nnls(A[:, moves] / size[moves], whole.ravel())[0] / size[moves]
 
     def law(poses: Array) -> Array:
-        c = np.zeros((len(poses), len(effective), 6))
-        c[:, :, AXIS] = effective
-        return c
+        return np.tile(np.outer(effective, ABOUT_GEAR), (len(poses), 1, 1))
 
     return law, effective
 
@@ -192,12 +210,76 @@ def usual_models(
     refitted, effective = gear_refitted(model, six, reachable_poses(model, poses, rng))
     q = reachable_poses(model, poses, rng)
     reference = stiffness_with(model, six, q)
-    same, fitted = (_stiffness(model, law, q) for law in (gear_only(six), refitted))
+    same, fitted = (stiffness_with(model, law, q, or_rigid=True) for law in (gear_only(six), refitted))
     return errors_of(same, reference), errors_of(fitted, reference), effective
 
 
-def _stiffness(model: ArmModel, compliances: Compliances, q: Array) -> Array:
-    """Directional stiffness (n, 3), inf where nothing gives way."""
-    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, np.eye(3)) ** 2, compliances(q))
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / moved)
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A map as in Fig. 3 of the TX200 paper, of a window of the X-Z plane, the flange never turned.
+
+    ``x`` (nx,) and ``z`` (nz,) m, ``q`` (nz, nx, dof) rad, ``stiffness`` (nz, nx, 3) N/m in flange X, Y, Z.
+
+    NaN where the flange cannot be brought there. ``mean``: of the three directions. ``elbow``: up or down, in all of
+    the map.
+    """
+
+    orientation: Orientation
+    elbow: str
+    x: Array
+    z: Array
+    q: Array
+    stiffness: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean of the directional stiffnesses (nz, nx) N/m."""
+        return np.asarray(self.stiffness.mean(axis=2))
+
+
+def stiffness_window(
+    model: ArmModel, six: Compliances, *, orientation: Orientation = "forward",
+    origin_m: tuple[float, float] = ORIGIN_M, size_m: tuple[float, float] = SIZE_M, points: tuple[int, int] = (31, 31),
+) -> Window:  # fmt: skip
+    """Directional stiffnesses over a window of the plane Y = 0, each under a unit force of its own.
+
+    The paper gives the window's origin (X 1344 mm, Z 550 mm from the base), not its size.
+
+    The arm stands in front of axis 1, its elbow in all of the map on the side that reaches more of it (up if both do),
+    its wrist the way that keeps joint 4 nearest to zero.
+
+    Raises
+    ------
+    InputError
+        Unknown orientation; a robot without inverse kinematics in closed form; nothing in the window is reached.
+    """
+    if orientation not in ORIENTATIONS:
+        raise InputError("orientation of the flange", value=orientation, allowed=", ".join(ORIENTATIONS))
+    robot = model.robot
+    if (reason := why_no_closed_form(robot)) is not None:
+        raise InputError(f"stiffness window of {robot.name}: {reason}", allowed="a robot with a spherical wrist")
+    x = origin_m[0] + np.linspace(0.0, size_m[0], points[0])
+    z = origin_m[1] + np.linspace(0.0, size_m[1], points[1])
+    points_m = np.column_stack([np.tile(x, z.size), np.zeros(x.size * z.size), np.repeat(z, x.size)])
+    T = framed(ORIENTATIONS[orientation], points_m)
+    found = inverse_kinematics(robot, T, T_flange_tool=np.eye(4), near=np.zeros(robot.dof))
+    usable, elbow = np.zeros_like(found.valid), "up"
+    for side in ("up", "down"):
+        wanted = [f"elbow {side}" in name and "back" not in name for name in found.names]
+        these = np.asarray(found.valid & np.array(wanted))
+        if these.any(axis=1).sum() > usable.any(axis=1).sum():
+            usable, elbow = these, side
+    turned = np.where(usable, np.abs(found.q[:, :, 3]), np.inf)
+    best = turned.argmin(axis=1)
+    reached = np.asarray(usable.any(axis=1), dtype=np.bool_)
+    q = np.where(reached[:, None], found.q[np.arange(len(T)), best], np.nan)
+    if not reached.any():
+        raise InputError(
+            f"stiffness window of {robot.name}: nothing in it is reached with the flange {orientation}",
+            value=f"X {1e3 * x[0]:.0f} to {1e3 * x[-1]:.0f}, Z {1e3 * z[0]:.0f} to {1e3 * z[-1]:.0f} mm",
+            allowed="a window within reach",
+            remedy="move it with --window, or choose another --flange",
+        )
+    k = np.full((len(T), 3), np.nan)
+    k[reached] = stiffness_with(model, six, q[reached])
+    return Window(orientation, elbow, x, z, q.reshape(z.size, x.size, -1), k.reshape(z.size, x.size, 3))

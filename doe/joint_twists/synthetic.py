@@ -13,6 +13,7 @@ import numpy as np
 from doe.joint_twists.cycles import carried
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
+from fem.effects.situation import History
 from fem.springs import FourierBasis, LawSpring
 from fem.statics.ports import ROWS
 from robots import InputError
@@ -131,7 +132,15 @@ def _responses(
     # Not below zero: a normal scatter of 2 % never gets there, one of 50 % might.
     C = C * np.maximum(1.0 + c.scatter * rng.standard_normal((k, 6)), 0.05)
     s = t[:, :, None, :] * load[None, None, :, None]
-    s[..., 5] -= _held_back(s[..., 5], truth.friction[joint])
+    # A play element: what friction holds back builds up with the torque, stays, and turns round with the course.
+    steps, courses = s.shape[2], 3 * k
+    course = History(
+        np.repeat(np.arange(courses), steps),
+        np.tile(np.arange(steps), courses),
+        np.zeros(courses * steps),
+        is_known=True,
+    )
+    s[..., 5] = course.play(s[..., 5].ravel(), np.repeat(truth.friction[joint], 3 * steps)).reshape(s.shape[:3])
     y = C[:, None, None, :] * s
     for (j, a, b), entry in truth.couplings.items():
         mine = joint == j
@@ -139,21 +148,6 @@ def _responses(
         y[mine, :, :, b] += entry * s[mine][..., a]
     sd = np.repeat([c.noise_m, c.noise_rad], 3)
     return np.asarray(y + sd * rng.standard_normal(y.shape))
-
-
-def _held_back(torque: Array, friction: Array) -> Array:
-    """Torque (k, 3, n) that friction (k,) holds back along a course of torques from zero (a play element).
-
-    It builds up with the torque to the friction, stays, and turns round with the course.
-    """
-    out = np.zeros_like(torque)
-    held, last = np.zeros(torque.shape[:2]), np.zeros(torque.shape[:2])
-    limit = friction[:, None]
-    for n in range(torque.shape[2]):
-        held = np.clip(held + torque[:, :, n] - last, -limit, limit)
-        last = torque[:, :, n]
-        out[:, :, n] = held
-    return out
 
 
 def draw_poses(model: ArmModel, campaign: Campaign, rng: np.random.Generator) -> Array:

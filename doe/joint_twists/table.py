@@ -12,17 +12,16 @@ from doe.joint_twists.columns import (
     SIGMAS,
     Cells,
     find_columns,
-    in_flange_axes,
     is_reflector_table,
     read_cells,
-    setup_labels,
 )
 from doe.joint_twists.readings import TwistReadings
-from doe.joint_twists.reflector_table import assemble_reflectors
+from doe.joint_twists.reflectors import assemble_reflectors
 from doe.tables import columns as mc
+from doe.tables.checks import check_limits
 from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, RawTable
+from doe.tables.reading import column_notes
 from robots import Robot
-from robots.errors import listed
 from robots.faults import Faults
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
@@ -58,16 +57,18 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
         faults.raise_if_any("measurements")
         readings = assemble_reflectors(table, columns, cells, robot, faults)
     else:
-        readings = _assemble(table, columns, cells, robot, faults)
-    if readings.n:
-        _check_loads(readings, faults)
-        if check_reach:
-            _check_limits(readings, robot, faults)
+        readings = _assemble(table, columns, cells, faults)
+    if readings.n and not readings.wrench.any():
+        faults.add(readings.row_numbers[0], "the load is zero in every component, here and in every row",
+                   allowed="loads other than 0", remedy="give the forces: fx_N, fy_N, fz_N")  # fmt: skip
+    if readings.n and check_reach:
+        check_limits(readings.q, readings.setup, readings.row_numbers, robot, faults)
     faults.raise_if_any("measurements")
-    return replace(readings, notes=(*_notes(table, columns, robot, readings.synthetic), *readings.notes))
+    made_up = ("synthetic readings: made up, nobody measured them",) if readings.synthetic else ()
+    return replace(readings, notes=(*made_up, *column_notes(table, columns, robot), *readings.notes))
 
 
-def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults) -> TwistReadings:
+def _assemble(table: RawTable, columns: Columns, cells: Cells, faults: Faults) -> TwistReadings:
     both = (table, columns)
     twist = mc.numbers(*both, DISPLACEMENTS, faults, empty="not read")
     sigma = np.repeat(mc.numbers(*both, SIGMAS, faults, empty="not known", positive=True), 3, axis=1)
@@ -77,33 +78,10 @@ def _assemble(table: RawTable, columns: Columns, cells: Cells, robot: Robot, fau
                        remedy="fill in the readings, or remove the row")  # fmt: skip
     good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
     return TwistReadings(
-        table.name, table.sha256, cells.q[good], cells.joint[good], in_flange_axes(robot, cells)[good],
+        table.name, table.sha256, cells.q[good], cells.joint[good], cells.wrench[good],
         cells.point[good], twist[good], sigma[good], tuple(compress(cells.phase, good)),
-        tuple(compress(setup_labels(cells), good)), tuple(compress(table.lines, good)), cells.synthetic, (),
+        tuple(compress(cells.setup, good)), tuple(compress(table.lines, good)), cells.synthetic, (),
     )  # fmt: skip
-
-
-def _check_loads(t: TwistReadings, faults: Faults) -> None:
-    if not t.wrench.any():
-        faults.add(t.row_numbers[0], "the load is zero in every component, here and in every row",
-                   allowed="loads other than 0", remedy="give the forces: fx_N, fy_N, fz_N")  # fmt: skip
-
-
-def _check_limits(t: TwistReadings, robot: Robot, faults: Faults) -> None:
-    for i in np.flatnonzero(~robot.reachable(t.q)):
-        for problem in robot.violations(t.q[i]):
-            faults.add(t.row_numbers[i], f"the pose cannot be taken: {problem}",
-                       allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
-
-
-def _notes(table: RawTable, columns: Columns, robot: Robot, synthetic: bool) -> list[str]:
-    out = ["synthetic readings: made up, nobody measured them"] if synthetic else []
-    for kind, group in (("joint", robot.coordinates), ("load", LOADS)):
-        if missing := [name for name in group if name not in columns.known]:
-            out.append(f"{kind} columns missing, taken as 0: {', '.join(missing)}")
-    if columns.unknown:
-        out.append(f"unknown columns, kept but not used: {listed(columns.unknown)}")
-    return [*out, *table.notes]
 
 
 def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:

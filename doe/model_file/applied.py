@@ -12,8 +12,8 @@ import numpy as np
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.tables.loaded import PointOf
 from fem.free.base import Tables
-from fem.free.laws import FreeLaw
-from fem.springs import FourierBasis, PolynomialBasis, TableBasis
+from fem.free.parameters import FreeLaw
+from fem.springs import Basis, FourierBasis, PolynomialBasis, TableBasis
 from robots import InputError, ModelDescription
 from robots.schema.description import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw
 from robots.schema.quantities import RotationalStiffness
@@ -47,10 +47,11 @@ def apply_estimates(
     for e in estimates:
         if not e.parameter.kind.of_law and not math.isnan(e.value):
             e.parameter.kind.put(e.parameter, e.value, tables, partial(_figure, e, source))
+    names = [joint.coordinate for joint in description.joint]
     for law in laws:
         mine = [e for e in estimates if e.parameter.kind.of_law and e.parameter.place == law.joint]
         values = [e.parameter.value if math.isnan(e.value) else e.value for e in mine]
-        tables.of("joint", law.joint)["stiffness"] = _law(description, law, values, source).model_dump()
+        tables.of("joint", law.joint)["stiffness"] = law_table(names, law.basis, values, source).model_dump()
     data["sources"] = {source: "calibration", **data["sources"]}
     applied = ModelDescription.model_validate(data)
     _check_passive(applied)
@@ -88,11 +89,10 @@ def _figure(e: ParameterEstimate, source: str, value: float, unit: str) -> dict[
     return {"value": float(value), "unit": unit, "source": source, "note": note_of(e)}
 
 
-def _law(
-    description: ModelDescription, law: FreeLaw, values: list[float], source: str
+def law_table(
+    names: Sequence[str], basis: Basis, values: Sequence[float], source: str
 ) -> LogPolynomialLaw | LogFourierLaw | TableLaw:
-    names = [joint.coordinate for joint in description.joint]
-    basis = law.basis
+    """A spring's law as a model file has it: coefficients ``values`` of ln k; ``names`` of the basis's columns."""
     if isinstance(basis, PolynomialBasis):
         return LogPolynomialLaw(
             inputs=tuple(names[k] for k in basis.columns),

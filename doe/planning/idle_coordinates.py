@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from doe.planning.outset import Outset
-from doe.planning.plan import Protocol, experiments
+from doe.planning.plan import experiments
+from doe.planning.protocol import Protocol
 from robots.arrays import Array
 
 # Other values tried of a coordinate in each pose.

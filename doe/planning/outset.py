@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.certainty.uncertainty import Certainty, ParameterEstimate, certainty
+from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate, estimate, prior_residual, seen_columns
 from doe.estimation.noise import Noise, Origin, origin
 from doe.estimation.problem import Problem
@@ -104,17 +104,6 @@ def has_enough(p: Problem) -> bool:
     seen = seen_columns(p, p.evaluate(p.free.start)[1])
     needed = sum(bool(visible) and q.prior is None for q, visible in zip(p.parameters, seen, strict=True))
     return needed <= len(p)
-
-
-def outset_of(p: Problem, gauge: tuple[float, float]) -> Outset:
-    """After the readings of a problem; with too few of them for its parameters a vague prior helps out.
-
-    ``gauge``: smallest standard deviation of a reading, m and rad.
-    """
-    if not has_enough(p):
-        return helped_outset(p, gauge)
-    e = estimate(p, gauge)
-    return outset(e, certainty(e))
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.estimation.noise import Noise
-from doe.planning.optimal_choice import Choice, Criterion, choose, judge
+from doe.planning.optimal_choice import Choice, Criterion, choose, judge, random_values
 from doe.planning.outset import Outset
-from doe.planning.random_plans import random_values
-from fem.free.model import FreeModel
+from doe.planning.protocol import Protocol, at_tool, every_load
 from fem.free.parameters import Parameter
-from fem.statics.loads import LoadedPoses, as_loaded
-from robots import InputError
+from fem.statics.loads import LoadedPoses
 from robots.arrays import Array, Bools
 from robots.progress import Progress
 
@@ -23,31 +21,6 @@ RANDOM_REACH = 4
 QUANTILES = (0.1, 0.5, 0.9)
 # Columns below this share of the largest are moved by no reading.
 BLIND = 1e-9
-
-
-@dataclass(frozen=True)
-class Protocol:
-    """What is done in every new set-up.
-
-    ``forces`` (l,) N; ``directions`` (d, 3) unit vectors, base axes: each set-up takes one of them with all the
-    forces; ``components``: what is read (0..5); ``repeats`` of each force.
-    """
-
-    forces: Array
-    directions: Array
-    components: tuple[int, ...] = (2,)
-    repeats: int = 1
-
-    def __post_init__(self) -> None:
-        length = np.linalg.norm(self.directions, axis=1) if self.directions.ndim == 2 else np.zeros(0)
-        if self.directions.shape[1:] != (3,) or not length.size or not np.allclose(length, 1.0):
-            raise InputError("directions of a plan", value=self.directions.tolist(), allowed="unit vectors (d, 3)")
-        if self.forces.size == 0 or not (np.isfinite(self.forces) & (self.forces > 0.0)).all():
-            raise InputError("forces of a plan (N)", value=self.forces.tolist(), allowed="greater than 0")
-        if not self.components or not set(self.components) <= set(range(6)):
-            raise InputError("components to read", value=self.components, allowed="0 to 5, one or more")
-        if not 1 <= self.repeats <= 1000:
-            raise InputError("repeats of a plan", value=self.repeats, allowed="1 to 1000")
 
 
 @dataclass(frozen=True)
@@ -137,7 +110,7 @@ def plan(
         Bad protocol or criterion, or fewer candidates than set-ups.
     """
     candidates = experiments(start, poses, protocol)
-    weight = criterion_weight(start, criterion, workspace or _loaded(start.free, poses, protocol))
+    weight = criterion_weight(start, criterion, workspace or _all(start, poses, protocol))
     found = choose(start.known, candidates, n, criterion, weight=weight, rng=rng, starts=starts, progress=progress)
     most = min(RANDOM_REACH * n, len(candidates))
     random = random_values(start.known, candidates, most, criterion, weight, rng)
@@ -151,7 +124,7 @@ def plan(
 def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterion = "D") -> MeasurementPlan:
     """What measuring all ``poses`` (n, dof) under all directions will tell: a plan that nobody chose."""
     candidates = experiments(start, poses, protocol)
-    weight = criterion_weight(start, criterion, _loaded(start.free, poses, protocol))
+    weight = criterion_weight(start, criterion, _all(start, poses, protocol))
     found = judge(start.known, candidates, np.arange(len(candidates)), criterion, weight)
     d = len(protocol.directions)
     return MeasurementPlan(
@@ -160,14 +133,18 @@ def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterio
     )  # fmt: skip
 
 
+def _all(start: Outset, poses: Array, protocol: Protocol) -> LoadedPoses:
+    return every_load(start.free.model, poses, protocol.directions, protocol.forces)
+
+
 def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
     """Factors (N d, r, p) of the information of every pose and direction, poses slowest; r components read.
 
     A displacement is proportional to the force, so all forces of one set-up tell the same in the same direction:
     they are one row, weighed with their joint information ``F^T V^-1 F``.
     """
-    unit = replace(protocol, forces=np.ones(1))
-    value, J = replace(start.free, at=_loaded(start.free, poses, unit), history=None).evaluate(start.u)
+    at = every_load(start.free.model, poses, protocol.directions, np.ones(1))
+    value, J = replace(start.free, at=at, history=None).evaluate(start.u)
     read = list(protocol.components)
     weight = np.stack([_weight(start.noise, value[:, k], k >= 3, protocol) for k in read], axis=1)
     return np.asarray(np.sqrt(weight)[:, :, None] * J[:, read] * start.slopes)
@@ -185,24 +162,11 @@ def _weight(noise: Noise, per_newton: Array, turn: bool, protocol: Protocol) -> 
     return np.asarray(np.linalg.solve(V, np.broadcast_to(F[:, None], (len(f), F.size, 1)))[:, :, 0] @ F)
 
 
-def _loaded(free: FreeModel, poses: Array, protocol: Protocol) -> LoadedPoses:
-    """Every pose under every direction and force, poses slowest, forces fastest."""
-    loads = (protocol.directions[:, None] * protocol.forces[:, None]).reshape(-1, 3)
-    wrench = np.hstack([np.tile(loads, (len(poses), 1)), np.zeros((len(poses) * len(loads), 3))])
-    return _at_tool(free, np.repeat(poses, len(loads), axis=0), wrench)
-
-
-def _at_tool(free: FreeModel, q: Array, wrench: Array) -> LoadedPoses:
-    """Nominal loads at the tool point, placed as the model says that they act."""
-    return as_loaded(free.model, q, wrench, np.tile(free.model.robot.T_flange_tool[:3, 3], (len(q), 1)))
-
-
 def expected(start: Outset, q: Array, force: Array) -> Array | None:
     """Displacements (n, 6) m and rad to expect at poses q (n, dof) under forces (n, 3) N; None before any reading."""
     if start.best is None:
         return None
-    wrench = np.hstack([force, np.zeros((len(q), 3))])
-    return replace(start.free, at=_at_tool(start.free, q, wrench), history=None).evaluate(start.best)[0]
+    return replace(start.free, at=at_tool(start.free.model, q, force), history=None).evaluate(start.best)[0]
 
 
 def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses) -> Array | None:

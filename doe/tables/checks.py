@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -79,17 +79,17 @@ def check_duplicates(m: Measurements, faults: Faults) -> None:
                    remedy="give each a number in the column repeat, or remove one")  # fmt: skip
 
 
-def check_limits(m: Measurements, robot: Robot, faults: Faults) -> None:
-    """Record poses that the robot cannot take."""
-    outside = np.flatnonzero(~robot.reachable(m.q))
-    if outside.size and robot.reachable(np.degrees(m.q)).all():
-        problem = f"{outside.size} of {m.n} poses cannot be taken as typed, all of them with angles read as radians"
-        faults.add(m.row_numbers[outside[0]], problem, allowed="joint angles in degrees",
+def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Robot, faults: Faults) -> None:
+    """Record poses q (n, dof) rad, with labels and lines (n,), that the robot cannot take."""
+    outside = np.flatnonzero(~robot.reachable(q))
+    if outside.size and robot.reachable(np.degrees(q)).all():
+        problem = f"{outside.size} of {len(q)} poses cannot be taken as typed, all of them with angles read as radians"
+        faults.add(lines[int(outside[0])], problem, allowed="joint angles in degrees",
                    remedy="convert the joint columns to degrees")  # fmt: skip
         return
-    for i in outside:
-        for problem in robot.violations(m.q[i]):
-            faults.add(m.row_numbers[i], f"pose {m.pose[i]} cannot be taken: {problem}",
+    for i in outside.tolist():
+        for problem in robot.violations(q[i]):
+            faults.add(lines[i], f"pose {pose[i]} cannot be taken: {problem}",
                        allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
 
 

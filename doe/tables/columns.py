@@ -6,7 +6,7 @@ import csv
 import hashlib
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
@@ -165,9 +165,16 @@ class Columns:
     unknown: dict[str, int]
 
 
-def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
-    """Sort the header into columns of the contract and unknown ones; faults go to ``faults``."""
-    names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *OPTIONAL)
+def find_columns(
+    table: RawTable, robot: Robot, faults: Faults, own: Sequence[str] = (*DISPLACEMENTS, *OPTIONAL),
+    needed: Mapping[str, Sequence[str]] = MappingProxyType({"deflection column": DISPLACEMENTS}),
+) -> Columns:  # fmt: skip
+    """Sort the header into columns of the contract and unknown ones; faults go to ``faults``.
+
+    The contract has joint coordinates, loads and ``own`` columns; of each group ``needed`` (by what it is called), as
+    of the first two, at least one must be there.
+    """
+    names = (*robot.coordinates, *LOADS, *own)
     known, unknown, meant = dict[str, int](), dict[str, int](), set[str]()
     for i, name in enumerate(table.header):
         column = f"column {name}" if name else f"column number {i + 1}"
@@ -192,7 +199,8 @@ def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
                        remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
         else:
             unknown[name] = i
-    _check_groups(robot, {*known, *meant}, faults)
+    groups = {f"joint column of {robot.name}": robot.coordinates, "load column": LOADS, **needed}
+    _check_groups(groups, {*known, *meant}, faults)
     return Columns(known, unknown)
 
 
@@ -207,9 +215,7 @@ def _right_name(name: str, names: Sequence[str]) -> str | None:
     return None
 
 
-def _check_groups(robot: Robot, present: set[str], faults: Faults) -> None:
-    needed = {f"joint column of {robot.name}": robot.coordinates, "load column": LOADS,
-              "deflection column": DISPLACEMENTS}  # fmt: skip
+def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults: Faults) -> None:
     for kind, group in needed.items():
         if not present.intersection(group):
             faults.add(1, f"the header has no {kind}", allowed=f"at least one of {', '.join(group)}",

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields, replace
-
-import numpy as np
+from dataclasses import replace
 
 from doe.tables.checks import joint_keys, repeated_readings
-from doe.tables.measurements import Measurements
+from doe.tables.measurements import Measurements, stacked
 from robots import InputError
 from robots.faults import Faults
 
@@ -39,14 +37,7 @@ def join(tables: Sequence[Measurements]) -> Measurements:
     columns = dict.fromkeys(name for t in tables for name in t.extra if name != FILE)
     extra = {c: tuple(v for t in tables for v in t.extra.get(c, ("",) * t.n)) for c in columns}
     extra[FILE] = tuple(name for t, name in zip(tables, names, strict=True) for _ in range(t.n))
-    whole: dict[str, object] = {}
-    for item in fields(Measurements):
-        values = [getattr(part, item.name) for part in parts]
-        if isinstance(values[0], np.ndarray):
-            whole[item.name] = np.concatenate(values)
-        elif isinstance(values[0], tuple):
-            whole[item.name] = tuple(v for value in values for v in value)
-    whole |= {
+    whole = stacked(parts) | {
         "extra": extra,
         "notes": tuple(f"{name}: {note}" for t, name in zip(tables, names, strict=True) for note in t.notes),
         "source": " + ".join(names),

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import compress
+from itertools import chain, compress
+from typing import Any, TypeVar
 
 import numpy as np
 
 from robots import InputError
 from robots.arrays import Array, Bools, Indices
+
+Label = TypeVar("Label", bound=Hashable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +75,42 @@ class Measurements:
         mask = np.asarray(mask)
         if mask.dtype != np.bool_ or mask.shape != (self.n,):
             raise InputError("mask", value=f"{mask.dtype} {mask.shape}", allowed=f"bool ({self.n},)")
-        parts: dict[str, object] = {"extra": {k: tuple(compress(v, mask)) for k, v in self.extra.items()}}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                parts[item.name] = value[mask]
-            elif isinstance(value, tuple) and item.name != "notes":
-                parts[item.name] = tuple(compress(value, mask))
-        return replace(self, **parts)  # type: ignore[arg-type]
+        extra = {name: tuple(compress(column, mask)) for name, column in self.extra.items()}
+        return replace(self, **selected(self, mask), extra=extra)  # type: ignore[arg-type]
 
     def pose_groups(self) -> dict[str, Indices]:
         """Row indices of each pose label, labels in order of first appearance."""
-        groups: dict[str, list[int]] = {label: [] for label in self.pose}
-        for i, label in enumerate(self.pose):
-            groups[label].append(i)
-        return {label: np.array(rows, dtype=np.intp) for label, rows in groups.items()}
+        return rows_of(self.pose)
+
+
+def rows_of(labels: Sequence[Label]) -> dict[Label, Indices]:
+    """Rows of each label, labels in order of first appearance."""
+    groups: dict[Label, list[int]] = {}
+    for i, label in enumerate(labels):
+        groups.setdefault(label, []).append(i)
+    return {label: np.array(rows, dtype=np.intp) for label, rows in groups.items()}
+
+
+def columns_of(table: Any) -> dict[str, Array | tuple[Any, ...]]:
+    """The columns of a table in memory, a dataclass: its arrays and tuples, but for its notes."""
+    values = {item.name: getattr(table, item.name) for item in fields(table) if item.name != "notes"}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray | tuple)}
+
+
+def selected(table: Any, mask: Bools) -> dict[str, object]:
+    """Columns of a table where ``mask`` (n,) is true."""
+    return {
+        name: column[mask] if isinstance(column, np.ndarray) else tuple(compress(column, mask))
+        for name, column in columns_of(table).items()
+    }
+
+
+def stacked(tables: Sequence[Any]) -> dict[str, object]:
+    """Columns of several tables of one kind, one below the other."""
+    every = [columns_of(table) for table in tables]
+    return {
+        name: np.concatenate([columns[name] for columns in every])
+        if isinstance(column, np.ndarray)
+        else tuple(chain.from_iterable(columns[name] for columns in every))
+        for name, column in every[0].items()
+    }

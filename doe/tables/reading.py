@@ -56,10 +56,10 @@ def measurements_of(table: RawTable, robot: Robot, *, check_reach: bool = True) 
         for check in (check_readings, check_labels, check_duplicates):
             check(m, faults)
         if check_reach:
-            check_limits(m, robot, faults)
+            check_limits(m.q, m.pose, m.row_numbers, robot, faults)
     faults.raise_if_any("measurements")
     unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
-    notes = (*_column_notes(table, columns, robot), *_unread_notes(m, unread))
+    notes = (*column_notes(table, columns, robot), *_unread_notes(m, unread))
     m = m.select(~unread)
     return replace(m, notes=(*notes, *plausibility_notes(m)))
 
@@ -96,7 +96,8 @@ def _labels(q: Array) -> tuple[str, ...]:
     return tuple(found.setdefault(key, f"P{len(found) + 1}") for key in joint_keys(q))
 
 
-def _column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
+def column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
+    """Say which columns are missing, and which are not used."""
     for kind, group in (("joint", robot.coordinates), ("load", LOADS)):
         if missing := [name for name in group if name not in columns.known]:
             yield f"{kind} columns missing, taken as 0: {', '.join(missing)}"

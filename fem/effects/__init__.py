@@ -1,7 +1,7 @@
 """Physical effects that a plain arm model leaves out, as parts with a law, parameters and a plausible range."""
 
 from fem.effects.base import Effect, EffectParameter, PlacedEffect, Stage
-from fem.effects.catalogue import catalogue, effect_of
+from fem.effects.catalogue import Maker, catalogue, checked_maker, effect_of
 from fem.effects.described import (
     LOAD_PATH,
     build_arm,
@@ -16,7 +16,6 @@ from fem.effects.described import (
     without_effect,
 )
 from fem.effects.observed import observed
-from fem.effects.own import Maker, checked_maker
 from fem.effects.situation import History, Situation, plain_history
 
 __all__ = [

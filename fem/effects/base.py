@@ -117,8 +117,8 @@ class Effect:
     ``subject`` is an ArmModel (stage "model"), LoadedPoses ("load"), None ("arm"; returns (n, 6) on top) or
     displacements (n, 6) ("gauge"). v (k,): amplitudes and shapes in the order of ``parameters``; a stiffness comes as
     a compliance. ``needs_history``: readings must say in which order loads were put on. ``family``: effects that act
-    alike and are cured alike. ``own``: a user's (:mod:`fem.effects.own`): what its law gives is checked, and nothing
-    is taken for granted of how it depends on the springs.
+    alike and are cured alike. ``own``: a user's (:mod:`fem.effects.catalogue`): what its law gives is checked, and
+    nothing is taken for granted of how it depends on the springs.
 
     What a diagnosis asks of it:
 

@@ -8,9 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
-from fem.effects.catalogue import catalogue
+from fem.effects.catalogue import Maker, catalogue
 from fem.effects.observed import act
-from fem.effects.own import Maker
 from fem.effects.structure import load_path as load_path_effect
 from fem.model import ArmModel, LinkKind, build_model
 from robots import InputError, LoadPath, ModelDescription
@@ -210,43 +209,39 @@ def _values(effect: Effect, table: EffectTable, where: str, faults: list[InputEr
                 faults.append(InputError(f"{place}: this key is missing", allowed=_range(parameter), remedy=remedy))
             values.append(parameter.default or 0.0)
             continue
-        value = _si(parameter, number, place, faults)
-        values.append(0.0 if value is None else parameter.amplitude(value))
+        try:
+            values.append(parameter.amplitude(_si(parameter, number, place)))
+        except InputError as fault:
+            faults.append(fault)
     if effect.amplitudes and not table.parameters:
         remedy = "give one of them, or remove the effect"
         faults.append(InputError(f"{where}: no parameter is given", allowed=", ".join(names), remedy=remedy))
     return values if len(faults) == before else None
 
 
-def _si(parameter: EffectParameter, number: EffectNumber, place: str, faults: list[InputError]) -> float | None:
+def _si(parameter: EffectParameter, number: EffectNumber, place: str) -> float:
+    """The value in SI; raises InputError for a unit or a value that it cannot have."""
     try:
         scale = factor(parameter.dimension, number.unit)
     except ValueError as error:
-        faults.append(InputError(f"{place}: {error}", remedy="correct the unit"))
-        return None
+        raise InputError(f"{place}: {error}", remedy="correct the unit") from error
     if parameter.dimension == "compliance" and _kind(number.unit) != _kind(parameter.unit):
-        faults.append(InputError(f"{place}: unit", value=number.unit, allowed=parameter.unit))
-        return None
+        raise InputError(f"{place}: unit", value=number.unit, allowed=parameter.unit)
     value = number.value * scale
     low = parameter.lower if parameter.role == "shape" else 0.0
     must_be_positive = parameter.scale == "compliance" or (parameter.role == "shape" and low > 0.0)
     if must_be_positive and not value > 0.0:
-        faults.append(InputError(place, value=number.value, allowed=f"greater than 0, plausible {_range(parameter)}"))
-        return None
+        raise InputError(place, value=number.value, allowed=f"greater than 0, plausible {_range(parameter)}")
     if parameter.role == "shape" and not _within_reason(parameter, value):
-        faults.append(
-            InputError(place, value=number.value, allowed=f"not far from what is plausible, {_range(parameter)}")
-        )
-        return None
+        raise InputError(place, value=number.value, allowed=f"not far from what is plausible, {_range(parameter)}")
     if must_be_positive:
         try:
             check_magnitude(parameter.dimension, number.unit, number.value, positive=True)
         except ValueError as error:
-            faults.append(InputError(f"{place}: {error}", value=number.value, allowed=f"plausible {_range(parameter)}"))
-            return None
+            allowed = f"plausible {_range(parameter)}"
+            raise InputError(f"{place}: {error}", value=number.value, allowed=allowed) from error
     if not parameter.signed and low >= 0.0 and value < 0.0:
-        faults.append(InputError(place, value=number.value, allowed=f"0 or more, plausible {_range(parameter)}"))
-        return None
+        raise InputError(place, value=number.value, allowed=f"0 or more, plausible {_range(parameter)}")
     return value
 
 

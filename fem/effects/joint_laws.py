@@ -7,13 +7,12 @@ torque: hardening, softening, backlash, friction.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
 from fem.effects.situation import Situation
-from fem.effects.structure import ASSUMED, CLASS, with_joint
+from fem.effects.structure import ASSUMED, CLASS
 from fem.model import ArmModel, JointPart
 from fem.springs import VaryingSpring
 from robots.arrays import Array
@@ -55,7 +54,7 @@ def _angle_dependent(joint: JointPart) -> Effect:
             return np.asarray(v[0] * np.cos(x) + v[1] * np.sin(x) + v[2] * np.cos(2.0 * x) + v[3] * np.sin(2.0 * x))
 
         old = model.joints[joint.joint]
-        return with_joint(model, replace(old, axial=VaryingSpring(old.axial, varied)))
+        return model.with_joint(joint.name, axial=VaryingSpring(old.axial, varied))
 
     shares = (
         share("cos1", 0.05, 0.45, "share of the compliance that goes with the cosine of the angle", CLASS),
@@ -87,7 +86,7 @@ def _gravity_compensator(model: ArmModel) -> Effect:
             return np.asarray(1.0 / np.maximum(1.0 + v[0] * g, 0.1) - 1.0)
 
         old = changed.joints[1]
-        return with_joint(changed, replace(old, axial=VaryingSpring(old.axial, varied)))
+        return changed.with_joint(second.name, axial=VaryingSpring(old.axial, varied))
 
     phase = EffectParameter(
         "phase", "angle", "deg", -np.pi, np.pi, ASSUMED, role="shape", grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi),

@@ -20,18 +20,10 @@ ASSUMED = "assumed"
 OFF_BY = 0.07
 
 
-def rotational(name: str, lower: float, upper: float, source: str, meaning: str) -> EffectParameter:
-    """A rotational stiffness that acts as a compliance."""
-    return EffectParameter(
-        name, "rotational stiffness", "N m/rad", lower, upper, source, scale="compliance", meaning=meaning
-    )
-
-
-def translational(name: str, lower: float, upper: float, source: str, meaning: str) -> EffectParameter:
-    """A translational stiffness that acts as a compliance."""
-    return EffectParameter(
-        name, "translational stiffness", "N/m", lower, upper, source, scale="compliance", meaning=meaning
-    )
+def stiffness(name: str, unit: str, lower: float, upper: float, source: str, meaning: str) -> EffectParameter:
+    """A stiffness, N/m or N m/rad, that acts as a compliance."""
+    dimension = "translational stiffness" if unit == "N/m" else "rotational stiffness"
+    return EffectParameter(name, dimension, unit, lower, upper, source, scale="compliance", meaning=meaning)
 
 
 def structure(model: ArmModel) -> Iterator[Effect]:
@@ -39,23 +31,23 @@ def structure(model: ArmModel) -> Iterator[Effect]:
     for joint in model.joints:
         yield _joint_compliance(joint)
         yield _joint_tilt(joint)
+    tilts = [stiffness(f"stiffness_{a}", "N m/rad", 2e6, 1e8, ASSUMED, f"stiffness about the base's {a}") for a in "xy"]
     yield Effect(
-        "base-tilt", "the base or floor tilts", "model",
-        tuple(rotational(f"stiffness_{a}", 2e6, 1e8, ASSUMED, f"stiffness about the base's {a}") for a in "xy"),
+        "base-tilt", "the base or floor tilts", "model", tuple(tilts),
         _at_place("base", (3, 4)), "base-tilt",
     )  # fmt: skip
     yield Effect(
         "base-vertical", "the base or rail gives way vertically", "model",
-        (translational("stiffness", 5e6, 5e8, ASSUMED, "vertical stiffness"),),
+        (stiffness("stiffness", "N/m", 5e6, 5e8, ASSUMED, "vertical stiffness"),),
         _at_place("base", (2,)), "base-vertical",
     )  # fmt: skip
     across = [
-        translational(
-            f"stiffness_{axis}", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS, f"stiffness across the tool, along its {axis}"
+        stiffness(
+            f"stiffness_{axis}", "N/m", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS, f"stiffness across the tool, along its {axis}"
         )
         for axis in "xy"
     ]
-    along = translational("stiffness_z", 1.0 / 1.5e-7, 1.0 / 2e-8, ASSUMED, "stiffness along the tool")
+    along = stiffness("stiffness_z", "N/m", 1.0 / 1.5e-7, 1.0 / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
         "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, along),
         _at_place("tool", (0, 1, 2)), "tool-compliance",
@@ -63,7 +55,7 @@ def structure(model: ArmModel) -> Iterator[Effect]:
     if model.bar is not None:
         yield Effect(
             "parallelogram-bar", "the parallelogram's bar gives way along its length", "model",
-            (translational("stiffness", 2e7, 1e9, ASSUMED, "stiffness along the bar"),), _bar, "parallelogram-bar",
+            (stiffness("stiffness", "N/m", 2e7, 1e9, ASSUMED, "stiffness along the bar"),), _bar, "parallelogram-bar",
         )  # fmt: skip
 
 
@@ -72,20 +64,16 @@ def joint_is_rigid(joint: JointPart, dof: int) -> bool:
     return not joint.axial.compliance(np.zeros((1, dof))).any()
 
 
-def with_joint(model: ArmModel, changed: JointPart) -> ArmModel:
-    """The model with one joint's part replaced."""
-    return replace(model, joints=tuple(changed if j.joint == changed.joint else j for j in model.joints))
-
-
 def _joint_compliance(joint: JointPart) -> Effect:
     def law(model: ArmModel, _: object, v: Array) -> ArmModel:
         old = model.joints[joint.joint]
-        return with_joint(model, replace(old, axial=SumSpring(old.axial, float(v[0]))))
+        return model.with_joint(joint.name, axial=SumSpring(old.axial, float(v[0])))
 
     lower, upper = (1e5, 4e6) if joint.joint < 3 else (2e4, 3e6)
+    meaning = "stiffness about the axis that comes on top of the spring"
     return Effect(
         f"joint-compliance:{joint.name}", f"joint {joint.name} gives way about its axis", "model",
-        (rotational("stiffness", lower, upper, CLASS, "stiffness about the axis that comes on top of the spring"),),
+        (stiffness("stiffness", "N m/rad", lower, upper, CLASS, meaning),),
         law, "joint-compliance", spring=joint.name,
     )  # fmt: skip
 
@@ -101,7 +89,7 @@ def _joint_tilt(joint: JointPart) -> Effect:
         place = "bearing" if v[2] >= 0.5 else "housing"
         C = getattr(old, place).copy()
         C[[3, 4], [3, 4]] += v[:2]
-        return with_joint(model, replace(old, **{place: C}))
+        return model.with_joint(joint.name, **{place: C})
 
     # Behind a vertical first axis the base's tilt and the joint's are one.
     family = "base-tilt" if joint.joint == 0 else "joint-tilt"
@@ -110,7 +98,9 @@ def _joint_tilt(joint: JointPart) -> Effect:
         meaning="1: the part behind the joint tilts, 0: the housing before it",
     )  # fmt: skip
     across = (
-        rotational(f"stiffness_{axis}", 5e5, 5e6, CLASS, f"stiffness against tilting about the joint's {axis} axis")
+        stiffness(
+            f"stiffness_{axis}", "N m/rad", 5e5, 5e6, CLASS, f"stiffness against tilting about the joint's {axis} axis"
+        )
         for axis in "xy"
     )
     return Effect(

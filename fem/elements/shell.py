@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
-from scipy.sparse.csgraph import connected_components
 
 from fem.elements.assembly import assemble_shell, freedoms
 from fem.elements.condensation import Superelement, is_solution, solve_positive_definite
@@ -22,7 +21,7 @@ from fem.elements.couplings import (
     rigid_coupling,
     rigid_motion,
 )
-from meshes.shell_mesh import ShellMesh
+from meshes.shell_mesh import ShellMesh, connected
 from robots import InputError
 from robots.arrays import Array, Integers
 
@@ -256,7 +255,7 @@ def ring_parts(mesh: ShellMesh, rings: list[Integers], kinds: list[Coupling]) ->
     """Each ring's parts that only the ring itself joins: one for a rigid ring; refuses bodies that nothing joins."""
     pairs = [np.stack([np.full(ring.size, ring[0]), ring], axis=1) for ring in rings]
     rigid = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == "rigid"]
-    bodies, whole = _bodies(len(mesh.nodes), [mesh.edges, *rigid]), _bodies(len(mesh.nodes), [mesh.edges, *pairs])
+    bodies, whole = (connected(len(mesh.nodes), np.concatenate([mesh.edges, *some])) for some in (rigid, pairs))
     if whole.max() > 0:
         raise InputError(
             f"shell mesh {mesh.name}",
@@ -265,10 +264,3 @@ def ring_parts(mesh: ShellMesh, rings: list[Integers], kinds: list[Coupling]) ->
             remedy="merge the nodes where the bodies touch, or drop the loose ones",
         )
     return [[ring[bodies[ring] == body] for body in np.unique(bodies[ring])] for ring in rings]
-
-
-def _bodies(count: int, pairs: Sequence[Integers]) -> Integers:
-    """Number of the connected body that each of the nodes belongs to."""
-    rows, columns = np.concatenate(pairs).T
-    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

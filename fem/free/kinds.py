@@ -11,7 +11,7 @@ import numpy as np
 from fem.effects.base import EffectParameter, PlacedEffect
 from fem.free.base import SHIFT, TURN, Figure, Flexibility, Given, Kind, Parameter, Scale, Tables
 from fem.model import ArmModel, LinkPart
-from fem.springs import RIGID, SpringLaw, SumSpring
+from fem.springs import RIGID, SumSpring
 from fem.statics.ports import BASE, ROWS, TOOL, Port
 from robots import InputError, ModelDescription
 from robots.arrays import Array
@@ -43,9 +43,9 @@ class _Entry(Kind):
         if p.place == TOOL:
             return replace(model, tool=_with(model.tool, a, b, v))
         if (a, b) == (5, 5):
-            return with_spring(model, p.place, SumSpring(RIGID, v))
-        joints = (replace(j, bearing=_with(j.bearing, a, b, v)) if j.name == p.place else j for j in model.joints)
-        return replace(model, joints=tuple(joints))
+            return model.with_joint(p.place, axial=SumSpring(RIGID, v))
+        bearing = model.joints[model.robot.joint_names.index(p.place)].bearing
+        return model.with_joint(p.place, bearing=_with(bearing, a, b, v))
 
     def at_port(
         self, p: Parameter, v: Array, port: Port, model: ArmModel, q: Array, walls: Mapping[str, Flexibility]
@@ -338,16 +338,9 @@ def own_compliance(model: ArmModel, place: str, a: int, b: int, q: Array) -> Arr
         return np.full(len(q), 0.0 if model.bar is None else model.bar.compliance)
     if place in model.robot.joint_names:
         joint = model.joints[model.robot.joint_names.index(place)]
-        if (a, b) == (5, 5):
-            return joint.axial.compliance(q)
-        varying = [law.compliance(q) for row, law in joint.laws if (a, b) == (row, row)]
+        varying = [law.compliance(q) for law in joint.springs_about(a) if a == b]
         return np.full(len(q), joint.bearing[a, b]) + sum(varying, np.zeros(len(q)))
     return np.full(len(q), (model.base if place == BASE else model.tool)[a, b])
-
-
-def with_spring(model: ArmModel, joint: str, spring: SpringLaw) -> ArmModel:
-    """The model with another spring about a joint's axis."""
-    return replace(model, joints=tuple(replace(j, axial=spring) if j.name == joint else j for j in model.joints))
 
 
 def _places(model: ArmModel) -> tuple[str, ...]:

@@ -24,9 +24,8 @@ from fem.effects.base import PlacedEffect
 from fem.effects.observed import observed
 from fem.effects.situation import History, Situation, plain_history
 from fem.free.base import Flexibility, Given, Parameter, Shifts
-from fem.free.kinds import with_spring
-from fem.free.laws import AXIAL, FreeLaw, law_compliance
-from fem.model import ArmModel, JointPart
+from fem.free.parameters import AXIAL, FreeLaw, law_compliance
+from fem.model import ArmModel
 from fem.springs import ConstantSpring, LawSpring, SpringLaw, SumSpring
 from fem.statics.loads import LoadedPoses, as_read, placed
 from fem.statics.ports import Port, port_of, ports
@@ -262,7 +261,12 @@ def changed_model(
     for law in laws:
         coefficients = u[law.first : law.first + law.basis.size]
         spring = LawSpring(law.basis, coefficients)
-        model = with_spring(model, law.joint, spring) if law.row == AXIAL else _with_bearing_law(model, law, spring)
+        if law.row == AXIAL:
+            model = model.with_joint(law.joint, axial=spring)
+        else:
+            joint = model.joints[model.robot.joint_names.index(law.joint)]
+            others = [(row, one) for row, one in joint.laws if row != law.row]
+            model = model.with_joint(law.joint, laws=(*others, (law.row, spring)))
     return model
 
 
@@ -292,11 +296,3 @@ def step_of(p: Parameter, u: float, *, exact: bool) -> tuple[float, float]:
     else:
         h = STEP * min(max(abs(u), 0.1 * high), high - low)
     return max(u - h, low), min(u + h, high)
-
-
-def _with_bearing_law(model: ArmModel, law: FreeLaw, spring: LawSpring) -> ArmModel:
-    def changed(joint: JointPart) -> JointPart:
-        others = tuple((row, one) for row, one in joint.laws if row != law.row)
-        return replace(joint, laws=(*others, (law.row, spring)))
-
-    return replace(model, joints=tuple(changed(j) if j.name == law.joint else j for j in model.joints))

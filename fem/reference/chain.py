@@ -13,7 +13,7 @@ from typing import Generic, Literal, Protocol, TypeVar
 import numpy as np
 
 from fem.elements.couplings import rigid_motion
-from fem.model import ArmModel, JointPart, LinkPart, independent_springs
+from fem.model import ArmModel, JointPart, LinkPart
 from robots.arrays import Array, Integers
 from robots.kinematics import BodyFrames, tool_position
 
@@ -130,7 +130,7 @@ def build_chain(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, buil
     p = robot.parallelogram if model.bar is not None else None
     R, origin = np.ascontiguousarray(frames.R), frames.p
     at = origin[:, 0]
-    motion = _sprung(builder, builder.ground(), "base", None, at, R[:, 0], *independent_springs(model.base))
+    motion = _sprung(builder, builder.ground(), "base", None, at, R[:, 0], *_independent(model.base[None]))
     crank = pin = None
     for body in range(robot.dof + 1):
         if body > 0:
@@ -151,7 +151,7 @@ def build_chain(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, buil
     own = tool_position(robot, frames)
     motion = builder.carried(motion, own - at)
     R_flange = np.ascontiguousarray(frames.R_flange)
-    motion = _sprung(builder, motion, "tool", None, own, R_flange, *independent_springs(model.tool))
+    motion = _sprung(builder, motion, "tool", None, own, R_flange, *_independent(model.tool[None]))
     motion = builder.carried(motion, tool - own)
     if p is None or crank is None or pin is None:
         return Chain(motion, None, np.zeros((len(q), 3)))
@@ -187,12 +187,14 @@ def _joint(
     """A joint: its housing in the axes before it, then spring and bearing in those behind it."""
     before, behind = axes
     j = part.joint
-    motion = _sprung(builder, motion, "housing", j, at, before, *independent_springs(part.housing))
+    motion = _sprung(builder, motion, "housing", j, at, before, *_independent(part.housing[None]))
     if part.is_coupled:
-        motion = _sprung(builder, motion, "bearing", j, at, behind, *_coupled(part, q))
+        C = np.repeat(part.bearing[None], len(q), axis=0)
+        C[:, 5, 5] = part.axial.compliance(q)
+        motion = _sprung(builder, motion, "bearing", j, at, behind, *_independent(C))
     else:
         motion = _turned(builder, motion, part, at, behind, q, free=free)
-        motion = _sprung(builder, motion, "bearing", j, at, behind, *part.springs())
+        motion = _sprung(builder, motion, "bearing", j, at, behind, *_independent(part.bearing[None, :5, :5]))
     for row, law in part.laws:
         stiffness = 1.0 / law.compliance(q)[:, None]
         motion = _sprung(builder, motion, "law", j, at, behind, np.eye(6)[:, [row]], stiffness)
@@ -211,15 +213,21 @@ def _turned(
     return _sprung(builder, motion, "axis", part.joint, at, R, ABOUT_Z, 1.0 / compliance[:, None])
 
 
-def _coupled(part: JointPart, q: Array) -> tuple[Array, Array]:
-    """A joint whose axis and bearing are coupled: eigenvectors (n, 6, k) of its compliance, stiffnesses (n, k)."""
-    C = np.repeat(part.bearing[None], len(q), axis=0)
-    C[:, 5, 5] = part.axial.compliance(q)
-    size = np.sqrt(np.maximum(np.diagonal(C, axis1=1, axis2=2), 1e-300))
+def _independent(C: Array) -> tuple[Array, Array]:
+    """Compliances (n, k, k), k <= 6, as springs: directions (n, 6, r) with stiffnesses (n, r), r their rank.
+
+    Directions are unit vectors where all C are diagonal; else eigenvectors of C with forces and moments scaled alike.
+    """
+    k = C.shape[1]
+    diagonal = np.diagonal(C, axis1=1, axis2=2)
+    size = np.sqrt(np.maximum(diagonal, 1e-300))
     values, vectors = np.linalg.eigh(C / (size[:, :, None] * size[:, None, :]))
     gives = values > 1e-12
+    if not (C - diagonal[:, None] * np.eye(k)).any():
+        size, values, vectors, gives = np.ones_like(size), diagonal, np.broadcast_to(np.eye(k), C.shape), diagonal > 0.0
     kept = gives.any(axis=0)
-    directions = np.where(gives[:, None, :], size[:, :, None] * vectors, 0.0)
+    directions = np.zeros((len(C), 6, k))
+    directions[:, :k] = np.where(gives[:, None, :], size[:, :, None] * vectors, 0.0)
     return directions[:, :, kept], np.where(gives, 1.0 / np.where(gives, values, 1.0), 1.0)[:, kept]
 
 

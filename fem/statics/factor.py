@@ -59,30 +59,36 @@ def compliance_factor(model: ArmModel, q: Array, point: Array | None = None) -> 
     model = replace(model, joints=tuple(_apart(joint) if joint.is_coupled else joint for joint in model.joints))
     rows: list[Array] = []
     weights: list[Array] = []
-    names: list[str] = []
-    group: list[int] = []
     for where, frames, tool in batches(model, q, point):
         parts = list(transfers(model, frames, q[where], tool, where.start))
-        if not parts:
-            raise InputError(
-                f"model of {model.robot.name}: nothing in it gives way",
-                remedy="give it flexible links or joint springs",
-            )
-        rows.append(np.concatenate([_rows(part) for part in parts], axis=1))
-        for part in parts:
-            if (part.compliance < 0.0).any() and part.compliance.ndim == 1:
-                raise InputError(
-                    f"model of {model.robot.name}: compliance of {part.name} with what couples it to other directions",
-                    allowed="positive semidefinite",
-                    remedy="a softer spring about the axis, or a weaker coupling",
-                )
+        _check(model, parts)
+        # Of springs that are single numbers at each pose, the compliance stays outside.
         single = [part.compliance for part in parts if part.compliance.ndim == 1]
+        roots = [np.eye(1) if part.compliance.ndim == 1 else _square_root(part.compliance) for part in parts]
+        rows.append(
+            np.concatenate([F @ np.moveaxis(p.matrix(), 2, 0) for F, p in zip(roots, parts, strict=True)], axis=1)
+        )
         weights.append(np.stack(single, axis=1) if single else np.empty((len(tool), 0)))
-        if not names:
-            names, group = _labels(parts)
-    return ComplianceFactor(
-        np.concatenate(rows), tuple(names), np.concatenate(weights), np.array(group, dtype=np.int64)
-    )
+    count = [len(root) for root in roots]
+    springs = np.array([part.compliance.ndim == 1 for part in parts])
+    group = np.where(springs, np.cumsum(springs) - 1, -1)
+    names = np.repeat([part.name for part in parts], count).tolist()
+    return ComplianceFactor(np.concatenate(rows), tuple(names), np.concatenate(weights), np.repeat(group, count))
+
+
+def _check(model: ArmModel, parts: list[Transfer]) -> None:
+    if not parts:
+        raise InputError(
+            f"model of {model.robot.name}: nothing in it gives way",
+            remedy="give it flexible links or joint springs",
+        )
+    for part in parts:
+        if (part.compliance < 0.0).any() and part.compliance.ndim == 1:
+            raise InputError(
+                f"model of {model.robot.name}: compliance of {part.name} with what couples it to other directions",
+                allowed="positive semidefinite",
+                remedy="a softer spring about the axis, or a weaker coupling",
+            )
 
 
 def _apart(joint: JointPart) -> JointPart:
@@ -96,25 +102,6 @@ def _apart(joint: JointPart) -> JointPart:
     inverse = np.linalg.pinv(bearing[:5, :5] / np.outer(size, size), rcond=_NO_COMPLIANCE, hermitian=True)
     bearing[5, 5] = coupling @ inverse @ coupling
     return replace(joint, bearing=bearing, axial=SumSpring(joint.axial, -bearing[5, 5]))
-
-
-def _labels(parts: list[Transfer]) -> tuple[list[str], list[int]]:
-    names: list[str] = []
-    group: list[int] = []
-    springs = 0
-    for part in parts:
-        single = part.compliance.ndim == 1
-        count = 1 if single else len(_square_root(part.compliance))
-        names += [part.name] * count
-        group += [springs if single else -1] * count
-        springs += single
-    return names, group
-
-
-def _rows(part: Transfer) -> Array:
-    """Rows (n, r, 6) of one part."""
-    T = np.moveaxis(part.matrix(), 2, 0)
-    return T if part.compliance.ndim == 1 else np.asarray(_square_root(part.compliance) @ T)
 
 
 def _square_root(C: Array) -> Array:

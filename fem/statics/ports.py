@@ -18,8 +18,8 @@ import numpy as np
 
 from fem.model import ArmModel
 from fem.statics.loads import as_points, as_wrenches
-from fem.statics.transfers import joint_rows, transfers
-from fem.statics.vectors import cross, poses_last
+from fem.statics.transfers import Moved, joint_rows, transfers
+from fem.statics.vectors import poses_last
 from robots import InputError
 from robots.arrays import Array, Indices
 from robots.kinematics import as_poses, forward_kinematics, tool_position
@@ -103,7 +103,7 @@ def _places(
     """T (s, 6, n) and flexibility of the ports wanted."""
     frames = forward_kinematics(model.robot, q)
     tool = tool_position(model.robot, frames, points)
-    places: dict[str, tuple[Array, Array | None]] = {BASE: (_moved(np.eye(3), poses_last(tool)), None)}
+    places: dict[str, tuple[Array, Array | None]] = {BASE: (_at(frames.R[:, 0], tool), None)}
     for joint, T in joint_rows(model, frames, tool):
         places[model.robot.joint_names[joint]] = (T, None)
     known = {link.name for link in model.links} | {"bar", "crank"}
@@ -111,8 +111,7 @@ def _places(
     for part in transfers(model, frames, q, tool) if wanted else ():
         if part.name in wanted and part.joint is None:
             places[part.name] = (np.broadcast_to(part.matrix(), (len(part.compliance), 6, len(q))), part.compliance)
-    lever = poses_last(tool - tool_position(model.robot, frames))
-    places[TOOL] = (_moved(np.moveaxis(frames.R_flange, 0, -1), lever), None)
+    places[TOOL] = (_at(frames.R_flange, tool - tool_position(model.robot, frames)), None)
     return places if only is None else {name: place for name, place in places.items() if name in only}
 
 
@@ -123,12 +122,6 @@ def port_of(places: dict[str, Port], name: str) -> Port:
     return places[name]
 
 
-def _moved(R: Array, r: Array) -> Array:
-    """T (6, 6, n) to axes R (3, 3) or (3, 3, n), columns, at a point from which the tool is r (3, n) away."""
-    n = max(r.shape[1], R.shape[2] if R.ndim == 3 else 1)
-    T = np.zeros((6, 6, n))
-    for k in range(3):
-        axis = np.broadcast_to(R[:, k].reshape(3, -1), (3, n))
-        T[k, :3] = T[3 + k, 3:] = axis
-        T[3 + k, :3] = cross(axis, np.broadcast_to(r, (3, n)))
-    return T
+def _at(R: Array, r: Array) -> Array:
+    """T (6, 6, n) to axes R (n, 3, 3), columns, at a point from which the tool is r (n, 3) away."""
+    return Moved(poses_last(R), poses_last(r)).matrix()

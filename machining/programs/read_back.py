@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,7 @@ STRAIGHT, IN_ORDER = "motion line after line", "keep moves out of loops, conditi
 _STRING = re.compile(r'"[^"]*"')
 
 
-@dataclass(frozen=True)
-class ReadMove:
+class ReadMove(NamedTuple):
     """A move as its file has it, ``where`` it stands; fields as those of :class:`ReadMoves`."""
 
     where: str
@@ -68,11 +68,11 @@ def collected(moves: Iterable[ReadMove]) -> ReadMoves:
         rows.append(move)
     if not rows:
         raise InputError("program", value="no move in it", allowed="one or more")
-    words, external = (np.array([getattr(row, name) for row in rows]) for name in ("words", "external"))
-    if not (np.isfinite(words).all() and np.isfinite(external).all()):
+    _, kinds, words, external, joint, configuration, speed, duration = zip(*rows, strict=True)
+    placed, axes = np.array(words), np.array(external).reshape(len(rows), -1)
+    if not (np.isfinite(placed).all() and np.isfinite(axes).all()):
         raise InputError("coordinate in a program", allowed="finite numbers")
-    joint, speed, duration = (np.array([getattr(row, name) for row in rows]) for name in ("joint", "speed", "duration"))
-    return ReadMoves(rows[0].kind, words, external, joint, [row.configuration for row in rows], speed, duration)
+    return ReadMoves(kinds[0], placed, axes, np.array(joint), list(configuration), np.array(speed), np.array(duration))
 
 
 def number(where: str, text: str) -> float:
@@ -94,8 +94,7 @@ def whole(where: str, text: str) -> int:
     return int(value)
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """A line of a program: ``where`` it stands, its ``code`` without comment, and the ``move`` that it is, or None."""
 
     where: str
@@ -150,17 +149,17 @@ class Grammar:
         depth = 0
         for i, line in enumerate(body.splitlines(), 1):
             code = _STRING.sub('""', line).partition(self.comment)[0]
-            where, shown = f"{source}, line {i}", code.strip()[:80]
+            where = f"{source}, line {i}"
             if self.jumps.search(code):
-                raise InputError(f"{where}: a jump", value=shown, allowed=STRAIGHT, remedy=IN_ORDER)
+                raise InputError(f"{where}: a jump", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
             depth += len(self.opens.findall(code)) - len(self.closes.findall(code))
             move = self.move.match(code)
             if self.motion.search(code):
                 if move is None:
-                    raise InputError(where, value=shown, allowed=self.readable)
+                    raise InputError(where, value=code.strip()[:80], allowed=self.readable)
                 if depth > 0:
                     what = f"{where}: motion within a loop or a condition"
-                    raise InputError(what, value=shown, allowed=STRAIGHT, remedy=IN_ORDER)
+                    raise InputError(what, value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
             yield Line(where, code, move)
 
 

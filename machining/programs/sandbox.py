@@ -131,11 +131,10 @@ class _Charged(NodeTransformer):
         node = self.generic_visit(node)  # type: ignore[assignment]
         return _through("_joined", nodes.List(node.nodes, lineno=node.lineno))
 
-    def visit_List(self, node: nodes.List) -> nodes.Node:  # noqa: N802
+    def visit_List(self, node: nodes.List | nodes.Dict) -> nodes.Node:  # noqa: N802
         return _through("_sized", self.generic_visit(node))
 
-    def visit_Dict(self, node: nodes.Dict) -> nodes.Node:  # noqa: N802
-        return _through("_sized", self.generic_visit(node))
+    visit_Dict = visit_List  # noqa: N815
 
     def visit_Tuple(self, node: nodes.Tuple) -> nodes.Node:  # noqa: N802
         node = self.generic_visit(node)  # type: ignore[assignment]

@@ -96,18 +96,14 @@ def link_interfaces(
     no rule. The body that a parallelogram drives has a ``pin`` too, across whose bore the driven axis stands.
     """
     n = robot.dof
-    T_before = np.eye(4)
-    if body:
-        T_before = robot.T_pre[body - 1].copy()
-        T_before[:3, :3] = T_before[:3, :3] @ robot.R_post[body - 1]
+    R, p = (
+        robot.T_pre[:, :3, :3] @ robot.R_post,
+        robot.T_pre[:, :3, 3],
+    )  # of each body in the one before, joints at zero
     own_axis = robot.T_pre[0][:3, 2] if body == 0 else robot.R_post[body - 1].T[:, 2]
     next_axis = own_axis if body == n else robot.T_pre[body][:3, 2]
-    facing_root = None if before is None or body == 0 else (before - T_before[:3, 3]) @ T_before[:3, :3]
-    facing_tip = None
-    if after is not None and body < n:
-        T_after = robot.T_pre[body].copy()
-        T_after[:3, :3] = T_after[:3, :3] @ robot.R_post[body]
-        facing_tip = after @ T_after[:3, :3].T + T_after[:3, 3]
+    facing_root = None if before is None or body == 0 else (before - p[body - 1]) @ R[body - 1]
+    facing_tip = None if after is None or body == n else after @ R[body].T + p[body]
     interfaces = {
         "root": Interface(np.zeros(3), own_axis, facing_root, whole=body == 0),
         "tip": Interface(body_tip(robot, body), next_axis, facing_tip),

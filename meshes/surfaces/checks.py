@@ -9,11 +9,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 import trimesh
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from meshes.shell_mesh import connected, sides
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 
@@ -38,10 +37,7 @@ def census(nodes: Array, faces: Integers) -> tuple[int, int]:
     nodes, faces, _ = _merged(nodes, faces)
     if not len(faces):
         return 0, 0
-    rows, columns = np.concatenate([faces[:, :2], faces[:, 1:]]).T
-    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(len(nodes),) * 2)
-    label = connected_components(graph, directed=False)[1]
-    return int(np.unique(label[faces[:, 0]]).size), len(_open_edges(faces))
+    return int(np.unique(connected(len(nodes), sides(faces))[faces[:, 0]]).size), len(_open_edges(faces))
 
 
 def repair_surface(name: str, nodes: Array, faces: Integers, hole: float) -> tuple[Array, Integers, list[str]]:
@@ -79,14 +75,14 @@ def _merged(nodes: Array, faces: Integers) -> tuple[Array, Integers, list[str]]:
     step = SAME_POINT * max(float(np.linalg.norm(np.ptp(nodes, axis=0))), np.finfo(float).tiny)
     # Not rounding to a grid: that would part two corners on both sides of a grid line.
     pairs = KDTree(nodes).query_pairs(step, output_type="ndarray")
-    graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes),) * 2)
-    count, label = connected_components(graph, directed=False)
+    label = connected(len(nodes), pairs)
     first = np.unique(label, return_index=True)[1]
-    merged = label[faces].astype(np.int64)
+    merged = label[faces]
     point = (merged == np.roll(merged, 1, axis=1)).any(axis=1)
     kept = merged[~point]
     _, single = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
-    notes = [f"{len(nodes) - count} corners merged with others at the same place"] if count < len(nodes) else []
+    lost = len(nodes) - len(first)
+    notes = [f"{lost} corners merged with others at the same place"] if lost else []
     if point.any():
         notes.append(f"{int(point.sum())} degenerate triangles with repeated corners dropped")
     if single.size < len(kept):
@@ -114,10 +110,7 @@ def _without_flat(name: str, nodes: Array, faces: Integers) -> tuple[Integers, l
 
 def _largest_body(name: str, nodes: Array, faces: Integers) -> tuple[Integers, list[str]]:
     """Faces of the body with the largest area."""
-    n = len(nodes)
-    rows, columns = np.concatenate([faces[:, :2], faces[:, 1:]]).T
-    label = connected_components(sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(n, n)), False)[1]
-    body = label[faces[:, 0]]
+    body = connected(len(nodes), sides(faces))[faces[:, 0]]
     area = np.bincount(body, _triangles.area(nodes[faces]))
     order = np.argsort(-area)
     order = order[area[order] > 0.0]
@@ -137,17 +130,15 @@ def _largest_body(name: str, nodes: Array, faces: Integers) -> tuple[Integers, l
 def _wound(name: str, faces: Integers) -> tuple[Integers, int]:
     """Turn faces until neighbours run along their common edge in opposite ways; how many were turned."""
     m = len(faces)
-    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    half = sides(faces)
     order = np.lexsort(np.sort(half, axis=1).T)
     same = (np.sort(half[order[1:]], axis=1) == np.sort(half[order[:-1]], axis=1)).all(axis=1)
     one, two = order[:-1][same], order[1:][same]
     against = half[one, 0] == half[two, 0]
     one, two = one // 3, two // 3
     # Each face stands twice, as it is (f) and turned (f + m); agreeing neighbours are joined.
-    rows = np.concatenate([one, one + m])
-    columns = np.concatenate([np.where(against, two + m, two), np.where(against, two, two + m)])
-    graph = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(2 * m, 2 * m))
-    label = connected_components(graph, directed=False)[1].reshape(2, m)
+    agreeing = [[one, np.where(against, two + m, two)], [one + m, np.where(against, two, two + m)]]
+    label = connected(2 * m, np.concatenate(agreeing, axis=1).T).reshape(2, m)
     if (label[0] == label[1]).any():
         raise SurfaceFault(f"surface {name} has one side only", remedy="repair it in a CAD program")
     turned = label[0] > label[1]
@@ -158,7 +149,7 @@ def _wound(name: str, faces: Integers) -> tuple[Integers, int]:
 
 def _open_edges(faces: Integers) -> Integers:
     """Edges (e, 2) with one face only, in that face's sense."""
-    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges = sides(faces)
     _, inverse, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(edges[count[inverse.ravel()] == 1])
 
@@ -169,9 +160,8 @@ def _fill_holes(name: str, nodes: Array, faces: Integers, hole: float) -> tuple[
     if not len(edges):
         return nodes, faces, []
     n = len(nodes)
-    count, label = connected_components(sp.coo_array((np.ones(len(edges)), tuple(edges.T)), shape=(n, n)), False)
-    loop = label[edges[:, 0]]
-    around = np.bincount(loop, np.linalg.norm(nodes[edges[:, 1]] - nodes[edges[:, 0]], axis=1), minlength=count)
+    loop = connected(n, edges)[edges[:, 0]]
+    around = np.bincount(loop, np.linalg.norm(nodes[edges[:, 1]] - nodes[edges[:, 0]], axis=1))
     simple = np.unique(edges[:, 0]).size == len(edges) == np.unique(edges[:, 1]).size
     if around.max() > hole or not simple:
         middle = nodes[edges[loop == np.argmax(around)][:, 0]].mean(axis=0)

@@ -156,8 +156,6 @@ def thinned(nodes: Array, faces: Integers, count: int) -> tuple[Array, Integers]
     whole: Any = pv.PolyData.from_regular_faces(nodes, faces.astype(int))
     less = whole.decimate(1.0 - count / len(faces), volume_preservation=True)
     nodes, faces = np.asarray(less.points, dtype=np.float64), np.asarray(less.regular_faces, dtype=np.int64)
-    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    closed = (np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)[1] == 2).all()
-    wound = len(np.unique(edges, axis=0)) == len(edges)
+    mesh = trimesh.Trimesh(nodes, faces, process=False)
     used, flat = np.unique(faces, return_inverse=True)
-    return (nodes[used], flat.reshape(-1, 3)) if closed and wound else None
+    return (nodes[used], flat.reshape(-1, 3)) if mesh.is_watertight and mesh.is_winding_consistent else None

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
 
 from meshes.shell_mesh import ShellMesh
 from meshes.surfaces.checks import SurfaceFault, census
@@ -58,30 +57,15 @@ class ImportedLink:
 
 
 def import_surface(
-    path: Path | str,
-    *,
-    scale: float | None = None,
-    target_size: float | None = None,
-    wall: float,
-    youngs_modulus: float,
-    poissons_ratio: float,
-    interface_points: Mapping[str, ArrayLike],
-    interface_radius: Mapping[str, float] | None = None,
-    interface_axes: Mapping[str, ArrayLike] | None = None,
-    expected_span: float | None = None,
-    repair: Repair = "auto",
-    opening: float | None = None,
+    path: Path | str, interfaces: Mapping[str, Interface], settings: ImportSettings, scale: float | None = None
 ) -> ImportedLink:
     """Triangle shell on the mid-surface of a casing whose outer skin is in a STL, OBJ, DAE or PLY file.
 
     Parameters
     ----------
     path : the file, in the link's own frame
+    interfaces : the root first
     scale : metres for one unit of the file (0.001 for mm); None takes the file's own unit, else metres
-    interface_points : point (3,) m of each interface, the root first
-    interface_radius : by name, m
-    interface_axes : joint axis (3,) at an interface, by name; see :func:`meshes.surfaces.rings.choose_rings`
-    target_size, wall, youngs_modulus, poissons_ratio, expected_span, repair, opening : see :class:`ImportSettings`
 
     Limits: one wall thickness; what is seen of the skin from outside counts, and of holes smaller than two target
     sizes across nothing is seen; details smaller than the target size are lost.
@@ -94,30 +78,8 @@ def import_surface(
         at an interface, rings that share nodes.
     """
     path = Path(path)
-    settings = ImportSettings(
-        wall, youngs_modulus, poissons_ratio, target_size, repair, opening, expected_span=expected_span
-    )
-    interfaces = _interfaces(interface_points, interface_radius or {}, interface_axes or {})
     nodes, faces, notes = read_surface(path, scale)
     return prepare_link(path.stem, nodes, faces, interfaces, settings, tuple(notes))
-
-
-def _interfaces(
-    points: Mapping[str, ArrayLike], radius: Mapping[str, float], axes: Mapping[str, ArrayLike]
-) -> dict[str, Interface]:
-    for what, given in (("interface radius", radius), ("interface axis", axes)):
-        unknown = sorted(set(given) - set(points))
-        if unknown:
-            raise InputError(f"{what} {unknown[0]}", allowed=f"for {', '.join(points)}")
-    as_array = {name: np.asarray(point, dtype=np.float64) for name, point in points.items()}
-    return {
-        name: Interface(
-            point,
-            None if name not in axes else np.asarray(axes[name], dtype=np.float64),
-            radius=radius.get(name),
-        )
-        for name, point in as_array.items()
-    }
 
 
 def prepare_link(

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from meshes.shell_mesh import connected, sides
 from meshes.surfaces.remesh import normals, unit
 from robots import InputError
 from robots.arrays import Array, Integers
@@ -164,10 +163,8 @@ def _pieces(ring: Integers, faces: Integers) -> Integers:
     """Which connected piece (r,) of the surface each node of a set belongs to."""
     place = np.full(int(faces.max()) + 1, -1)
     place[ring] = np.arange(ring.size)
-    edges = place[np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]])]
-    edges = edges[(edges >= 0).all(axis=1)]
-    graph = sp.coo_array((np.ones(len(edges)), tuple(edges.T)), shape=(ring.size, ring.size))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    edges = place[sides(faces)]
+    return connected(ring.size, edges[(edges >= 0).all(axis=1)])
 
 
 def _ball_ring(distance: Array, size: float, limit: float) -> Ring | None:

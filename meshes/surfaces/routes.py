@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import trimesh
 
 from meshes.surfaces.checks import SurfaceFault, crossings, repair_surface
-from meshes.surfaces.offset import offset_inward
 from meshes.surfaces.reading import SPAN_RATIO
 from meshes.surfaces.remesh import remesh, sharp_density
 from meshes.surfaces.rings import Interface, Ring, choose_rings
@@ -18,7 +17,9 @@ from robots import InputError
 from robots.arrays import Array, Integers
 
 if TYPE_CHECKING:
-    from meshes.surfaces.wrap import Departure, Method, Wrap
+    from meshes.surfaces.wrap import Method, Wrap
+from meshes.surfaces.remesh import normals, unit
+from robots.arrays import Bools
 
 Repair = Literal["auto", "none", "wrap"]
 
@@ -40,6 +41,10 @@ WRAPPED_ANGLE_DEG = 8.0
 USELESS_ANGLE_DEG = 0.1
 # Triangles of a wrap over those wanted, to begin remeshing with.
 START = 1.5
+# Directions in which the faces around a node say less than this about the mid-surface are left alone.
+LEAST_SHARE = 0.03
+# No node moves further than this many half walls: a right-angled corner needs 1.73.
+FARTHEST = 2.5
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,7 @@ def wrapped(
 ) -> Meshed:
     """Wrap any surface and mesh the wrap's mid-surface; where no opening is asked for, the width is found by trial."""
     # Brings VTK with it, which only wrapping needs.
-    from meshes.surfaces.trials import by_trial, methods, warning
+    from meshes.surfaces.trials import by_trial, methods
     from meshes.surfaces.wrap import check_method, wrap_surface
 
     check_method(settings.wrap)
@@ -138,20 +143,8 @@ def wrapped(
         method, failed = methods(settings.wrap)[0], ()
         done = _casing(name, nodes, faces, settings.wall, size, settings.opening, method)
     rings, shrunk = choose_rings(interfaces, done.nodes, done.faces, size, name)
-    report = [f"closing width {trial}: not taken" for trial in failed]
-    report += [*warning(done.off, size), *done.report, *shrunk]
-    off = (done.off.middling, done.off.worst)
-    return Meshed(done.nodes, done.faces, rings, size, tuple(report), off)
-
-
-@dataclass(frozen=True)
-class _Casing:
-    """Nodes, faces, lines for the report and departure of a wrapped mid-surface."""
-
-    nodes: Array
-    faces: Integers
-    report: tuple[str, ...]
-    off: Departure
+    tried = (f"closing width {trial}: not taken" for trial in failed)
+    return replace(done, rings=rings, report=(*tried, *done.report, *shrunk))
 
 
 def _casing(
@@ -163,9 +156,9 @@ def _casing(
     opening: float,
     method: Method,
     most: float = np.inf,
-) -> _Casing:
-    """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is further than ``most`` m off."""
-    from meshes.surfaces.trials import TooFar
+) -> Meshed:
+    """Mid-surface of a wrap, meshed, no rings yet; SurfaceFault where there is none, or it is over ``most`` m off."""
+    from meshes.surfaces.trials import TooFar, warning
     from meshes.surfaces.wrap import departure, middle_surface, original_seen, wrap_surface
 
     wrap = wrap_surface(name, nodes, faces, size, opening, method)
@@ -188,7 +181,8 @@ def _casing(
         f"details lost and openings bridged: 95 % of what is seen is off by less than {1e3 * off.middling:.3g} mm, "
         f"all of it by less than {1e3 * off.worst:.3g} mm",
     )
-    return _Casing(middle, cells, report, off)
+    report = (*warning(off, size), *report)
+    return Meshed(middle, cells, {}, size, report, (off.middling, off.worst))
 
 
 def _remeshed(
@@ -255,3 +249,45 @@ def _refuse_crossings(name: str, nodes: Array, faces: Integers, what: str, remed
 def least_angle(nodes: Array, faces: Integers) -> float:
     """Smallest angle of all triangles, deg."""
     return float(np.rad2deg(_triangles.angles(nodes[faces]).min()))
+
+
+def offset_inward(name: str, nodes: Array, faces: Integers, depth: float) -> tuple[Array, int]:
+    """Move nodes (n, 3) so that the planes of the faces around each move inward by ``depth`` m.
+
+    Least squares over the faces, weighted by angle, so that sharp edges and corners keep the wall on all their
+    sides. Nodes of elements that would fold move less; their number comes with the new nodes.
+
+    Raises
+    ------
+    SurfaceFault
+        Elements fold even so.
+    """
+    normal = unit(normals(nodes, faces))
+    weight = _triangles.angles(nodes[faces])[:, :, None]
+    matrix, side = np.zeros((len(nodes), 3, 3)), np.zeros((len(nodes), 3))
+    np.add.at(matrix, faces, weight[..., None] * (normal[:, :, None] * normal[:, None, :])[:, None])
+    np.add.at(side, faces, -depth * weight * normal[:, None])
+    values, axes = np.linalg.eigh(matrix)
+    inverse = np.where(values > LEAST_SHARE * values[:, -1:], 1.0 / np.maximum(values, 1e-300), 0.0)
+    move = np.einsum("nij,nj,nkj,nk->ni", axes, inverse, axes, side)
+    move *= np.minimum(1.0, FARTHEST * depth / np.maximum(np.linalg.norm(move, axis=1), 1e-300))[:, None]
+    less = np.zeros(len(nodes), dtype=bool)
+    for _ in range(5):
+        folded = _folded(nodes, nodes + move, faces)
+        if not folded.any():
+            return nodes + move, int(less.sum())
+        worst = np.unique(faces[folded])
+        less[worst] = True
+        move[worst] *= 0.5
+    raise SurfaceFault(
+        f"surface {name}: {int(folded.sum())} elements fold on the way to the mid-surface",
+        value=f"inward by {depth:.4g} m",
+        remedy="smooth sharp details, or choose a larger target size or a thinner wall",
+    )
+
+
+def _folded(before: Array, after: Array, faces: Integers) -> Bools:
+    """Faces (m,) that turned by more than 60 deg or with an edge that all but vanished or turned round."""
+    tilted = np.einsum("ij,ij->i", unit(normals(after, faces)), unit(normals(before, faces))) < 0.5
+    old, new = (np.roll(nodes[faces], -1, axis=1) - nodes[faces] for nodes in (before, after))
+    return np.asarray(tilted | ((old * new).sum(axis=2) < 0.1 * (old**2).sum(axis=2)).any(axis=1))

@@ -142,10 +142,7 @@ def diagnose(
         if found.tells:
             description = described(found)
             made = as_face(Arm.of(description, arm.model.link_kind, None, arm.own))
-    before, after, held = found.found.before, found.found.after, found.held_out
-    outside = (
-        (before.left_out_rms_mm, after.left_out_rms_mm) if held is None else (held.rms_before_mm, held.rms_after_mm)
-    )
+    before, after = found.found.before, found.found.after
     codes = tuple(f.code for f in found.in_model)
-    gap = Gap(before.fit_rms_mm, after.fit_rms_mm, *outside, noise_floor_mm(found.found))
+    gap = Gap(before.fit_rms_mm, after.fit_rms_mm, *found.unseen_rms_mm, noise_floor_mm(found.found))
     return Diagnosis(made, found.found.verdict, found.found.reason, codes, gap, found.remarks, found)

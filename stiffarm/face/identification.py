@@ -62,7 +62,7 @@ class Identification(Shown):
         from stiffarm.commands.identify.figures import compliances_figure
         from stiffarm.face.pictures import picture_of
 
-        return picture_of(compliances_figure(self.found.found, self.arm.robot.joint_names)).kept(file)
+        return picture_of(compliances_figure(self.found.found)).kept(file)
 
 
 def identify(

@@ -40,9 +40,10 @@ def bars_figure(
     series: Mapping[str, Mapping[str, float]],
     what: str,
     below: str = "",
-    line: tuple[str, float] | None = None,
+    lines: Mapping[str, float] | None = None,
     *,
     log: bool = False,
+    colours: Sequence[str] = SERIES,
 ) -> Figure:
     """Draw bars side by side, a group for each label and a colour for each series, with their values where few.
 
@@ -52,8 +53,9 @@ def bars_figure(
     ----------
     series : name -> label -> value (NaN or missing: no bar)
     what, below : labels of the two axes, with the unit
-    line : name and value of a dashed line across
+    lines : name and value of up to two lines across
     log : a logarithmic axis of values
+    colours : of the series, in turn
 
     Raises
     ------
@@ -66,34 +68,36 @@ def bars_figure(
     if not known.size or (log and (known <= 0.0).any()):
         raise InputError(f"bars of {what}", value=known.tolist(), allowed="a finite value" + ", all above 0" * log)
     limit = np.inf if log else axis_limit(known)
-    top = min(1.12 * limit, float(known.max()))
+    top = min(1.12 * limit, float(known.max())) or limit
+    # Numbers side by side: three digits of the longest bar, on a logarithmic axis of each.
+    digits = ".3g" if log else f".{int(np.clip(2 - np.floor(np.log10(top)), 0, 4))}f"
     step = 0.8 / len(series)
     with drawing(heading, (10.0, 4.0)) as (figure, (ax,)):
         for i, (name, heights) in enumerate(zip(series, values, strict=True)):
             at = np.arange(len(labels)) + (i - (len(series) - 1) / 2) * step
-            ax.bar(at, np.minimum(heights, top), 0.92 * step, color=SERIES[i % 6], label=name)
+            ax.bar(at, np.minimum(heights, top), 0.92 * step, color=colours[i % len(colours)], label=name)
             for x, height in zip(at, heights, strict=True):
-                _value(ax, x, height, top, values.size)
-        if line is not None:
-            ax.axhline(line[1], color=INK, linewidth=1.0, linestyle="--", label=line[0])
+                _value(ax, x, height, top, values.size, digits)
+        for (name, value), style in zip((lines or {}).items(), ("--", ":"), strict=False):
+            ax.axhline(value, color=INK, linewidth=1.2, linestyle=style, label=name)
         named_columns(ax, labels)
         if log:
             ax.set_yscale("log")
             ax.set_ylim(0.5 * known.min(), 2.0 * known.max())
             log_ticks(ax.yaxis, lambda v: f"{v:g}")
         else:
-            ax.set_ylim(0.0, 1.14 * top)
+            ax.set_ylim(0.0, 1.14 * max([top, *(lines or {}).values()]))
         ax.set_xlabel(below)
         ax.set_ylabel(what + "\n↑ leaves the axis" * bool((known > top).any()))
         above(ax, ax.get_legend_handles_labels()[0], 4)
     return figure
 
 
-def _value(ax: Axes, x: float, height: float, top: float, bars: int) -> None:
+def _value(ax: Axes, x: float, height: float, top: float, bars: int, digits: str) -> None:
     """Write the height of a bar above it, a dash where there is none."""
     if bars > _BARS_BARE:
         return
-    text = "–" if not np.isfinite(height) else f"{height:.3g}" + " ↑" * bool(height > top)
+    text = "–" if not np.isfinite(height) else f"{height:{digits}}" + " ↑" * bool(height > top)
     end = min(height, top) if np.isfinite(height) else ax.get_ylim()[0]
     note(ax, text, (x, end), (0, 2), va="bottom", rotation=90 if bars > _BARS_UPRIGHT else 0)
 

@@ -50,12 +50,7 @@ def _extent(scenes: Sequence[Scene], arrows: Sequence[Array]) -> tuple[float, fl
     corners = np.vstack([*arrows, *[np.asarray(body.mesh.vertices) for scene in scenes for body in scene.bodies]])
     flat = _CAMERA(corners)[:, :2]
     low, high = flat.min(axis=0), flat.max(axis=0)
-    half = (0.5 + _MARGIN) * (high - low)
-    size = np.array([WIDTH, HEIGHT])
-    half = np.maximum(half, half[::-1] * size / size[::-1])
-    middle = 0.5 * (low + high)
-    (u0, v0), (u1, v1) = middle - half, middle + half
-    return float(u0), float(u1), float(v0), float(v1)
+    return style.window(0.5 * (low + high), (0.5 + _MARGIN) * (high - low), np.array([WIDTH, HEIGHT]))
 
 
 def _drawn(scene: Scene, arrow: Array, extent: tuple[float, float, float, float]) -> str:

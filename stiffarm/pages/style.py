@@ -246,6 +246,16 @@ def box_ticks(points: Array) -> list[Array]:
     return [np.arange(a, b + 0.5) * step for a, b in zip(first, last, strict=True)]
 
 
+def window(middle: Array, half: Array, size: Array) -> tuple[float, float, float, float]:
+    """The piece (u0, u1, v0, v1) of a plane about ``middle`` that holds ``half`` to each side.
+
+    All (2,), across and up; ``size`` says what shape the piece has.
+    """
+    half = np.maximum(half, half[::-1] * size / size[::-1])
+    (u0, v0), (u1, v1) = middle - half, middle + half
+    return float(u0), float(u1), float(v0), float(v1)
+
+
 def frame_axes(figure: Figure, camera: Camera, ticks: Sequence[Array], *, flat: bool) -> Axes:
     """Add axes of the picture plane in mm that hold the box spanned by ``ticks`` (along x, y, z).
 
@@ -257,9 +267,7 @@ def frame_axes(figure: Figure, camera: Camera, ticks: Sequence[Array], *, flat: 
     low, high = outer.min(axis=0), outer.max(axis=0)
     pad = (high - low) * (np.array([0.02, 0.02]) if flat else np.array([0.055, 0.05]))
     size = figure.get_size_inches() * [axes.get_position().width, axes.get_position().height]
-    half = 0.5 * (high - low) + pad
-    half = np.maximum(half, half[::-1] * size / size[::-1])
-    (u0, v0), (u1, v1) = 0.5 * (low + high) - half, 0.5 * (low + high) + half
+    u0, u1, v0, v1 = window(0.5 * (low + high), 0.5 * (high - low) + pad, size)
     axes.set(xlim=(u0, u1), ylim=(v0, v1), autoscale_on=False)
     if flat:
         axes.set(xlabel="X (mm)", ylabel="Z (mm)")

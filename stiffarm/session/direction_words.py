@@ -1,6 +1,8 @@
-"""Directions of loads in words."""
+"""Set-ups and directions of loads in words."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,3 +23,11 @@ def direction_words(direction: Array) -> str:
     x, y, z = (float(v) + 0.0 for v in np.round(direction, 6))
     known = _SIDES.get((int(x), int(y), int(z))) if {abs(x), abs(y), abs(z)} <= {0.0, 1.0} else None
     return known or f"along ({x:.3g}, {y:.3g}, {z:.3g}) of the base".replace("-", "−")
+
+
+def set_up_rows(labels: Sequence[str], q: Array, direction: Array) -> tuple[tuple[str, ...], ...]:
+    """A row for each set-up (n,) to measure: label, angles of q (n, dof) rad in deg, direction (n, 3) of the load."""
+    return tuple(
+        (label, *(f"{v:.5g}" for v in angles), direction_words(way))
+        for label, angles, way in zip(labels, np.degrees(q) + 0.0, direction, strict=True)
+    )

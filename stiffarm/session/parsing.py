@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from robots.errors import raise_any, twice
 from robots.frames import frame_mm_deg, rpy_of
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 # Far above any load; beyond about 1e150 squares overflow.
 LARGEST_LOAD = 1e9
 FRAME_FORM = "x,y,z in mm, or x,y,z,a,b,c with a, b, c in deg about the fixed axes x, then y, then z"
@@ -26,6 +28,20 @@ def parse_word(text: str, allowed: tuple[Word, ...], option: str) -> Word:
         if word == text:
             return word
     raise InputError(option, value=text, allowed=", ".join(allowed), remedy="choose one of them")
+
+
+def refuse_given(options: Mapping[str, object], why_not: str, remedy: str) -> None:
+    """Refuse options that were given (not None) where nothing would heed them."""
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise InputError(f"{', '.join(given)}: {why_not}", remedy=remedy)
+
+
+def refuse_together(options: Mapping[str, object]) -> None:
+    """Refuse more than one of some options that exclude one another."""
+    given = [name for name, value in options.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
 
 
 def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:

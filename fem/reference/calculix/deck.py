@@ -8,6 +8,7 @@ raises RuntimeError where a caller asks for such a thing.
 from __future__ import annotations
 
 import re
+import textwrap
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ PA_PER_MPA = 1e6
 # Coefficients below this share of an equation's largest are round-off of products of cosines.
 SMALLEST_SHARE = 1e-14
 _NAME = re.compile("[A-Z0-9_]{1,80}")
+_SPELT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 _LONGEST_PART = 40
 _LONGEST_COMMENT = 110
 
@@ -68,26 +70,22 @@ def with_middles(mesh: ShellMesh) -> QuadraticMesh:
 
 def safe_name(text: str) -> str:
     """A part of a set's name: at most 40 capitals, digits and underscores; empty if nothing is left."""
-    kept = "".join(c if c.isascii() and c.isalnum() else "_" for c in ascii_text(text).upper())
-    return "_".join(filter(None, kept.split("_")))[:_LONGEST_PART].rstrip("_")
+    return re.sub("[^A-Z0-9]+", "_", ascii_text(text).upper()).strip("_")[:_LONGEST_PART].rstrip("_")
 
 
 def ascii_text(text: str) -> str:
     """Printable ASCII on one line: accents are dropped, anything else becomes a question mark."""
-    for umlaut, spelt in {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"}.items():
-        text = text.replace(umlaut, spelt)
-    plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
-    return "".join(c if c.isascii() and c.isprintable() else "?" for c in plain)
+    plain = unicodedata.normalize("NFKD", text.translate(_SPELT))
+    return "".join(c if c.isascii() and c.isprintable() else "?" for c in plain if not unicodedata.combining(c))
 
 
 def comment(text: str) -> str:
     """A comment of one line or more: it cannot become a keyword, whatever the text holds."""
-    words, lines = ascii_text(text).split(" "), [""]
-    for word in words:
-        if len(lines[-1]) + len(word) >= _LONGEST_COMMENT:
-            lines.append("  ")
-        lines[-1] += (" " if lines[-1].strip() else "") + word
-    return "".join(f"** {line.rstrip()}".rstrip() + "\n" for line in lines)
+    plain = ascii_text(text)
+    lines = textwrap.wrap(
+        plain, _LONGEST_COMMENT, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
+    return "".join(f"** {line}".rstrip() + "\n" for line in lines or [""])
 
 
 def number(value: float) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from doe.tables.load_history import history_of
-from robots import InputError
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
@@ -118,12 +117,10 @@ def calibrate(
         staged_only = {"--spacing": spacing}
         global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}
         global_only |= {"--holdout": holdout, "--bootstrap": bootstrap or None, "--no-robust": None if robust else ""}
-        if scheme not in (None, "staged", "global"):
-            raise InputError("--scheme", value=scheme, allowed="staged, global", remedy="choose one of them")
-        if spacing not in (None, "log", "linear"):
-            raise InputError("--spacing", value=spacing, allowed="log, linear", remedy="choose one of them")
-        _refuse_both({"--joints": joints, "--free": free, "--campaign": campaign})
-        _refuse_both({"--campaign": campaign, "--low or --high": low or high})
+        parsing.parse_word("staged" if scheme is None else scheme, ("staged", "global"), "--scheme")
+        parsing.parse_word("log" if spacing is None else spacing, ("log", "linear"), "--spacing")
+        parsing.refuse_together({"--joints": joints, "--free": free, "--campaign": campaign})
+        parsing.refuse_together({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = parsing.parse_loads(loads)
         given = frame.model(model, links, load_path, effect=effect)
         table = frame.readings(given, data, confirm_units=confirm_units)
@@ -135,7 +132,11 @@ def calibrate(
         elif given.description.effect:
             codes = ", ".join(described.code for described in given.description.effect)
             say_notes((f"with effects: {codes}", *history_notes(given.effects, history_of(table))))
-        _refuse(global_only if staged else staged_only, "staged" if staged else "global")
+        if staged:
+            parsing.refuse_given(global_only, "no option of --scheme staged", "give --scheme global")
+        else:
+            remedy = "give --scheme staged, or leave it out"
+            parsing.refuse_given(staged_only, "no option of --scheme global", remedy)
         frame.reads(scheme_file=scheme_file, campaign=campaign, holdout=holdout)
         names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         plan = general_calibration.plan_of(given, table, scheme_file, staged=staged)
@@ -160,20 +161,3 @@ def calibrate(
             if folder is not None:
                 general_calibration.write(found, content, folder)
         frame.answer(content, lambda: calibration_tables.show(found))
-
-
-def _refuse_both(options: dict[str, Any]) -> None:
-    """Refuse options that exclude one another."""
-    given = [name for name, value in options.items() if value is not None]
-    if len(given) > 1:
-        raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
-
-
-def _refuse(options: dict[str, Any], scheme: str) -> None:
-    """Refuse options that this calibration would not heed."""
-    given = [name for name, value in options.items() if value is not None]
-    if given:
-        raise InputError(
-            f"{', '.join(given)}: no option of --scheme {scheme}",
-            remedy="give --scheme global" if scheme == "staged" else "give --scheme staged, or leave it out",
-        )

@@ -11,8 +11,8 @@ import numpy as np
 from doe.calibration.run import StageResult
 from doe.certainty.uncertainty import LawBand, law_band
 from doe.published.pose_studies import PoseStudies
-from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
-from fem.springs import spring_from
+from fem.free.parameters import FreeLaw
+from fem.springs import FourierBasis, PolynomialBasis, TableBasis, spring_from
 from robots import Robot
 from robots.arrays import Array
 from stiffarm.session.json_text import number

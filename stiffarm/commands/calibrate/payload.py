@@ -12,6 +12,7 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.noise import Noise, origin
 from doe.estimation.problem import Problem
 from doe.published.parametric import PoseFit
+from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
 from robots.files.csv_text import rows_text
@@ -21,7 +22,6 @@ from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.session.json_text import number
 
-COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 QUANTILES = (0.025, 0.5, 0.975)
 # A value this close to an end of its range (relative) stands there.
 _AT_END = 1e-3
@@ -212,7 +212,7 @@ def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:
             **({} if s.files is None else {"file": s.files[k]}),
             "line": int(s.lines[k]),
             "pose": p.poses[p.pose[k]],
-            "component": COMPONENT_KEYS[p.component[k]],
+            "component": DISPLACEMENTS[p.component[k]],
             "load_N": number(float(s.loads_N[k])),
             "measured": number(float(p.value[k]) * 1e3),
             "predicted": number(float(e.prediction[k]) * 1e3),
@@ -268,7 +268,7 @@ def poses(c: Calibrated) -> list[dict[str, Any]]:
             **({} if files is None else {"file": files[p.row[i]]}),
             "line": int(c.data.row_numbers[p.row[i]]),
             "pose": p.poses[p.pose[i]],
-            "component": COMPONENT_KEYS[p.component[i]],
+            "component": DISPLACEMENTS[p.component[i]],
             "measured": number(float(p.value[i]) * 1e3),
             "simulated": number(float(c.predicted_mm[i])),
             # Simulated minus measured, as in the staged scheme.

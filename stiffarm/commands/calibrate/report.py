@@ -98,9 +98,9 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
         )
         blocks.append(holdout_table(h, scatter))
     if any(np.isfinite(v) for one in errors.values() for v in one.values()):
-        noise = None
+        noise = {}
         if last is not None and (system.component < 3).any():
-            noise = f"{scatter}, a reading", last.noise.white[0] * 1e3
+            noise[f"{scatter}, a reading"] = last.noise.white[0] * 1e3
         blocks.append(
             pictures.add(
                 bars_figure("", errors, "RMS error (mm)", "pose", noise),

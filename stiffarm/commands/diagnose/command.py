@@ -7,10 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from doe import Measurements, write_measurements
-from doe.diagnosis.next_readings import as_measurements, columns_to_fill
+from doe import write_measurements
 from doe.diagnosis.scatter import SETUP
-from fem.arm import Arm
 from robots import save_description
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.diagnose import payload as diagnosis_payload
@@ -99,26 +97,14 @@ def diagnose(
         if other is not None:
             frame.files["holdout"] = other.sha256
         with frame.folder_if(seed) as folder:
-            found = _run(
-                given, table, Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0), other, folder
-            )
+            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0)
+            with frame.timed("diagnosis"):
+                found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
+            say_notes(found.remarks)
             content = diagnosis_payload.diagnosis(found)
             if folder is not None:
                 _write(found, content, folder)
         frame.answer(content, lambda: _show(found))
-
-
-def _run(
-    given: Arm, table: Measurements, request: Request, other: Measurements | None,
-    folder: OutputFolder | None,
-) -> Diagnosed:  # fmt: skip
-    if folder is None:
-        found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
-    else:
-        with folder.timed("diagnosis"):
-            found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
-    say_notes(found.remarks)
-    return found
 
 
 def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> None:
@@ -129,8 +115,8 @@ def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> N
     if found.tells:
         save_description(described(found), folder.path("model.toml"))
     if found.proposal is not None:
-        sheet, robot = as_measurements(found.proposal), found.given.robot
-        write_measurements(sheet, folder.path("next_readings.csv"), robot, to_fill=columns_to_fill(found.proposal))
+        path, columns = folder.path("next_readings.csv"), found.proposal.protocol.columns
+        write_measurements(found.proposal.sheet, path, found.given.robot, to_fill=columns)
     with folder.timed("report"):
         write_report(found, folder)
 

@@ -38,11 +38,16 @@ class Number:
         return f"{self.code}.{self.name}"
 
 
+def short(value: float, digits: int = 3) -> str:
+    """A number of so many digits with a true minus, its exponent without zeros before it."""
+    return f"{value:.{digits}g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
+
+
 def numbers_of(state: State) -> list[Number]:
     """Numbers of all effects of a state, in their order."""
     out = []
     for k, placed in enumerate(state.setting.accepted):
-        spread = dict(state.refit.spread(k))
+        spread = state.refit.spread(k)
         out += [_number(placed, i, p, spread.get(p.name)) for i, p in enumerate(placed.effect.parameters)]
     return out
 

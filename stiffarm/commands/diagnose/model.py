@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from doe.calibration.written import calibration_table
+from doe.certainty.uncertainty import ParameterEstimate, Status
 from doe.diagnosis.diagnose import State
-from doe.diagnosis.known import error_count, free_numbers
+from doe.diagnosis.known import free_numbers
+from doe.model_file.applied import note_of
 from doe.model_file.uncertainty_table import FoundNumber, carried_on, uncertainty_table
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
 from fem.free.parameters import TURN, parameter
@@ -20,6 +20,7 @@ from robots.constants import NORMAL_95
 from robots.schema.description import Calibration as Origin
 from robots.schema.description import CalibrationUncertainty
 from robots.schema.quantities import RotationalStiffness
+from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import bound_of
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
@@ -27,58 +28,35 @@ from stiffarm.commands.diagnose.step import Diagnosed
 SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
 
 
-@dataclass(frozen=True)
-class FittedSpring:
-    """A joint's spring as fitted with everything else: N m/rad, 95 % interval (inf: no upper limit).
-
-    ``status``: ``determined``, ``one-sided`` (rigid is possible) or ``rigid`` (rigid fits best; the interval says how
-    soft it may be).
-    """
-
-    joint: str
-    stiffness: float
-    low: float
-    high: float
-    status: str
-
-
-def fitted_springs(state: State) -> tuple[FittedSpring, ...]:
-    """Springs of a state with their intervals, from the compliances', which are normal."""
+def fitted_springs(state: State) -> tuple[ParameterEstimate, ...]:
+    """Springs of a state with their intervals, from the compliances', which are normal; rigid ones at their bound."""
     s, out = state.setting, []
     sd = np.sqrt(np.diag(state.refit.inverse))
-    for k, joint in enumerate(s.free):
-        c, spread = float(s.springs[k]), float(sd[k])
-        low, high = (
-            1.0 / (c + NORMAL_95 * spread),
-            1.0 / (c - NORMAL_95 * spread) if c > NORMAL_95 * spread else math.inf,
-        )
+    for joint, c, spread in zip(s.free, s.springs.tolist(), sd.tolist(), strict=False):
+        half = NORMAL_95 * spread
+        interval = 1.0 / (c + half), 1.0 / (c - half) if c > half else math.inf
         rigid = c * TURN[1] <= 1.0
-        status = "rigid" if rigid else "one-sided" if math.isinf(high) else "determined"
-        out.append(FittedSpring(joint, math.inf if rigid else 1.0 / c, low, high, status))
+        status: Status = "at bound" if rigid else "one-sided" if math.isinf(interval[1]) else "determined"
+        value = TURN[1] if rigid else 1.0 / c
+        out.append(ParameterEstimate(parameter(s.arm, f"{joint}.stiffness"), value, interval, spread, status, math.inf))
     return tuple(out)
 
 
-def springs_of(d: Diagnosed) -> tuple[FittedSpring, ...]:
+def springs_of(d: Diagnosed) -> tuple[ParameterEstimate, ...]:
     """Springs of the new model: as `calibrate` finds them where nothing is added to the model, else as fitted with it.
 
     The same springs of the same model and readings have one value and one interval.
     """
-    found = _calibrated_springs(d)
-    return fitted_springs(d.found.after) if found is None else found
+    calibrated = _as_calibrated(d)
+    return fitted_springs(d.found.after) if calibrated is None else calibrated.springs
 
 
-def _calibrated_springs(d: Diagnosed) -> tuple[FittedSpring, ...] | None:
-    """Those of `calibrate`; None where the model has effects, or a spring has no value that a file can hold."""
+def _as_calibrated(d: Diagnosed) -> Calibrated | None:
+    """What `calibrate` finds; None where the model has effects, or a spring has no value that a file can hold."""
     if d.calibrated is None or d.found.after.setting.accepted:
         return None
-    out = []
-    for s in d.calibrated.springs:
-        rigid = bound_of(s) == "rigid"
-        if s.status == "not identified" or (s.status == "at bound" and not rigid):
-            return None
-        stiffness, status = (math.inf, "rigid") if rigid else (s.value, s.status)
-        out.append(FittedSpring(s.parameter.place, stiffness, *s.interval, status))
-    return tuple(out)
+    open_ = [s for s in d.calibrated.springs if s.status == "not identified" or bound_of(s) == "soft"]
+    return None if open_ else d.calibrated
 
 
 def described(d: Diagnosed) -> ModelDescription:
@@ -114,19 +92,16 @@ def described(d: Diagnosed) -> ModelDescription:
 
 
 def _with_springs(d: Diagnosed, after: State) -> ModelDescription:
-    springs = {s.joint: s for s in springs_of(d)}
-    joints = []
-    for joint in d.given.description.joint:
-        s = springs.get(joint.name)
-        if s is None:
-            joints.append(joint)
-            continue
-        high = "no upper limit" if math.isinf(s.high) else f"{s.high:.3g}"
-        note = f"{s.status}; 95 % interval {s.low:.3g} to {high} N m/rad"
-        spring = None if s.status == "rigid" else RotationalStiffness(
-            value=float(f"{s.stiffness:.9g}"), unit="N m/rad", source=SPRING_SOURCE, note=note
-        )  # fmt: skip
-        joints.append(joint.model_copy(update={"stiffness": spring}))
+    springs = {
+        e.parameter.place: None if bound_of(e) else RotationalStiffness(
+            value=float(f"{e.value:.9g}"), unit="N m/rad", source=SPRING_SOURCE, note=note_of(e)
+        )
+        for e in springs_of(d)
+    }  # fmt: skip
+    joints = [
+        joint.model_copy(update={"stiffness": springs[joint.name]}) if joint.name in springs else joint
+        for joint in d.given.description.joint
+    ]
     has_path = any(table.code == LOAD_PATH for table in d.given.description.effect)
     path = d.given.description.load_path if has_path else d.given.model.load_path
     sources = {**d.given.description.sources, SPRING_SOURCE: "diagnosis"}
@@ -159,16 +134,17 @@ def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
     if codes:
         out.append(f"provisional, these readings do not settle it: {codes}")
     out += [
-        f"spring {s.joint}: rigid fits best, at least {s.low:.3g} N m/rad" for s in springs_of(d) if s.status == "rigid"
+        f"spring {s.parameter.place}: rigid fits best, at least {s.interval[0]:.3g} N m/rad"
+        for s in springs_of(d)
+        if bound_of(s)
     ]
     return tuple(out)
 
 
 def _uncertainty(d: Diagnosed) -> CalibrationUncertainty | None:
     """The covariance that belongs to the springs of the new model."""
-    if d.calibrated is not None and _calibrated_springs(d) is not None:
-        return calibration_table(d.calibrated.found)
-    return uncertainty_of(d.found.after)
+    calibrated = _as_calibrated(d)
+    return uncertainty_of(d.found.after) if calibrated is None else calibration_table(calibrated.found)
 
 
 def uncertainty_of(state: State) -> CalibrationUncertainty | None:
@@ -179,28 +155,22 @@ def uncertainty_of(state: State) -> CalibrationUncertainty | None:
     """
     s = state.setting
     model = s.arm
-    numbers, columns, slopes = [], [], []
-    for k, spring in enumerate(fitted_springs(state)):
-        at = 0.0 if spring.status == "rigid" else 1.0 / float(f"{spring.stiffness:.9g}")
-        status: Literal["determined", "one-sided"] = "determined" if spring.status == "determined" else "one-sided"
-        name = f"{spring.joint}.stiffness"
-        ends = (spring.low, spring.high)
-        numbers.append(FoundNumber(name, "N m/rad", "compliance", at, ends, status, math.inf, has_variance=True))
-        columns.append(k)
-        slopes.append(1.0)
-    at_column = len(s.free) + error_count(s)
-    for placed in s.accepted:
-        for index, _ in free_numbers(placed):
-            code = f"{placed.effect.code}.{placed.effect.parameters[index].name}"
-            p = parameter(model, code, (placed,))
-            value = float(placed.values[index])
-            log = p.scale == "log"
-            here = math.log(value) if log else value
-            numbers.append(FoundNumber(code, p.unit, p.scale, here, (math.nan, math.nan), "determined", math.inf,
-                                       has_variance=True))  # fmt: skip
-            columns.append(at_column)
-            slopes.append(1.0 / value if log else 1.0)
-            at_column += 1
+    free = [(placed, *number) for placed in s.accepted for number in free_numbers(placed)]
+    columns = [*range(len(s.free)), *(k for number in range(len(s.accepted)) for k in state.refit.columns(number))]
+    numbers, slopes = [], [1.0] * len(s.free)
+    for spring in fitted_springs(state):
+        at = 0.0 if bound_of(spring) else 1.0 / float(f"{spring.value:.9g}")
+        known: Status = "determined" if spring.status == "determined" else "one-sided"
+        numbers.append(FoundNumber(spring.parameter.name, "N m/rad", "compliance", at, spring.interval, known,
+                                   math.inf, has_variance=True))  # fmt: skip
+    for placed, index, own in free:
+        code = f"{placed.effect.code}.{own.name}"
+        p, value = parameter(model, code, (placed,)), float(placed.values[index])
+        log = p.scale == "log"
+        here = math.log(value) if log else value
+        numbers.append(FoundNumber(code, p.unit, p.scale, here, (math.nan, math.nan), "determined", math.inf,
+                                   has_variance=True))  # fmt: skip
+        slopes.append(1.0 / value if log else 1.0)
     V = state.refit.inverse[np.ix_(columns, columns)] * np.outer(slopes, slopes)
     note = "diagnosis: posterior covariance at the noise found, with its broad priors on springs and effects"
     before = carried_on(s.description, model, [n.name for n in numbers], s.accepted)

@@ -11,9 +11,8 @@ from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
 from stiffarm.commands.calibrate import payload as calibration_payload
-from stiffarm.commands.calibrate.payload import COMPONENT_KEYS
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
-from stiffarm.commands.diagnose.model import FittedSpring, springs_of
+from stiffarm.commands.diagnose.model import springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.json_text import number
 
@@ -51,7 +50,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
         "calibration": None if d.calibrated is None else calibration_payload.answer(d.calibrated),
-        "springs": {s.joint: spring(s) for s in springs_of(d) if d.tells},
+        "springs": {s.parameter.place: calibration_payload.spring(s) for s in springs_of(d) if d.tells},
         "noise": noise(found.after),
         "remarks": list(d.remarks),
     }
@@ -108,16 +107,15 @@ def gap(d: Diagnosed) -> dict[str, Any]:
 
     The noise floor is that of the best explanation: the model before takes what is missing for noise.
     """
-    h, floor = d.held_out, number(noise_floor_mm(d.found))
+    h = d.held_out
     out: dict[str, Any] = {"held_out_by": LEFT_OUT if h is None else h.data.source}
-    for name, state in (("before", d.found.before), ("after", d.found.after)):
-        left_out = state.left_out_rms_mm
-        far = left_out if h is None else h.rms_before_mm if name == "before" else h.rms_after_mm
+    states = {"before": d.found.before, "after": d.found.after}
+    for (name, state), far in zip(states.items(), d.unseen_rms_mm, strict=True):
         out[name] = {
             "fit_rms_mm": number(state.fit_rms_mm),
             "holdout_rms_mm": number(far),
-            "noise_floor_mm": floor,
-            "left_one_pose_out_rms_mm": number(left_out),
+            "noise_floor_mm": number(noise_floor_mm(d.found)),
+            "left_one_pose_out_rms_mm": number(state.left_out_rms_mm),
         }
     out["before"]["least_rms_of_any_springs_mm"] = number(least_rms_mm(d.found.before.setting))
     if h is not None:
@@ -135,10 +133,10 @@ def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
             "pose": label,
             **{c: number(float(v), 9) for c, v in zip(d.given.robot.coordinates, np.degrees(q), strict=True)},
             "load_direction": [number(float(v)) for v in way],
-            "loads_N": [number(float(v)) for v in n.forces],
-            "unloading": n.unloading,
-            "repeats": n.repeats,
-            "read": [COMPONENT_KEYS[k] for k in n.components],
+            "loads_N": [number(float(v)) for v in n.protocol.forces],
+            "unloading": n.protocol.unloading,
+            "repeats": n.protocol.repeats,
+            "read": list(n.protocol.columns),
         }
         for label, q, way in zip(n.labels, n.q, n.direction, strict=True)
     ]
@@ -170,15 +168,6 @@ def look(d: Diagnosed, k: int) -> dict[str, Any]:
         "reason": decision.reason,
         "hypothesis": None if decision.hypothesis is None else decision.hypothesis.code,
         "candidates": [candidate(h) for h in found.hypotheses[:LISTED]],
-    }
-
-
-def spring(s: FittedSpring) -> dict[str, Any]:
-    """A spring of the new model; no number where it stands at rigid."""
-    return {
-        "k_Nm_per_rad": number(s.stiffness),
-        "interval95_Nm_per_rad": [number(s.low), number(s.high)],
-        "status": s.status,
     }
 
 

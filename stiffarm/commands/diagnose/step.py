@@ -11,13 +11,12 @@ from doe import Measurements, select_loads
 from doe.calibration.run import refuse_cut_cycles
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
-from doe.diagnosis.holdout import HeldOutReadings, hold_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.where import Group, where, without_history
+from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
 from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
@@ -76,6 +75,13 @@ class Diagnosed:
         return self.found.verdict != "uninformative"
 
     @property
+    def unseen_rms_mm(self) -> tuple[float, float]:
+        """Errors before and after where the fit has not seen the readings: those held out, else poses left out."""
+        if self.held_out is None:
+            return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
+        return self.held_out.rms_before_mm, self.held_out.rms_after_mm
+
+    @property
     def in_model(self) -> tuple[Found, ...]:
         """Effects of the new model: those accepted, and those that are provisional."""
         return (*self.found.effects, *self.found.provisional)
@@ -108,7 +114,7 @@ def diagnose(
     request: Request,
     *,
     holdout: Measurements | None = None,
-    say: Callable[[str], None] | None = None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Diagnosed:
     """Ask what a model is missing by the readings of a table; ``holdout``: readings to judge the result by.
 
@@ -159,17 +165,15 @@ def _asked(found: Diagnosis) -> list[str]:
     return list(dict.fromkeys(taken))
 
 
-def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | None) -> NextReadings | None:
+def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None]) -> NextReadings | None:
     """Set-ups that would settle what is open; None where nothing is."""
     if found.verdict in ("named", "uninformative") or request.next_poses == 0:
         return None
     try:
-        if say is not None:
-            say(f"looking for {request.next_poses} set-ups that would tell the rest")
+        say(f"looking for {request.next_poses} set-ups that would tell the rest")
         return propose(found.start, found, poses=request.next_poses, rng=np.random.default_rng(request.seed))
     except InputError as reason:
-        if say is not None:
-            say(f"note: no readings are proposed: {reason}")
+        say(f"note: no readings are proposed: {reason}")
         return None
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
-from doe.diagnosis.diagnose import Found
+from doe.diagnosis.diagnose import Found, Verdict
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
-from robots.arrays import Array
-from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
+from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text
+from stiffarm.session.direction_words import set_up_rows
 from stiffarm.session.noise_words import RESIDUAL, is_residual
 
 # A group with at least this share is named as a place of the disagreement.
@@ -24,6 +22,14 @@ LARGE = 0.15
 HALF = 0.5
 NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
+NEXT: dict[Verdict, str] = {
+    "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
+    "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
+    "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
+    "again with larger loads.",
+    "unknown": "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
+    "can be tried with --effect FILE.py.",
+}
 
 
 def headline(d: Diagnosed) -> str:
@@ -81,8 +87,9 @@ def how_sure(d: Diagnosed) -> str:
         )
         return f"Probability that nothing is missing: {percent(none)}; {d.found.reason}.{hint}"
     if d.found.verdict == "unknown":
+        most = max(r.of(UNKNOWN).probability for r in d.found.rankings)
         return (
-            f"Probability of something unknown: {percent(_unknown(d))}, against "
+            f"Probability of something unknown: {percent(most)}, against "
             f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}."
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
@@ -90,23 +97,17 @@ def how_sure(d: Diagnosed) -> str:
     return f"Probabilities: {', '.join(parts)}; {d.found.reason}."
 
 
-def _unknown(d: Diagnosed) -> float:
-    """The highest probability that any look gave to something unknown."""
-    return max(r.of(UNKNOWN).probability for r in d.found.rankings)
-
-
 def gap_sentence(d: Diagnosed) -> str:
     """How the gap shrank, on readings that the fit has not seen."""
     before, after, h = d.found.before, d.found.after, d.held_out
+    a, b = d.unseen_rms_mm
     if not d.in_model:
         text = f"The model with fitted springs is {before.fit_rms_mm:.3f} mm (RMS) off its readings"
-        far = before.left_out_rms_mm if h is None else h.rms_before_mm
         where = "at poses left out one at a time" if h is None else f"on {h.data.source}, which it has not seen"
         read = rms_mm(before.setting.data.value, before.setting.data.component)
         if not d.tells:
-            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {far:.3f} mm {where}."
-        return f"{text} and {far:.3f} mm {where}; {_floor(d)}."
-    a, b = (before.left_out_rms_mm, after.left_out_rms_mm) if h is None else (h.rms_before_mm, h.rms_after_mm)
+            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {a:.3f} mm {where}."
+        return f"{text} and {a:.3f} mm {where}; {_floor(d)}."
     where = "At poses left out one at a time" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
@@ -129,12 +130,7 @@ def where_sentences(d: Diagnosed) -> tuple[str, ...]:
         return ("Residuals are as large everywhere as their scatter makes them.",)
     if not d.tells:
         return ("Residuals are as large as the readings.",)
-    out = []
-    for kind, groups in d.where.items():
-        text = _of_kind(kind, groups)
-        if text:
-            out.append(text)
-    return tuple(out)
+    return tuple(filter(None, (_of_kind(kind, groups) for kind, groups in d.where.items())))
 
 
 def _of_kind(kind: str, groups: Sequence[Group]) -> str:
@@ -166,42 +162,36 @@ def number_text(n: Number) -> str:
     if not math.isfinite(n.value):
         return f"{n.name}: nothing of it acts"
     if n.sd is None or not math.isfinite(n.sd):
-        return f"{n.name} {_short(n.value)}{unit}"
+        return f"{n.name} {short(n.value)}{unit}"
     if n.low is not None and n.high is not None and (math.isinf(n.high) or n.sd > 0.3 * abs(n.value)):
-        high = "no upper limit" if math.isinf(n.high) else _short(n.high)
-        return f"{n.name} {_short(n.value)}{unit} (95 %: {_short(n.low)} to {high})"
-    return f"{n.name} {_short(n.value)} ± {_short(n.sd, 2)}{unit}"
+        high = "no upper limit" if math.isinf(n.high) else short(n.high)
+        return f"{n.name} {short(n.value)}{unit} (95 %: {short(n.low)} to {high})"
+    return f"{n.name} {short(n.value)} ± {short(n.sd, 2)}{unit}"
 
 
 def value_text(n: Number) -> str:
     """``0.845`` with its unit."""
-    return "nothing of it acts" if not math.isfinite(n.value) else _with_unit(_short(n.value), n)
+    if not math.isfinite(n.value):
+        return "nothing of it acts"
+    return short(n.value) + ("" if n.unit == "1" else f" {n.unit}".replace(" ", "\u00a0"))
 
 
 def interval_text(n: Number) -> str:
     """``0.8 to 0.9``, or that the number was chosen from those tried."""
     if n.low is None or n.high is None:
         return "best of those tried"
-    return f"{_short(n.low)}\u00a0to\u00a0{'no upper limit' if math.isinf(n.high) else _short(n.high)}"
+    return f"{short(n.low)}\u00a0to\u00a0{'no upper limit' if math.isinf(n.high) else short(n.high)}"
 
 
 def plausible_text(n: Number) -> str:
     """The range expected beforehand."""
-    return f"{'±' if n.signed else ''}{_short(n.plausible[0])} to {_short(n.plausible[1])}"
-
-
-def _with_unit(text: str, n: Number) -> str:
-    return text if n.unit == "1" else f"{text}\u00a0{n.unit}".replace("N m", "N\u00a0m")
+    return f"{'±' if n.signed else ''}{short(n.plausible[0])} to {short(n.plausible[1])}"
 
 
 def numbers_sentence(d: Diagnosed, f: Found) -> str:
     """All numbers of an effect of the new model."""
     mine = [n for n in numbers_of(d.found.after) if n.code == f.code]
     return "; ".join(number_text(n) for n in mine) or "no number: it is there or it is not"
-
-
-def _short(value: float, digits: int = 3) -> str:
-    return f"{value:.{digits}g}".replace("e+0", "e").replace("e+", "e").replace("-", "−")
 
 
 def percent(value: float) -> str:
@@ -235,52 +225,22 @@ def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
 
 def next_sentence(d: Diagnosed) -> str:
     """What to do next."""
-    if d.found.verdict == "named":
-        return "Nothing is left to be settled between candidates; readings in new poses would confirm the name."
-    if d.found.verdict == "none":
-        return (
-            "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions."
-        )
-    if not d.tells:
-        return (
-            "Check signs, the order of the rows, which column is which, loads and joint angles; else measure again "
-            "with larger loads."
-        )
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."
-    return (
-        "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own can be "
-        "tried with --effect FILE.py."
-    )
-
-
-def set_up_rows(d: Diagnosed, n: NextReadings) -> list[tuple[str, ...]]:
-    """A row for each set-up to measure: label, angles, direction of the load."""
-    rows = []
-    for label, q, way in zip(n.labels, np.degrees(n.q), n.direction, strict=True):
-        rows.append((label, *(f"{v:.0f}" for v in q), direction_text(way)))
-    return rows
-
-
-def direction_text(way: Array) -> str:
-    """``down``, or the axis, or the vector."""
-    names = {(0, 0, -1): "down", (0, 0, 1): "up", (1, 0, 0): "+X", (-1, 0, 0): "−X", (0, 1, 0): "+Y", (0, -1, 0): "−Y"}
-    key = tuple(round(float(v)) for v in way)
-    if key in names and np.allclose(way, key, atol=1e-6):
-        return names[key]
-    return " ".join(f"{v:.2f}" for v in way)
+    return NEXT[d.found.verdict]
 
 
 def proposal_text(n: NextReadings) -> str:
     """Loads, phases and repeats of a proposal."""
-    loads = ", ".join(f"{v:g}" for v in n.forces)
-    way = "put on one after the other and taken off again" if n.unloading else "put on one after the other"
+    done = n.protocol
+    loads = ", ".join(f"{v:g}" for v in done.forces)
+    way = "put on one after the other and taken off again" if done.unloading else "put on one after the other"
     read = ", ".join(
-        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in n.components
+        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in done.components
     )
     return (
         f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
-        f"of {loads} N {way}, {n.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        f"of {loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
         "`stiffarm diagnose MODEL DATA next_readings.csv`."
     )
 
@@ -296,7 +256,7 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
     return [
         Text(proposal_text(n)),
         Bullets(tuple(f"{_sentence(w)}." for w in n.words)),
-        Table("Set-ups to measure next", heads, tuple(set_up_rows(d, n)), (0, len(heads) - 1)),
+        Table("Set-ups to measure next", heads, set_up_rows(n.labels, n.q, n.direction), (0, len(heads) - 1)),
     ]
 
 

@@ -18,7 +18,6 @@ from stiffarm.session.inputs import model_hash
 from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg
 
-DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 DEFAULT_LOAD = "fz_N=-650"
 
 
@@ -83,19 +82,21 @@ def export(
                 "links": given.model.link_kind,
                 "flanges": {link.name: dict(link.flanges) for link in all_links(given.model)},
                 "load_path": given.model.load_path,
-                "joints_without_spring": _stiff_joints(given, q),
+                "joints_without_spring": list(given.joints_without_springs),
                 "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
                 "load": {n: number(v) for n, v in zip(parsing.WRENCH_NAMES, wrench, strict=True)},
                 "tool_node": deck.tool[0],
                 "tool_rotation_node": deck.tool[1],
-                "stiffarm": {n: number(1e3 * v) for n, v in zip(DISPLACEMENT_NAMES, deck.displacement, strict=True)},
+                "stiffarm": {
+                    n: number(1e3 * v) for n, v in zip(parsing.DISPLACEMENT_NAMES, deck.displacement, strict=True)
+                },
                 "nodes": deck.nodes,
                 "elements": deck.elements,
                 "equations": deck.equations,
                 "sets": deck.sets,
             }
             folder.write_json("export.json", content)
-        say_notes(_notes(given, q))
+        say_notes(_notes(given))
         d = content["stiffarm"]
         say(f"the shell arm has {deck.nodes} nodes and {deck.elements} elements")
         say(f"stiffarm's own solution: {', '.join(f'{name} = {value:.4g}' for name, value in d.items())}")
@@ -111,18 +112,14 @@ def _title(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
         f"model sha256 {model_hash(given)}",
         f"load path {given.model.load_path}, links {given.model.link_kind}",
         f"pose: {pose}",
-        *(f"note: {note}" for note in _notes(given, q)),
+        *(f"note: {note}" for note in _notes(given)),
     ]
 
 
-def _notes(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
-    stiff = _stiff_joints(given, q)
+def _notes(given: Arm) -> list[str]:
+    stiff = list(given.joints_without_springs)
     out = [f"no spring is given for {', '.join(stiff)}: held rigid (calibrate first?)"] if stiff else []
     calibration = given.description.calibration
     if calibration is not None and calibration.links != "shell":
         out.append(f"the springs were calibrated with {calibration.links} links; here the links are shells")
     return out
-
-
-def _stiff_joints(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
-    return [joint.name for joint in given.model.joints if not joint.axial.compliance(q[None]).any()]

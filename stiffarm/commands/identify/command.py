@@ -10,8 +10,8 @@ import typer
 
 from doe.joint_twists import LAWS, TwistReadings, write_twists
 from doe.joint_twists.cycles import Branches
+from doe.joint_twists.substitute import ORIGIN_M, SIZE_M, Orientation
 from doe.joint_twists.synthetic import Campaign, draw_truth, make_readings, truth_table
-from doe.joint_twists.workspace import ORIGIN_M, SIZE_M, Orientation
 from fem.arm import Arm
 from robots import InputError, save_description
 from stiffarm.commands.identify import payload as joint_twist_payload

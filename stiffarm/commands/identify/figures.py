@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from doe.joint_twists import Direction, Identified
-from doe.joint_twists.substitute import Errors
-from doe.joint_twists.workspace import Window
+from doe.joint_twists.substitute import Errors, Window
 from fem.statics.ports import ROWS
 from robots import InputError
-from stiffarm.pages.figure_parts import SERIES, above, log_ticks, note, title
-from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
+from stiffarm.pages.figure_parts import SERIES, above, drawing, log_ticks, note, panels
+from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 
 _BLUE: Final = OKABE_ITO["blue"]
 _ORANGE: Final = OKABE_ITO["vermillion"]
@@ -26,7 +25,7 @@ _WORDS: Final = {
 }  # fmt: skip
 
 
-def loops_figure(found: Identified, names: Sequence[str], made_up: str = "") -> Figure:
+def loops_figure(found: Identified, made_up: str = "") -> Figure:
     """Hysteresis: twist about the gear axis over the torque, up and down, of each joint's most loaded cycle.
 
     Raises
@@ -35,14 +34,12 @@ def loops_figure(found: Identified, names: Sequence[str], made_up: str = "") -> 
         No joint's gear was loaded.
     """
     c, data = found.cycles, found.data
-    shown = [(j, name) for j, name in enumerate(names) if _most_loaded(found, j) is not None]
+    shown = [(j, name) for j, name in enumerate(found.names) if _most_loaded(found, j) is not None]
     if not shown:
         raise InputError("loops figure: no gear was loaded")
-    columns = min(3, len(shown))
-    rows = -(-len(shown) // columns)
-    with house_style():
-        figure, axes = new_figure((10.5, 0.9 + 3.0 * rows), rows, columns)
-        for ax, (j, name) in zip(axes, shown, strict=False):
+    heading = f"Hysteresis about the gear axes, most loaded cycle of each joint{made_up}"
+    with panels(heading, len(shown), 3, 10.5, 3.0, 0.9) as (figure, axes):
+        for ax, (j, name) in zip(axes, shown, strict=True):
             cycle = _most_loaded(found, j)
             mine = (c.number == cycle) & np.isfinite(data.twist[:, 5])
             torque = np.abs(c.carried[cycle, 5]) * data.load
@@ -57,10 +54,7 @@ def loops_figure(found: Identified, names: Sequence[str], made_up: str = "") -> 
             ax.set_xlabel("torque about the gear axis (N m)")
             ax.set_ylabel("twist (µrad)")
             ax.set_title(name, loc="left", weight="bold")
-        for ax in axes[len(shown) :]:
-            ax.set_visible(False)
         axes[0].legend(loc="upper left")
-        title(figure, f"Hysteresis about the gear axes, most loaded cycle of each joint{made_up}")
     return figure
 
 
@@ -70,18 +64,17 @@ def _most_loaded(found: Identified, j: int) -> int | None:
     return int(mine[np.argmax(np.abs(c.carried[mine, 5]))]) if mine.size else None
 
 
-def laws_figure(found: Identified, names: Sequence[str], made_up: str = "") -> Figure:
+def laws_figure(found: Identified, made_up: str = "") -> Figure:
     """Stiffness over the joint's angle with 95 % bands, six directions (columns) of every joint (rows)."""
-    dof = len(names)
-    with house_style():
-        high = 0.8 + 2.3 * dof
-        figure, _ = new_figure((16.0, high), rows=0)
+    dof = len(found.names)
+    high = 0.8 + 2.3 * dof
+    with drawing(f"Six stiffnesses of every joint over its angle{made_up}", (16.0, high), 0) as (figure, _):
         axes = figure.subplots(dof, 6, squeeze=False).ravel()
         for k, d in enumerate(found.directions.values()):
             ax = axes[k]
-            _law_panel(ax, d, k // 6, dof)
+            _law_panel(ax, d)
             if k < 6:
-                unit = "N/µm" if d.row.startswith("t") else "10⁶ N m/rad"
+                unit = "N/µm" if d.is_shift else "10⁶ N m/rad"
                 ax.set_title(f"{_WORDS[d.row]}\n{unit}", loc="left", size=10)
             if k % 6 == 0:
                 ax.set_ylabel(d.joint, weight="bold", rotation=0, labelpad=18, size=12)
@@ -95,15 +88,14 @@ def laws_figure(found: Identified, names: Sequence[str], made_up: str = "") -> F
         figure.legend(handles=handles, loc="upper right", ncols=2)
         # By hand: 36 panels laid out by constraints are drawn twice, which takes seconds.
         figure.subplots_adjust(0.055, 0.5 / high, 0.99, 1.0 - 0.9 / high, wspace=0.26, hspace=0.2)
-        title(figure, f"Six stiffnesses of every joint over its angle{made_up}")
     return figure
 
 
-def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
+def _law_panel(ax: Axes, d: Direction) -> None:
     if d.law is None:
         words: str = d.status
         if d.status == "not determined":
-            _, low, _ = d.stiffness(np.zeros((1, dof)))
+            _, low, _ = d.stiffness(np.zeros(1))
             if np.isfinite(low[0]):
                 words += f"\nat least {low[0] / 1e6:.3g}"
         ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", size=9, color="#666666")
@@ -111,9 +103,7 @@ def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
         ax.set_yticks([])
         return
     angle = np.linspace(d.angle.min(), d.angle.max(), 61) if len(d.angle) > 1 else d.angle
-    q = np.zeros((len(angle), dof))
-    q[:, column] = angle
-    k, low, high = (v / 1e6 for v in d.stiffness(q))
+    k, low, high = (v / 1e6 for v in d.stiffness(angle))
     with np.errstate(divide="ignore", invalid="ignore"):
         points = 1e-6 / d.value
         lower, upper = 1e-6 / (d.value + d.quantile * d.sd), 1e-6 / (d.value - d.quantile * d.sd)
@@ -133,30 +123,29 @@ def _law_panel(ax: Axes, d: Direction, column: int, dof: int) -> None:
         note(ax, "rigid is possible", (0.97, 0.9), xycoords="axes fraction", ha="right", color="#666666")
 
 
-def compliances_figure(found: Identified, names: Sequence[str], made_up: str = "") -> Figure:
+def compliances_figure(found: Identified, made_up: str = "") -> Figure:
     """Six compliances of every joint: mean over the angles measured, with 95 % intervals, log axes."""
-    with house_style():
-        figure, axes = new_figure((11.0, 4.6), 1, 2)
+    heading = f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}"
+    with drawing(heading, (11.0, 4.6), 1, 2) as (figure, axes):
         for ax, rows, factor, unit in (
             (axes[0], ROWS[:3], 1e9, "nm/N"), (axes[1], ROWS[3:], 1e9, "nrad/(N m)"),
         ):  # fmt: skip
-            handles = _bars(ax, found, names, rows, factor)
+            handles = _bars(ax, found, rows, factor)
             ax.set_ylabel(f"compliance ({unit})")
-            ax.set_xticks(range(len(names)), list(names))
+            ax.set_xticks(range(len(found.names)), found.names)
             ax.grid(axis="x", visible=False)
             above(ax, handles, 3)
-        title(figure, f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}")
     return figure
 
 
-def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str], factor: float) -> list[object]:
+def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> list[object]:
     ax.set_yscale("log")
     known = [d for d in found.directions.values() if d.row in rows and d.law is not None]
     bottom = 0.4 * min((factor * d.mean for d in known), default=1.0)
     top = 2.5 * max((factor * (d.mean + np.nan_to_num(d.quantile * d.spread)) for d in known), default=10.0)
     handles: dict[str, object] = {}
     for r, row in enumerate(rows):
-        for j, name in enumerate(names):
+        for j, name in enumerate(found.names):
             d, x = found.directions[name, row], j + 0.27 * (r - 1)
             if d.law is None:
                 note(ax, "n.i." if d.status == "not identified" else "n.d.", (x, bottom * 1.1), rotation=90,
@@ -169,7 +158,7 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
             if row not in handles:
                 bar.set_label(_WORDS[row])
                 handles[row] = bar
-    ax.set_xlim(-0.6, len(names) - 0.4)
+    ax.set_xlim(-0.6, len(found.names) - 0.4)
     ax.set_ylim(bottom, top)
     log_ticks(ax.yaxis, lambda v: f"{v:g}")
     return list(handles.values())
@@ -177,8 +166,8 @@ def _bars(ax: Axes, found: Identified, names: Sequence[str], rows: Sequence[str]
 
 def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:
     """How wrong models of the gears alone are: mean, 95th percentile and worst, by flange axis, log axis."""
-    with house_style():
-        figure, axes = new_figure("wide", 1, 2, sharey=True)
+    heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
+    with drawing(heading, (10.0, 4.4), 1, 2, sharey=True) as (figure, axes):
         for ax, e, words in (
             (axes[0], same, "same torsional stiffness"), (axes[1], refitted, "refitted to flange deflections"),
         ):  # fmt: skip
@@ -195,14 +184,12 @@ def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Fi
         log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
         axes[0].set_ylabel("error of directional stiffness (%)")
         axes[1].legend(loc="upper left")
-        title(figure, f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}")
     return figure
 
 
 def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
     """The map: mean of the directional stiffnesses in flange X, Y, Z over the window; grey is not reached."""
-    with house_style():
-        figure, (ax,) = new_figure((7.2, 5.6), 1, 1)
+    with drawing(f"Stiffness map of {robot}{made_up}", (7.2, 5.6), 1, 1) as (figure, (ax,)):
         mean = np.ma.masked_invalid(1e-3 * w.mean)
         ax.set_facecolor("#D9DBDE")
         mesh = ax.pcolormesh(1e3 * w.x, 1e3 * w.z, mean, cmap=STIFFNESS_COLOURS, shading="gouraud")
@@ -218,5 +205,4 @@ def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
         ax.set_ylabel("Z (mm)")
         words = {"base": "flange axes as the base's", "forward": "flange forward", "down": "flange down"}
         ax.set_title(f"plane Y = 0, {words[w.orientation]}, elbow {w.elbow}", loc="left", size=9.5)
-        title(figure, f"Stiffness map of {robot}{made_up}")
     return figure

@@ -8,11 +8,10 @@ import numpy as np
 
 from doe.joint_twists import Direction
 from doe.joint_twists.checks import Coupling, Loop
+from doe.joint_twists.identify import KINDS, NO_NOISE
 from doe.joint_twists.laws import Law
 from doe.joint_twists.model_file import held_constant, rms_mm
-from doe.joint_twists.substitute import Errors
-from doe.joint_twists.unjudged import KINDS, NO_NOISE
-from doe.joint_twists.workspace import Window
+from doe.joint_twists.substitute import Errors, Window
 from robots.files.csv_text import rows_text
 from stiffarm.commands.identify.step import AtFlange, JointTwists
 from stiffarm.session.json_text import number
@@ -46,7 +45,7 @@ def identification(d: JointTwists) -> dict[str, Any]:
         "set_ups": len(found.cycles.setups),
         "branches": found.branches,
         "cannot_judge": [{"what": x.what, "of": list(x.of), "reason": x.reason} for x in found.unjudged],
-        "stiffnesses": [direction(x, k // 6, data.q.shape[1]) for k, x in enumerate(found.directions.values())],
+        "stiffnesses": [direction(x) for x in found.directions.values()],
         "noise": [_noise(d, j) for j in range(d.given.robot.dof)],
         "scatter_of_set_ups_percent": {
             kind: _explained(
@@ -98,10 +97,6 @@ def _has_null(value: Any) -> bool:
     return any(map(_has_null, value)) if isinstance(value, list) else value is None
 
 
-def _small(row: str) -> str:
-    return "um" if row.startswith("t") else "urad"
-
-
 def _noise(d: JointTwists, j: int) -> dict[str, Any]:
     """Noise of a joint's readings, where these tell it."""
     c = d.found.cycles
@@ -117,7 +112,7 @@ def _noise(d: JointTwists, j: int) -> dict[str, Any]:
 
 
 def _loop(x: Loop) -> dict[str, Any]:
-    unit = _small(x.row)
+    unit = "um" if x.row.startswith("t") else "urad"
     content = {
         "joint": x.joint, "row": x.row, f"width_{unit}": number(1e6 * x.width),
         f"width_sd_{unit}": number(1e6 * x.spread), "share_of_range_percent": number(100.0 * x.share),
@@ -161,12 +156,10 @@ def errors(e: Errors) -> dict[str, dict[str, Any]]:
     }
 
 
-def direction(d: Direction, column: int, dof: int) -> dict[str, Any]:
+def direction(d: Direction) -> dict[str, Any]:
     """One stiffness: its law, and values with intervals at the angles measured."""
-    q = np.zeros((len(d.angle), dof))
-    q[:, column] = d.angle
-    k, low, high = d.stiffness(q)
-    key = f"stiffness_{'N_per_m' if d.row.startswith('t') else 'Nm_per_rad'}"
+    k, low, high = d.stiffness(d.angle)
+    key = f"stiffness_{'N_per_m' if d.is_shift else 'Nm_per_rad'}"
     content = {
         "joint": d.joint, "row": d.row, "status": d.status,
         "law": None if d.law is None else _law(d.law),
@@ -184,7 +177,7 @@ def direction(d: Direction, column: int, dof: int) -> dict[str, Any]:
 
 def _law(law: Law) -> dict[str, Any]:
     covariance = [[number(v, 17) for v in row] for row in law.covariance.tolist()]
-    content = {"kind": law.kind, "ln_k_coefficients": law.spring.coefficients.tolist(), "covariance": covariance}
+    content = {"kind": law.kind, "ln_k_coefficients": law.coefficients.tolist(), "covariance": covariance}
     return _explained(content, covariance=NO_NOISE)
 
 
@@ -213,27 +206,21 @@ def stiffness_table(d: JointTwists) -> str:
     header = ["joint", "row", "status", "law", "angle_deg", "stiffness", "low95", "high95", "unit", "data"]
     rows: list[list[str]] = []
     label = "synthetic" if d.synthetic else d.found.data.source
-    for k, x in enumerate(d.found.directions.values()):
-        q = np.zeros((max(len(x.angle), 1), d.given.robot.dof))
-        q[: len(x.angle), k // 6] = x.angle
+    for x in d.found.directions.values():
+        four = zip(np.degrees(x.angle), *x.stiffness(x.angle), strict=True)
+        cells = [["" if not np.isfinite(v) else f"{v:.6g}" for v in values] for values in four]
         kind = x.law.kind if x.law else ""
-        if not len(x.angle):
-            rows.append([x.joint, x.row, x.status, kind, "", "", "", "", x.unit, label])
-            continue
-        for angle, *values in zip(np.degrees(x.angle), *x.stiffness(q), strict=True):
-            cells = ["" if not np.isfinite(v) else f"{v:.6g}" for v in values]
-            rows.append([x.joint, x.row, x.status, kind, f"{angle:.6g}", *cells, x.unit, label])
+        rows += [[x.joint, x.row, x.status, kind, *texts, x.unit, label] for texts in cells or [[""] * 4]]
     return rows_text([header, *rows])
 
 
 def map_table(w: Window) -> str:
     """CSV: one row a point of the map."""
     header = ["x_mm", "z_mm", "kx_N_per_mm", "ky_N_per_mm", "kz_N_per_mm", "mean_N_per_mm"]
-    rows = []
-    for i, z in enumerate(w.z):
-        for j, x in enumerate(w.x):
-            values = [*w.stiffness[i, j], w.mean[i, j]]
-            rows.append(
-                [f"{1e3 * x:.3f}", f"{1e3 * z:.3f}", *("" if np.isnan(v) else f"{1e-3 * v:.6g}" for v in values)]
-            )
+    values = np.dstack([w.stiffness, w.mean])
+    rows = [
+        [f"{1e3 * x:.3f}", f"{1e3 * z:.3f}", *("" if np.isnan(v) else f"{1e-3 * v:.6g}" for v in values[i, j])]
+        for i, z in enumerate(w.z)
+        for j, x in enumerate(w.x)
+    ]
     return rows_text([header, *rows])

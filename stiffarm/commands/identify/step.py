@@ -15,15 +15,17 @@ from doe.joint_twists.cycles import Branches
 from doe.joint_twists.model_file import constant_compliances, with_six_springs
 from doe.joint_twists.substitute import (
     Errors,
+    Orientation,
+    Window,
     compliances_of,
     errors_of,
     loads_in,
     predict,
     reachable_poses,
+    stiffness_window,
     stiffness_with,
     usual_models,
 )
-from doe.joint_twists.workspace import Orientation, Window, stiffness_window
 from fem.arm import Arm
 from robots import InputError, ModelDescription, why_no_closed_form
 from robots.arrays import Array
@@ -141,7 +143,6 @@ def run(
         raise InputError(
             f"{data.source}: no stiffness is determined", remedy="give readings of joints under loads that reach them"
         )
-    names = model.robot.joint_names
     rng = np.random.default_rng(request.seed)
     q = reachable_poses(model, POSES, rng)
     no_flange = _why_no_flange(given, found, q) or _rigid_way(given, found, q)
@@ -152,8 +153,9 @@ def run(
     say("comparing with models of the gears alone" if not no_flange else f"note: {no_flange}")
     window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
     return JointTwists(
-        request, given, found, with_six_springs(given.description, model, found), loops(found, names),
-        diagonal_tests(found, names), _bending(found, names),
+        request, given, found, with_six_springs(given.description, found), loops(found),
+        diagonal_tests(found),
+        bending_ratio(found.directions, found.names[RATIO_JOINT]) if model.robot.dof > RATIO_JOINT else None,
         None if no_flange else _at_flange(given, found, q, rng), no_flange, window, no_window,
         None if holdout is None else _held_out(given, found, holdout),
     )  # fmt: skip
@@ -187,10 +189,6 @@ def _at_flange(given: Arm, found: Identified, q: Array, rng: np.random.Generator
     p = predict(model, found, q)
     spread = np.median((p.high - p.low) / (2.0 * p.value), axis=0)
     return AtFlange(same, refitted, effective, of_file, np.asarray(spread))
-
-
-def _bending(found: Identified, names: tuple[str, ...]) -> BendingRatio | None:
-    return bending_ratio(found.directions, names[RATIO_JOINT]) if len(names) > RATIO_JOINT else None
 
 
 def _window(given: Arm, found: Identified, request: Request) -> tuple[Window | None, str]:

@@ -14,7 +14,7 @@ from robots.urdf.reading import read_urdf
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json
-from stiffarm.session.parsing import parse_pairs, parse_word
+from stiffarm.session.parsing import parse_pairs, parse_word, refuse_given
 
 
 def import_command(
@@ -132,7 +132,11 @@ def import_command(
             wrap=parse_word(wrap, get_args(importing.Wrap), "--wrap"),
         )
         if suffix == ".urdf":
-            _refuse({"--model": model, "--link": link, "--scale": scale}, "a URDF names its links and scales itself")
+            refuse_given(
+                {"--model": model, "--link": link, "--scale": scale},
+                "not for this SOURCE",
+                "leave it out: a URDF names its links and scales itself",
+            )
             urdf = read_urdf(source, tip=tip, base=base)
             frame.reads(source=source)
             with frame.folder() as folder:
@@ -144,7 +148,11 @@ def import_command(
             robot_only: dict[str, Any] = {"--tip": tip, "--base": base, "--rigid": rigid, "--wall": wall}
             robot_only |= {"--radius": radius, "--material": material, "--youngs-modulus-GPa": youngs_modulus}
             robot_only |= {"--poissons-ratio": poissons_ratio, "--density": density}
-            _refuse(robot_only, "the file is one link of a model, which has the link's material")
+            refuse_given(
+                robot_only,
+                "not for this SOURCE",
+                "leave it out: the file is one link of a model, which has the link's material",
+            )
             if model is None or link is None:
                 raise InputError(
                     f"{source.name} is one link",
@@ -174,9 +182,3 @@ def _by_link(text: str | None, option: str) -> dict[str, float]:
         if not value > 0.0:
             raise InputError(f"{option}: {name} (mm)", value=value, allowed="greater than 0")
     return {name: 1e-3 * value for name, value in values.items()}
-
-
-def _refuse(options: dict[str, Any], why: str) -> None:
-    given = [name for name, value in options.items() if value is not None]
-    if given:
-        raise InputError(f"{', '.join(given)}: not for this SOURCE", remedy=f"leave it out: {why}")

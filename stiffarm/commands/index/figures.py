@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from machining import directional_stiffness, ellipsoid_radius, stiffness_ellipsoid
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import title
-from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import drawing
+from stiffarm.pages.style import INK, OKABE_ITO
 
 MOST_POSES: Final = 4
 _PLANES: Final = (("x", "y"), ("x", "z"), ("y", "z"))
@@ -36,8 +36,8 @@ def ellipsoid_figure(C_tt: Array, labels: Sequence[str], normal: Array) -> Figur
     n = len(C_tt)
     if not 0 < n <= MOST_POSES or len(labels) != n:
         raise InputError("poses of the ellipsoid figure", value=n, allowed=f"1 to {MOST_POSES}, with a label each")
-    with house_style():
-        figure, axes = new_figure((10.0, 0.9 + 3.5 * n), n, 3)
+    heading = "Stiffness at the tool by direction of the force, N/mm"
+    with drawing(heading, (10.0, 0.9 + 3.5 * n), n, 3) as (figure, axes):
         for i in range(n):
             top = _top(C_tt[i])
             for p, plane in enumerate(_PLANES):
@@ -48,7 +48,6 @@ def ellipsoid_figure(C_tt: Array, labels: Sequence[str], normal: Array) -> Figur
             Line2D([], [], color=OKABE_ITO["orange"], linestyle="--", label="force for 1 mm along itself"),
             Line2D([], [], color=INK, marker=">", linestyle="-", linewidth=1.0, label="surface normal"),
         ]
-        title(figure, "Stiffness at the tool by direction of the force, N/mm")
         figure.legend(handles=handles, loc="outside lower left", ncols=3)
     return figure
 

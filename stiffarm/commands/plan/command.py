@@ -12,7 +12,7 @@ from doe import Measurements, bundled_data
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS, Zone
 from fem.arm import Arm
-from robots import InputError, Robot
+from robots import InputError
 from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
@@ -35,154 +35,137 @@ from stiffarm.session.outputs import OutputFolder
 
 TABLE, PAGE, RESULT, FIGURE = "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png"
 
-Poses = Annotated[
-    int | None,
-    typer.Option("--poses", help="Number of set-ups to choose; a set-up is a pose with a load direction.", min=1),
-]
-DesignOnly = Annotated[
-    int | None,
-    typer.Option(
-        "--design-only",
-        help="Instead of --poses: plan this many poses straight from --design, without choosing.",
-        min=1,
-    ),
-]
-Iso = Annotated[
-    bool,
-    typer.Option("--iso9283", help="Instead of --poses: write a sheet for the static compliance test of ISO 9283."),
-]
-WithoutData = Annotated[
-    bool,
-    typer.Option("--without-data", help="Plan from scratch; ignore all existing readings, including bundled ones."),
-]
-Free = Annotated[
-    str | None,
-    typer.Option(
-        "--free",
-        help="Parameters to identify, separated by commas, as in j2.stiffness,base.rx. Default: the joint "
-        "stiffnesses that the readings can show.",
-    ),
-]
-Criteria = Annotated[
-    str,
-    typer.Option(
-        "--criterion",
-        help="Design criterion: D (all parameters jointly), A (their mean variance) or I (prediction variance).",
-    ),
-]
-Forces = Annotated[
-    str | None,
-    typer.Option(
-        "--loads",
-        help="Loads, in N, separated by commas, as in 150,650. Default: those of the readings, otherwise "
-        "1/4, 1/2 and all of the payload.",
-    ),
-]
-Directions = Annotated[
-    str | None,
-    typer.Option(
-        "--directions",
-        help="Load directions in base axes, as in +x,-x,-z or 0,0,-1;1,0,-1. Default: those of the "
-        "readings, otherwise -z.",
-    ),
-]
-Read = Annotated[
-    str | None,
-    typer.Option(
-        "--read",
-        help="Components to read: z, xyz or xyzr (r: the three rotations). Default: those of the readings,"
-        " otherwise z.",
-    ),
-]
-Repeats = Annotated[int, typer.Option("--repeats", help="Number of readings at each load.", min=1, max=100)]
-Unloading = Annotated[bool, typer.Option("--unloading", help="Read during unloading too.")]
-Candidates = Annotated[
-    int, typer.Option("--candidates", help="Number of candidate poses to choose from.", min=1, max=20_000)
-]
-Design = Annotated[str, typer.Option("--design", help=f"Design of the candidate poses: {', '.join(METHODS)}.")]
-Levels = Annotated[int, typer.Option("--levels", help="Number of levels of a full factorial design.", min=2, max=50)]
-Vary = Annotated[
-    str | None,
-    typer.Option(
-        "--vary", help="Joint coordinates to vary, separated by commas, as in q2_deg,q4_deg. Default: all that matter."
-    ),
-]
-Hold = Annotated[
-    str | None,
-    typer.Option(
-        "--hold",
-        help="Values of the other joint coordinates in deg, as in q1_deg=30. Default: 0, or mid-range if 0"
-        " is out of range.",
-    ),
-]
-Floor = Annotated[
-    str, typer.Option("--floor-mm", help="Height of the floor in mm: no part of the arm may be below it; or none.")
-]
-KeepOut = Annotated[
-    list[str] | None,
-    typer.Option("--keep-out", help="Box that the arm must keep out of, x0,y0,z0:x1,y1,z1, in mm. May be repeated."),
-]
-Clearance = Annotated[
-    float | None,
-    typer.Option(
-        "--clearance-mm",
-        help="Distance of wrist and tool from base and upper arm, in mm; 0 for no limit. Default: what the"
-        " casings need.",
-    ),
-]
-RandomOrder = Annotated[
-    bool,
-    typer.Option(
-        "--random-order", help="Randomise the order of the set-ups, against drift. Default: ordered for a short path."
-    ),
-]
-Gauge = Annotated[
-    float, typer.Option("--gauge-mm", help="Smallest standard deviation of a displacement reading, in mm.")
-]
-GaugeTurn = Annotated[
-    float, typer.Option("--gauge-mrad", help="Smallest standard deviation of a rotation reading, in mrad.")
-]
-IsoPose = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--pose",
-        help="With --iso9283: joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5. May be repeated. "
-        "Default: one pose in mid-workspace.",
-    ),
-]
-Rated = Annotated[
-    float | None,
-    typer.Option("--rated-N", help="With --iso9283: rated load, in N. Default: the weight of the payload."),
-]
-
 
 def plan(
     model: ModelArg,
     data: DataArg = None,
-    poses: Poses = None,
-    design_only: DesignOnly = None,
-    iso: Iso = False,
-    without_data: WithoutData = False,
-    free: Free = None,
-    criterion: Criteria = "D",
-    loads: Forces = None,
-    directions: Directions = None,
-    read: Read = None,
-    repeats: Repeats = 3,
-    unloading: Unloading = False,
-    candidates: Candidates = 1500,
-    design: Design = "sobol",
-    levels: Levels = 3,
-    vary: Vary = None,
-    hold: Hold = None,
-    floor: Floor = "0",
-    keep_out: KeepOut = None,
-    clearance: Clearance = None,
-    random_order: RandomOrder = False,
-    gauge: Gauge = 0.01,
-    gauge_turn: GaugeTurn = 0.01,
-    pose: IsoPose = None,
-    rated: Rated = None,
+    poses: Annotated[
+        int | None,
+        typer.Option("--poses", help="Number of set-ups to choose; a set-up is a pose with a load direction.", min=1),
+    ] = None,
+    design_only: Annotated[
+        int | None,
+        typer.Option(
+            "--design-only",
+            help="Instead of --poses: plan this many poses straight from --design, without choosing.",
+            min=1,
+        ),
+    ] = None,
+    iso: Annotated[
+        bool,
+        typer.Option("--iso9283", help="Instead of --poses: write a sheet for the static compliance test of ISO 9283."),
+    ] = False,
+    without_data: Annotated[
+        bool,
+        typer.Option("--without-data", help="Plan from scratch; ignore all existing readings, including bundled ones."),
+    ] = False,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            "--free",
+            help="Parameters to identify, separated by commas, as in j2.stiffness,base.rx. Default: the joint "
+            "stiffnesses that the readings can show.",
+        ),
+    ] = None,
+    criterion: Annotated[
+        str,
+        typer.Option(
+            "--criterion",
+            help="Design criterion: D (all parameters jointly), A (their mean variance) or I (prediction variance).",
+        ),
+    ] = "D",
+    loads: Annotated[
+        str | None,
+        typer.Option(
+            "--loads",
+            help="Loads, in N, separated by commas, as in 150,650. Default: those of the readings, otherwise "
+            "1/4, 1/2 and all of the payload.",
+        ),
+    ] = None,
+    directions: Annotated[
+        str | None,
+        typer.Option(
+            "--directions",
+            help="Load directions in base axes, as in +x,-x,-z or 0,0,-1;1,0,-1. Default: those of the "
+            "readings, otherwise -z.",
+        ),
+    ] = None,
+    read: Annotated[
+        str | None,
+        typer.Option(
+            "--read",
+            help="Components to read: z, xyz or xyzr (r: the three rotations). Default: those of the readings,"
+            " otherwise z.",
+        ),
+    ] = None,
+    repeats: Annotated[int, typer.Option("--repeats", help="Number of readings at each load.", min=1, max=100)] = 3,
+    unloading: Annotated[bool, typer.Option("--unloading", help="Read during unloading too.")] = False,
+    candidates: Annotated[
+        int, typer.Option("--candidates", help="Number of candidate poses to choose from.", min=1, max=20_000)
+    ] = 1500,
+    design: Annotated[
+        str, typer.Option("--design", help=f"Design of the candidate poses: {', '.join(METHODS)}.")
+    ] = "sobol",
+    levels: Annotated[
+        int, typer.Option("--levels", help="Number of levels of a full factorial design.", min=2, max=50)
+    ] = 3,
+    vary: Annotated[
+        str | None,
+        typer.Option(
+            "--vary",
+            help="Joint coordinates to vary, separated by commas, as in q2_deg,q4_deg. Default: all that matter.",
+        ),
+    ] = None,
+    hold: Annotated[
+        str | None,
+        typer.Option(
+            "--hold",
+            help="Values of the other joint coordinates in deg, as in q1_deg=30. Default: 0, or mid-range if 0"
+            " is out of range.",
+        ),
+    ] = None,
+    floor: Annotated[
+        str, typer.Option("--floor-mm", help="Height of the floor in mm: no part of the arm may be below it; or none.")
+    ] = "0",
+    keep_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--keep-out", help="Box that the arm must keep out of, x0,y0,z0:x1,y1,z1, in mm. May be repeated."
+        ),
+    ] = None,
+    clearance: Annotated[
+        float | None,
+        typer.Option(
+            "--clearance-mm",
+            help="Distance of wrist and tool from base and upper arm, in mm; 0 for no limit. Default: what the"
+            " casings need.",
+        ),
+    ] = None,
+    random_order: Annotated[
+        bool,
+        typer.Option(
+            "--random-order",
+            help="Randomise the order of the set-ups, against drift. Default: ordered for a short path.",
+        ),
+    ] = False,
+    gauge: Annotated[
+        float, typer.Option("--gauge-mm", help="Smallest standard deviation of a displacement reading, in mm.")
+    ] = 0.01,
+    gauge_turn: Annotated[
+        float, typer.Option("--gauge-mrad", help="Smallest standard deviation of a rotation reading, in mrad.")
+    ] = 0.01,
+    pose: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pose",
+            help="With --iso9283: joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5. May be repeated. "
+            "Default: one pose in mid-workspace.",
+        ),
+    ] = None,
+    rated: Annotated[
+        float | None,
+        typer.Option("--rated-N", help="With --iso9283: rated load, in N. Default: the weight of the payload."),
+    ] = None,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -207,11 +190,12 @@ def plan(
         wanted = Request(
             poses=design_only or poses or 0, plain=design_only is not None,
             free=parsing.parse_names(free, None, "--free"),
-            criterion=_criterion(criterion), forces=parsing.parse_loads(loads) or None,
+            criterion=parsing.parse_word(criterion, CRITERIA, "--criterion"), forces=parsing.parse_loads(loads) or None,
             directions=None if directions is None else plan_options.parse_directions(directions),
             components=None if read is None else plan_options.parse_read(read), repeats=repeats, unloading=unloading,
-            candidates=candidates, design=_design(design), levels=levels,
-            vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"), hold_deg=_held(given.robot, hold),
+            candidates=candidates, design=parsing.parse_word(design, METHODS, "--design"), levels=levels,
+            vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"),
+            hold_deg={} if hold is None else parsing.parse_pairs(hold, "--hold", given.robot.coordinates),
             zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
         )  # fmt: skip
         table = None if without_data else _readings(frame, given, data, confirm_units)
@@ -244,9 +228,8 @@ def _write_sheet(given: Arm, sheet: sheets.Sheet, folder: OutputFolder) -> None:
     from stiffarm.pages.pose_pictures import pose_pictures
 
     sheets.write_table(sheet, folder.path(TABLE))
-    q, direction = np.array([s.q for s in sheet.setups]), np.array([s.direction for s in sheet.setups])
     with progress("pictures of the set-ups") as bar:
-        pictures = pose_pictures(given.description, given.robot, q, direction, bar)
+        pictures = pose_pictures(given.description, given.robot, sheet.q, sheet.direction, bar)
     folder.write_text(PAGE, sheets.render_sheet(sheet, pictures))
 
 
@@ -271,13 +254,8 @@ def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zo
 
 
 def _check_kind(poses: int | None, design_only: int | None, iso: bool) -> None:
-    asked = [
-        name
-        for name, there in (
-            ("--poses", poses is not None), ("--design-only", design_only is not None), ("--iso9283", iso)
-        )
-        if there
-    ]  # fmt: skip
+    tasks = {"--poses": poses is not None, "--design-only": design_only is not None, "--iso9283": iso}
+    asked = [name for name, there in tasks.items() if there]
     if len(asked) != 1:
         raise InputError(
             "plan", value=" with ".join(asked) or "no task", allowed="one of --poses N, --design-only N, --iso9283",
@@ -293,22 +271,6 @@ def _refuse(options: dict[str, Any], iso: bool) -> None:
             f"{', '.join(given)}: {'not with' if iso else 'only with'} --iso9283",
             remedy="leave it out: the standard fixes loads, directions and readings" if iso else "leave it out",
         )
-
-
-def _criterion(text: str) -> Any:
-    if text not in CRITERIA:
-        raise InputError("--criterion", value=text, allowed=", ".join(CRITERIA))
-    return text
-
-
-def _design(text: str) -> Any:
-    if text not in METHODS:
-        raise InputError("--design", value=text, allowed=", ".join(METHODS))
-    return text
-
-
-def _held(robot: Robot, text: str | None) -> dict[str, float]:
-    return {} if text is None else parsing.parse_pairs(text, "--hold", robot.coordinates)
 
 
 def _gauges(length: float, turn: float) -> tuple[float, float]:

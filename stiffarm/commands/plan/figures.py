@@ -16,8 +16,8 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
 from robots.constants import NORMAL_95
 from stiffarm.commands.plan.words import factor95, is_open, quantity
-from stiffarm.pages.figure_parts import above, log_ticks, note, title
-from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import above, drawing, log_ticks, named_rows, note
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 Row = tuple[Foresight, ParameterEstimate | None]
 
@@ -40,31 +40,29 @@ def plan_figure(made: MeasurementPlan, found: Sequence[ParameterEstimate | None]
     rows = rows[:_MOST]
     chosen = len(made.random) > 0
     height = max(3.8, _FRAME_IN + (_BAR_IN if len(rows) < _MANY else 0.55 * _BAR_IN) * len(rows))
-    with house_style():
-        widths = {"gridspec_kw": {"width_ratios": [1.5, 1.0]}} if chosen else {}
-        figure, axes = new_figure((11.0 if chosen else 7.0, height), 1, 2 if chosen else 1, **widths)
+    count = f"{len(made.q)} set-ups for {robot}"
+    rest = f" ({left_out} more parameters in plan.json)" if left_out else ""
+    heading = f"{count}: what they will tell" + (", and what chance would" if chosen else "") + rest
+    widths = [1.5, 1.0] if chosen else [1.0]
+    with drawing(heading, (11.0 if chosen else 7.0, height), 1, len(widths), width_ratios=widths) as (figure, axes):
         _intervals(axes[0], rows)
         if chosen:
             _against_chance(axes[1], made)
-        count = f"{len(made.q)} set-ups for {robot}"
-        rest = f" ({left_out} more parameters in plan.json)" if left_out else ""
-        title(figure, f"{count}: what they will tell" + (", and what chance would" if chosen else "") + rest)
     return figure
 
 
 def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     """Intervals as factors of the value planned for; of linear parameters as multiples of the interval before."""
-    places = np.arange(len(rows))[::-1]
-    for y, (f, found) in zip(places, rows, strict=True):
+    for y, (f, found) in enumerate(rows):
         before, after = _before(f, found), _ends(f, f.after)
-        _bar(ax, float(y) + 0.17, *before, _BEFORE)
-        _bar(ax, float(y) - 0.17, *after, _AFTER if f.seen else _BEFORE)
+        _bar(ax, y - 0.17, *before, _BEFORE)
+        _bar(ax, y + 0.17, *after, _AFTER if f.seen else _BEFORE)
         text = f"÷ {f.shrink:.2g}" if f.shrink < 9.95 else f"÷ {f.shrink:.0f}"
         right, gap = (after[1], 5) if after[1] < _WIDEST else (_WIDEST, 11)
         note(
             ax,
             text if f.seen else "not seen",
-            (right, float(y) - 0.17),
+            (right, y + 0.17),
             (gap, 0),
             ha="left",
             color=_AFTER if f.seen else INK,
@@ -74,10 +72,7 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     ax.set_xlim(1.0 / _WIDEST, _WIDEST)
     log_ticks(ax.xaxis, lambda v: f"{v:g}")
     ax.xaxis.set_minor_locator(NullLocator())
-    ax.set_yticks(places, [_name(f, len(rows) >= _MANY) for f, _ in rows])
-    ax.tick_params(axis="y", length=0)
-    ax.set_ylim(-0.6, len(rows) - 0.4)
-    ax.grid(visible=False, axis="y")
+    named_rows(ax, [_name(f, len(rows) >= _MANY) for f, _ in rows])
     linear = any(f.parameter.scale == "linear" for f, _ in rows)
     ax.set_xlabel("95 % interval over the value planned for" + (" (offsets: over that before)" if linear else ""))
     handles = [

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from doe.planning.pose_designs import Zone, pose_design
+from doe.planning.protocol import Protocol
 from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from stiffarm.commands.plan.options import resting_pose
-from stiffarm.commands.plan.sheets import SetUp, Sheet
+from stiffarm.commands.plan.sheets import Sheet
 from stiffarm.session.json_text import number
 from surrogate import default_sweep
 
@@ -38,14 +39,10 @@ RULES = (
 )
 
 
-def setups(poses: Array, rated_N: float) -> tuple[SetUp, ...]:
-    """Set-ups of the test in poses (n, dof) rad, six directions each, loads in steps of 10 % of the rated one."""
-    forces = tuple(float(f"{rated_N * k / STEPS:.4g}") for k in range(1, STEPS + 1))
-    return tuple(
-        SetUp(f"P{i + 1}{name}", q, np.array(direction), forces)
-        for i, q in enumerate(poses)
-        for name, direction in DIRECTIONS
-    )
+def protocol(rated_N: float) -> Protocol:
+    """What the test does in each pose: six directions each, loads in steps of 10 % of the rated one."""
+    forces = [float(f"{rated_N * k / STEPS:.4g}") for k in range(1, STEPS + 1)]
+    return Protocol(np.array(forces), np.array([way for _, way in DIRECTIONS]), COMPONENTS, REPEATS)
 
 
 def sheet(robot: Robot, title: str, poses: Array, rated_N: float, *, usual: bool) -> Sheet:
@@ -57,9 +54,12 @@ def sheet(robot: Robot, title: str, poses: Array, rated_N: float, *, usual: bool
         ("rated load", f"{rated_N:.5g} N, in {STEPS} steps, {REPEATS} times along each direction"),
         ("pose", middle if usual else "as given"),
     )
+    done = protocol(rated_N)
+    labels = tuple(f"P{i + 1}{name}" for i in range(len(poses)) for name, _ in DIRECTIONS)
     return Sheet(
-        robot, f"Static compliance of {robot.name}", setups(poses, rated_N), COMPONENTS, REPEATS, False, facts, RULES
-    )
+        robot, f"Static compliance of {robot.name}", np.repeat(poses, len(DIRECTIONS), axis=0),
+        np.tile(done.directions, (len(poses), 1)), labels, ("",) * len(labels), done, facts, RULES,
+    )  # fmt: skip
 
 
 def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:
         "kind": "iso9283",
         "robot": robot.name,
         "rated_load_N": number(rated_N),
-        "loads_N": [number(f) for f in setups(poses[:1], rated_N)[0].forces],
+        "loads_N": [number(f) for f in protocol(rated_N).forces.tolist()],
         "directions": [name for name, _ in DIRECTIONS],
         "repeats": REPEATS,
         "poses": [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections.abc import Sequence
 
@@ -15,7 +14,7 @@ from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY
-from stiffarm.session.parsing import LARGEST_LOAD
+from stiffarm.session.parsing import LARGEST_LOAD, parse_numbers
 
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.
 PAYLOAD_SHARES = (0.25, 0.5, 1.0)
@@ -38,14 +37,13 @@ def parse_directions(text: str) -> Array:
     InputError
         Not a direction, a length of zero, or the same direction twice.
     """
-    found: list[tuple[float, ...]] = []
+    found: list[Array] = []
     for part in text.split(";"):
-        words = [word.strip() for word in part.split(",")]
-        axes = [_AXIS.fullmatch(word) for word in words]
+        axes = [_AXIS.fullmatch(word.strip()) for word in part.split(",")]
         if all(axes):
-            found += [_signed(match) for match in axes if match]
+            found += [(-1.0 if match[1] == "-" else 1.0) * np.array(_AXES[match[2]]) + 0.0 for match in axes if match]
         else:
-            found.append(_vector(words, text))
+            found.append(_vector(part, text))
     for (i, a), (j, b) in itertools.combinations(enumerate(found), 2):
         if np.allclose(a, b, atol=1e-6):
             raise InputError(
@@ -57,33 +55,24 @@ def parse_directions(text: str) -> Array:
     return np.array(found)
 
 
-def _signed(match: re.Match[str]) -> tuple[float, ...]:
-    sign = -1.0 if match[1] == "-" else 1.0
-    return tuple(sign * v + 0.0 for v in _AXES[match[2]])
-
-
-def _vector(words: Sequence[str], text: str) -> tuple[float, ...]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = []
-    largest = max(map(abs, values), default=math.nan)
-    if len(values) != 3 or not math.isfinite(largest):
+def _vector(part: str, text: str) -> Array:
+    values = np.array(parse_numbers(part) or ())
+    if len(values) != 3:
         raise InputError(
             "--directions",
             value=text,
             allowed="axes of the base with a sign, as in +x,-x,-z, or vectors, as in 0,0,-1;1,0,-1",
             remedy="separate axes by commas and vectors by semicolons",
         )
-    if largest == 0.0:
+    if not values.any():
         raise InputError(
             "--directions: a direction of length zero",
             value=text,
             allowed="vectors that are not all zero",
             remedy="say where the load pulls, as in 0,0,-1",
         )
-    unit = np.array(values) / largest
-    return tuple(float(v) for v in unit / np.linalg.norm(unit))
+    unit = values / np.abs(values).max()
+    return np.asarray(unit / np.linalg.norm(unit))
 
 
 def _ordinal(k: int) -> str:
@@ -112,10 +101,12 @@ def parse_zone(description: ModelDescription, floor: str, boxes: Sequence[str], 
     if clearance is not None and not 0.0 <= clearance < 1e4:
         raise InputError("--clearance-mm", value=clearance, allowed="0 (no test) to 10000", remedy="give mm")
     own = usual_clearance(description) if clearance is None else 1e-3 * clearance
-    height: float | None = None
-    if floor.strip().lower() != "none":
-        height = _finite([floor], "--floor-mm", floor, "a height in mm, or none", "as in --floor-mm 0")[0] * 1e-3
-    return Zone(height, tuple(_box(text) for text in boxes), own)
+    height = () if floor.strip().lower() == "none" else parse_numbers(floor)
+    if height is None or len(height) > 1:
+        raise InputError(
+            "--floor-mm", value=floor, allowed="a height in mm, or none", remedy="as in --floor-mm 0"
+        )  # fmt: skip
+    return Zone(height[0] * 1e-3 if height else None, tuple(_box(text) for text in boxes), own)
 
 
 def usual_clearance(description: ModelDescription) -> float:
@@ -130,28 +121,15 @@ def usual_clearance(description: ModelDescription) -> float:
 
 
 def _box(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    allowed, remedy = "two corners x0,y0,z0:x1,y1,z1 in mm", "as in --keep-out 500,-800,0:1500,800,900"
-    corners = text.split(":")
-    if len(corners) != 2:
-        raise InputError("--keep-out", value=text, allowed=allowed, remedy=remedy)
-    points = [_finite(corner.split(","), "--keep-out", text, allowed, remedy) for corner in corners]
-    if any(len(p) != 3 for p in points):
-        raise InputError("--keep-out", value=text, allowed=allowed, remedy=remedy)
-    low, high = (1e-3 * f(np.array(points[0]), np.array(points[1])) for f in (np.minimum, np.maximum))
+    corners = [parse_numbers(corner) or () for corner in text.split(":")]
+    if [len(corner) for corner in corners] != [3, 3]:
+        raise InputError("--keep-out", value=text, allowed="two corners x0,y0,z0:x1,y1,z1 in mm",
+                         remedy="as in --keep-out 500,-800,0:1500,800,900")  # fmt: skip
+    low, high = np.sort(1e-3 * np.array(corners), axis=0)
     if not (low < high).all():
         raise InputError("--keep-out", value=text, allowed="a box with a volume", remedy="give opposite corners")
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
     return (x0, y0, z0), (x1, y1, z1)
-
-
-def _finite(words: Sequence[str], option: str, text: str, allowed: str, remedy: str) -> list[float]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = [math.nan]
-    if not all(map(math.isfinite, values)):
-        raise InputError(option, value=text, allowed=allowed, remedy=remedy)
-    return values
 
 
 def usual_loads(description: ModelDescription, data: Measurements | None) -> Array:

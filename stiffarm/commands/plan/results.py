@@ -15,10 +15,10 @@ from robots import Robot
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.plan import words
-from stiffarm.commands.plan.sheets import SetUp, Sheet
+from stiffarm.commands.plan.sheets import Sheet
 from stiffarm.commands.plan.step import Planned
 from stiffarm.session.console import say, show_table
-from stiffarm.session.direction_words import direction_words
+from stiffarm.session.direction_words import set_up_rows
 from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-plan/1"
@@ -39,19 +39,14 @@ def robot_title(given: Arm) -> str:
 
 def plan_sheet(given: Arm, data: Measurements | None, planned: Planned) -> Sheet:
     """The sheet of a plan."""
-    protocol = planned.made.protocol
-    forces = tuple(float(f) for f in protocol.forces)
-    hints = [_hint(planned, k) for k in range(len(planned.labels))]
-    setups = tuple(
-        SetUp(label, q, direction, forces, hint)
-        for label, q, direction, hint in zip(planned.labels, planned.made.q, planned.made.direction, hints, strict=True)
-    )
+    made, protocol = planned.made, planned.made.protocol
+    loads = ", ".join(f"{f:g}" for f in protocol.forces.tolist())
     source = "no readings yet" if data is None else f"{data.source}, {planned.start.readings} readings"
     facts = [
         ("robot", robot_title(given)),
         ("made from", f"{source}; model {given.robot.name}, {given.model.load_path}, {given.model.link_kind} links"),
         ("chosen to tell", ", ".join(p.name for p in planned.start.parameters)),
-        ("loads", f"{', '.join(f'{f:g}' for f in forces)} N at the tool point, {protocol.repeats} times each"),
+        ("loads", f"{loads} N at the tool point, {protocol.repeats} times each"),
     ]
     if planned.held_deg:
         facts.append(("standing still", ", ".join(f"{k} = {v:g}" for k, v in planned.held_deg.items())))
@@ -60,8 +55,8 @@ def plan_sheet(given: Arm, data: Measurements | None, planned: Planned) -> Sheet
         "The plan knows joint limits, floor and boxes, not cables and fixtures: drive slowly the first time.",
     ]
     return Sheet(
-        given.robot, f"Measurement sheet {given.robot.name}", setups, protocol.components, protocol.repeats,
-        planned.request.unloading, tuple(facts), tuple(rules),
+        given.robot, f"Measurement sheet {given.robot.name}", made.q, made.direction, planned.labels,
+        tuple(_hint(planned, k) for k in range(len(planned.labels))), protocol, tuple(facts), tuple(rules),
     )  # fmt: skip
 
 
@@ -90,9 +85,9 @@ def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str
         "data": None if data is None else data.source,
         "readings": start.readings,
         "loads_N": [number(float(f)) for f in protocol.forces],
-        "read": [DISPLACEMENTS[k] for k in protocol.components],
+        "read": list(protocol.columns),
         "repeats": protocol.repeats,
-        "unloading": planned.request.unloading,
+        "unloading": protocol.unloading,
         "noise": {
             "reading_mm": number(noise.white[0] * 1e3),
             "reading_mrad": number(noise.white[1] * 1e3),
@@ -159,13 +154,10 @@ def parameter_payload(f: Foresight, found: ParameterEstimate | None) -> dict[str
 
 def show(given: Arm, planned: Planned) -> None:
     """Set-ups and prospects on the screen."""
-    names = given.robot.coordinates
-    rows = []
-    for label, q, d in zip(planned.labels, planned.made.q, planned.made.direction, strict=True):
-        rows.append([label, *[f"{v:.5g}" for v in np.degrees(q) + 0.0], direction_words(d)])
+    rows = [list(row) for row in set_up_rows(planned.labels, planned.made.q, planned.made.direction)]
     kind = "plain design" if planned.request.plain else f"{planned.made.criterion}-optimal choice"
     count = f"{len(planned.labels)} set-ups for {given.robot.name}, {kind} of {planned.candidates} poses"
-    show_table(count, ["set-up", *names, "load"], rows)
+    show_table(count, ["set-up", *given.robot.coordinates, "load"], rows)
     if planned.calibrated is not None:
         calibration_tables.show_answer(planned.calibrated)
     say(f"what {len(planned.labels)} set-ups tell (95 %):")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from doe import Measurements, write_measurements
-from doe.tables.columns import DISPLACEMENTS, LOADS
+from doe.planning.protocol import Protocol, table_to_fill
 from robots import Robot
 from robots.arrays import Array
 from stiffarm.pages.parts import rendered
@@ -21,79 +20,32 @@ MOST_BOXES = 9
 
 
 @dataclass(frozen=True)
-class SetUp:
-    """One pose with one direction of the load: ``q`` (dof,) rad, ``direction`` (3,) base axes, ``forces`` N rising.
-
-    ``hint``: what to expect, in words.
-    """
-
-    label: str
-    q: Array
-    direction: Array
-    forces: tuple[float, ...]
-    hint: str = ""
-
-
-@dataclass(frozen=True)
 class Sheet:
     """Set-ups in the order of measuring, and what is done in each.
 
-    ``components`` (0..5) are read; each load ``repeats`` times, from the unloaded arm up, and down again if
-    ``unloading``. ``facts``: pairs of name and text for the head of the page; ``rules``: what to heed.
+    ``q`` (n, dof) rad, ``direction`` (n, 3) base axes and ``labels`` (n,) of the set-ups; ``hints`` (n,): what to
+    expect, in words. ``facts``: pairs of name and text for the head of the page; ``rules``: what to heed.
     """
 
     robot: Robot
     title: str
-    setups: tuple[SetUp, ...]
-    components: tuple[int, ...]
-    repeats: int
-    unloading: bool
+    q: Array
+    direction: Array
+    labels: tuple[str, ...]
+    hints: tuple[str, ...]
+    protocol: Protocol
     facts: tuple[tuple[str, str], ...] = ()
     rules: tuple[str, ...] = ()
 
-
-@dataclass(frozen=True)
-class Reading:
-    """One row: number in the order of measuring, its set-up, load in N, repeat from 1, phase or None."""
-
-    step: int
-    setup: SetUp
-    force: float
-    repeat: int
-    phase: str | None
-
-
-def readings(sheet: Sheet) -> list[Reading]:
-    """All rows in the order of measuring: set-up by set-up, repeat by repeat, the load rising (and falling)."""
-    out: list[Reading] = []
-    for setup in sheet.setups:
-        up = [(force, "loading" if sheet.unloading else None) for force in setup.forces]
-        # The largest load is read once: nothing changes between the last step up and the first one down.
-        down = [(force, "unloading") for force in setup.forces[-2::-1]] if sheet.unloading else []
-        for repeat in range(1, sheet.repeats + 1):
-            out += [Reading(len(out) + 1 + k, setup, f, repeat, ph) for k, (f, ph) in enumerate([*up, *down])]
-    return out
-
-
-def as_table(sheet: Sheet) -> Measurements:
-    """The rows as a measurement table in which nothing is read yet."""
-    rows = readings(sheet)
-    n = len(rows)
-    wrench = np.zeros((n, len(LOADS)))
-    wrench[:, :3] = [row.force * row.setup.direction for row in rows]
-    return Measurements(
-        source=sheet.title, sha256="", q=np.array([row.setup.q for row in rows]).reshape(n, -1), wrench=wrench + 0.0,
-        displacement=np.full((n, len(DISPLACEMENTS)), np.nan), point=np.full((n, 3), np.nan),
-        sigma=np.full(n, np.nan), pose=tuple(row.setup.label for row in rows),
-        repeat=tuple(row.repeat if sheet.repeats > 1 else None for row in rows),
-        phase=tuple(row.phase for row in rows), step=np.array([float(row.step) for row in rows]),
-        row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
-    )  # fmt: skip
+    @property
+    def table(self) -> Measurements:
+        """The rows as a measurement table in which nothing is read yet."""
+        return table_to_fill(self.title, self.q, self.direction, self.labels, self.protocol)
 
 
 def write_table(sheet: Sheet, path: Path) -> None:
     """Write the CSV to fill in; ``calibrate`` reads it back, rows without a reading are skipped there."""
-    write_measurements(as_table(sheet), path, sheet.robot, to_fill=tuple(DISPLACEMENTS[k] for k in sheet.components))
+    write_measurements(sheet.table, path, sheet.robot, to_fill=sheet.protocol.columns)
 
 
 @dataclass(frozen=True)
@@ -122,16 +74,22 @@ class Block:
     again: bool = False
 
 
-def grid(sheet: Sheet, rows: Sequence[Reading]) -> Grid:
-    """Boxes for the rows of one set-up: repeats side by side where there is room, else one below the other."""
-    names = tuple(_head(DISPLACEMENTS[k]) for k in sheet.components)
-    by_repeat = [list(group) for _, group in groupby(rows, key=lambda row: row.repeat)]
-    count = len(by_repeat)
+def grid(protocol: Protocol, before: int = 0) -> Grid:
+    """Boxes of a set-up: repeats side by side where there is room, else one below the other.
+
+    ``before``: how many rows of the table come before it.
+    """
+    names = tuple(_head(column) for column in protocol.columns)
+    count, arrows = protocol.repeats, {"loading": " ↑", "unloading": " ↓", None: ""}
+    loads = [f"{f:.5g} N{arrows[p]}" for f, p in zip(protocol.course.tolist(), protocol.phases, strict=True)]
+    steps = before + 1 + np.arange(count * len(loads)).reshape(count, -1)
     if len(names) * count > MOST_BOXES:
-        lines = tuple((_load(row, count > 1), (row.step,) * len(names)) for row in rows)
-        return Grid((), names, lines)
+        heads = [f"{k + 1}: {load}" if count > 1 else load for k in range(count) for load in loads]
+        return Grid(
+            (), names, tuple((head, (s,) * len(names)) for head, s in zip(heads, steps.ravel().tolist(), strict=True))
+        )
     lines = tuple(
-        (_load(case[0]), tuple(row.step for row in case for _ in names)) for case in zip(*by_repeat, strict=True)
+        (load, tuple(np.repeat(line, len(names)).tolist())) for load, line in zip(loads, steps.T, strict=True)
     )
     titles = [f"repeat {k + 1}" for k in range(count)]
     if count > 1 and len(names) == 1:
@@ -144,11 +102,6 @@ def _head(column: str) -> str:
     return f"{name} ({unit})"
 
 
-def _load(row: Reading, with_repeat: bool = False) -> str:
-    text = f"{row.force:.5g} N" + {"loading": " ↑", "unloading": " ↓"}.get(row.phase or "", "")
-    return f"{row.repeat}: {text}" if with_repeat else text
-
-
 def angles(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
     """Joint coordinates with their angles in deg, as texts."""
     return tuple(
@@ -159,21 +112,20 @@ def angles(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
 
 def render_sheet(sheet: Sheet, pictures: Sequence[str]) -> str:
     """The page as HTML text, all content escaped; ``pictures``: a base64 PNG for each set-up, or "" for none."""
-    rows = readings(sheet)
-    blocks: list[Block] = []
-    for k, (setup, picture) in enumerate(zip(sheet.setups, pictures, strict=True)):
-        mine = [row for row in rows if row.setup is setup]
-        same = k > 0 and np.array_equal(setup.q, sheet.setups[k - 1].q)
-        blocks.append(
-            Block(
-                k + 1,
-                setup.label,
-                angles(sheet.robot, setup.q),
-                direction_words(setup.direction),
-                setup.hint,
-                picture,
-                grid(sheet, mine),
-                same,
-            )
+    each = len(sheet.protocol.course) * sheet.protocol.repeats
+    blocks = [
+        Block(
+            k + 1,
+            label,
+            angles(sheet.robot, q),
+            direction_words(way),
+            hint,
+            picture,
+            grid(sheet.protocol, k * each),
+            k > 0 and np.array_equal(q, sheet.q[k - 1]),
         )
-    return rendered("sheet.html.j2", sheet=sheet, blocks=blocks, count=len(rows))
+        for k, (label, q, way, hint, picture) in enumerate(
+            zip(sheet.labels, sheet.q, sheet.direction, sheet.hints, pictures, strict=True)
+        )
+    ]
+    return rendered("sheet.html.j2", sheet=sheet, blocks=blocks, count=each * len(blocks))

@@ -17,14 +17,14 @@ from doe.planning.outset import Outset, check_plannable, first_outset, has_enoug
 from doe.planning.plan import (
     Foresight,
     MeasurementPlan,
-    Protocol,
     expected,
     experiments,
     foresee,
     plan,
     seen_by,
 )
-from doe.planning.pose_designs import METHODS, Method, Zone, pose_design
+from doe.planning.pose_designs import Method, Zone, pose_design
+from doe.planning.protocol import Protocol, new_labels
 from doe.planning.tour import short_tour
 from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
@@ -117,8 +117,6 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         nothing tells, readings that tell nothing, or that move with none of the parameters.
     """
     robot = given.robot
-    if request.design not in METHODS:
-        raise InputError("--design", value=request.design, allowed=", ".join(METHODS))
     rng = np.random.default_rng(request.seed)
     protocol = _protocol(given, data, request)
     probes = pose_design(robot, PROBES, fixed=resting_pose(robot, {}), rng=np.random.default_rng(request.seed))
@@ -137,9 +135,10 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         _check_size(request, len(poses) * len(protocol.directions))
         made = plan(start, poses, request.poses, protocol, request.criterion, rng=rng, progress=progress)
     made = _ordered(made, request, rng)
-    held_deg = {name: float(np.degrees(held[robot.coordinate_index(name)])) for name in _others(robot, vary)}
+    still = zip(robot.coordinates, np.degrees(held).tolist(), strict=True)
+    held_deg = {name: angle for name, angle in still if name not in vary}
     return Planned(
-        request, start, made, _labels(len(made.q), data), len(poses),
+        request, start, made, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
         expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
         (*notes, *remarks, *_remarks(start, request, data)), calibrated,
     )  # fmt: skip
@@ -149,7 +148,7 @@ def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protoc
     forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
     directions = usual_directions(data) if request.directions is None else request.directions
     components = usual_components(data) if request.components is None else request.components
-    return Protocol(forces, directions, components, request.repeats)
+    return Protocol(forces, directions, components, request.repeats, request.unloading)
 
 
 def _free(
@@ -217,10 +216,6 @@ def _coordinates(
     return vary, held, [f"{stand}: makes no difference to what is read, so it stands still (--vary overrides)"]
 
 
-def _others(robot: Robot, vary: tuple[str, ...]) -> list[str]:
-    return [name for name in robot.coordinates if name not in vary]
-
-
 def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Array, rng: np.random.Generator) -> Array:
     """Poses (N, dof) rad to choose from, in whole degrees where they are drawn: a sheet is set by hand."""
     n = request.poses if request.plain else request.candidates
@@ -271,15 +266,6 @@ def _check_size(request: Request, candidates: int) -> None:
 def _ordered(made: MeasurementPlan, request: Request, rng: np.random.Generator) -> MeasurementPlan:
     order = rng.permutation(len(made.q)) if request.random_order else short_tour(made.q)
     return replace(made, q=made.q[order], direction=made.direction[order])
-
-
-def _labels(n: int, data: Measurements | None) -> tuple[str, ...]:
-    """N1, N2 ...: none that the data have already."""
-    taken = set() if data is None else set(data.pose)
-    first = 1
-    while any(f"N{first + k}" in taken for k in range(n)):
-        first += 1
-    return tuple(f"N{first + k}" for k in range(n))
 
 
 def _remarks(start: Outset, request: Request, data: Measurements | None) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -174,20 +175,21 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
         *(Text(words) for words in uncertainty_words(run)),
     ]
     if program.travel.shape[1]:
-        blocks.append(pictures.add(_travel_figure(run, way), "axes", "Linear axes along the program."))
+        travels = {axis.name: program.travel[:, k] * 1e3 for k, axis in enumerate(program.cell.linear_axes)}
+        figure = _lines(way, travels, ("path, mm", "travel, mm"), "Linear axes")
+        blocks.append(pictures.add(figure, "axes", "Linear axes along the program."))
     return Section("Posture", tuple(blocks))
 
 
-def _travel_figure(run: PostRun, way: Array) -> Figure:
-    program = run.posted.program
+def _lines(x: Array, lines: Mapping[str, Array], labels: tuple[str, str], text: str) -> Figure:
+    """Lines over one another along the program; ``labels`` of the axes."""
     with house_style():
-        figure, axes = new_figure((10.0, 3.2))
-        for k, axis in enumerate(program.cell.linear_axes):
-            axes[0].plot(way, program.travel[:, k] * 1e3, color=SERIES[k % len(SERIES)], label=axis.name)
-        axes[0].set_xlabel("path, mm")
-        axes[0].set_ylabel("travel, mm")
-        axes[0].legend(loc="best")
-        title(figure, "Linear axes")
+        figure, axes = new_figure((10.0, 3.3))
+        for k, (name, values) in enumerate(lines.items()):
+            axes[0].plot(x, values, color=SERIES[k % len(SERIES)], linewidth=1.2, label=name)
+        axes[0].set(xlabel=labels[0], ylabel=labels[1])
+        axes[0].legend(loc="upper right", ncols=3)
+        title(figure, text)
     return figure
 
 
@@ -203,15 +205,10 @@ def compensation_words(found: Compensated) -> str:
 
 
 def _compensated(found: Compensated, pictures: Pictures) -> Section:
-    with house_style():
-        figure, axes = new_figure((10.0, 3.4))
-        s = np.arange(len(found.moved))
-        for k, name in enumerate("xyz"):
-            axes[0].plot(s, found.moved[:, k] * 1e6, color=SERIES[k], linewidth=1.2, label=name)
-        axes[0].set_xlabel("move")
-        axes[0].set_ylabel("taken off, um")
-        axes[0].legend(loc="upper right", ncols=3)
-        title(figure, "Compensation, part axes")
+    moved = dict(zip("xyz", found.moved.T * 1e6, strict=True))
+    figure = _lines(
+        np.arange(len(found.moved), dtype=np.float64), moved, ("move", "taken off, um"), "Compensation, part axes"
+    )
     blocks: list[Text | Note | Bullets | Picture] = [
         Text(compensation_words(found)),
         pictures.add(figure, "compensation", "What was taken off each point of the path."),

@@ -27,6 +27,7 @@ Agreement = Literal["within", "outside", "unknown"]
 
 BESIDE: Final[Mapping[LinkKind, LinkKind]] = MappingProxyType({"shell": "beam", "beam": "rigid", "rigid": "beam"})
 """Which links a run is compared with. Shells are built only where they were asked for: they take their time."""
+NOUN: Final[Mapping[LinkKind, str]] = MappingProxyType({"rigid": "rigid links", "beam": "beams", "shell": "shells"})
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,11 @@ class LinkModels:
 
     own: LinkCalibrations
     other: LinkCalibrations
+
+    @property
+    def nouns(self) -> tuple[str, str]:
+        """What both kinds of links are called, the run's own first."""
+        return NOUN[self.own.links], NOUN[self.other.links]
 
     @property
     def pairs(self) -> tuple[Pair, ...]:

@@ -136,30 +136,21 @@ def sensitivity(
 def _method(text: str | None, joints: str | None, options: dict[str, Any]) -> Method | None:
     """The study asked for; None is the factorial. Options that it would not heed are refused."""
     given = [name for name, value in options.items() if value is not None]
-    allowed = ("factorial", *_METHODS)
-    if text not in (None, *allowed):
-        raise InputError("--method", value=text, allowed=", ".join(allowed), remedy="choose one of them")
-    chosen = next((m for m in _METHODS if m == text), None)
     if text is None and given:
-        chosen = "morris" if "--trajectories" in given else "sobol"
+        chosen: Method | None = "morris" if "--trajectories" in given else "sobol"
+    else:
+        word = parsing.parse_word("factorial" if text is None else text, ("factorial", *_METHODS), "--method")
+        chosen = next((m for m in _METHODS if m == word), None)
     unheeded = {
-        None: given,
-        "sobol": [n for n in given if n == "--trajectories"],
-        "morris": [n for n in given if n == "--samples"],
-        "derivative": [n for n in given if n in ("--samples", "--trajectories")],
+        None: list(options),
+        "sobol": ["--trajectories"],
+        "morris": ["--samples"],
+        "derivative": ["--samples", "--trajectories"],
     }[chosen]
-    if unheeded:
-        raise InputError(
-            f"{', '.join(unheeded)}: no option of --method {chosen or 'factorial'}",
-            remedy="leave it out, or change --method",
-        )
-    both = [n for n, v in {"--joints": joints, **options}.items() if v is not None and n in _NAMING]
-    if len(both) > 1:
-        raise InputError(f"{' and '.join(both)}: one of them at a time", remedy=f"leave out {both[0]}")
+    why_not = f"no option of --method {chosen or 'factorial'}"
+    parsing.refuse_given({name: options[name] for name in unheeded}, why_not, "leave it out, or change --method")
+    parsing.refuse_together({"--joints": joints, "--free": options["--free"], "--campaign": options["--campaign"]})
     return chosen
-
-
-_NAMING = ("--joints", "--free", "--campaign")
 
 
 def _labels(poses: str | None, table: Measurements, scheme: Comparison | None) -> tuple[str, ...]:

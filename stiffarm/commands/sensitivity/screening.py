@@ -13,9 +13,8 @@ from doe.estimation.campaign import Campaign
 from doe.planning.screening import Screening, screen, variance_shares
 from fem.arm import Arm
 from fem.elements.walls import wall_flexibilities
-from fem.free.laws import FreeLaw
 from fem.free.model import FreeModel
-from fem.free.parameters import Parameter, parameter
+from fem.free.parameters import FreeLaw, Parameter, parameter
 from fem.statics.loads import as_loaded
 from robots import InputError
 from robots.arrays import Array, Indices

@@ -11,10 +11,11 @@ from doe.tables.load_history import history_of
 from doe.tables.loaded import simulate
 from fem.arm import Arm
 from robots.arrays import Array
-from stiffarm.commands.simulate.step import NAMES, head
+from stiffarm.commands.simulate.step import head
 from stiffarm.session.console import say_notes
 from stiffarm.session.effect_words import history_notes
 from stiffarm.session.json_text import number
+from stiffarm.session.parsing import DISPLACEMENT_NAMES
 from stiffarm.session.softness import flagged
 
 
@@ -34,8 +35,8 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> dict[str, An
             "load_N": number(float(data.loads_N[i])),
         }
         for k in np.flatnonzero(data.used[i]):
-            row[f"{NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
-            row[f"{NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
+            row[f"{DISPLACEMENT_NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
+            row[f"{DISPLACEMENT_NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
         rows.append(row | marks[i])
     error = (d - data.displacement) * 1e3
     return head(given, model, rigid_joints) | {

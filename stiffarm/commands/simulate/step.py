@@ -17,10 +17,8 @@ from robots.arrays import Array
 from stiffarm.session.console import say, show_table
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import WRENCH_NAMES
+from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES
 from stiffarm.session.softness import flagged
-
-NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 
 NO_LINKS = "no links described: all bodies rigid"
 
@@ -58,10 +56,11 @@ def of_pose(
     return head(given, model, rigid_joints) | {
         "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
-        "displacement": {n: number(v * 1e3) for n, v in zip(NAMES, d, strict=True)},
+        "displacement": {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, d, strict=True)},
         "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
         "by_part": {
-            name: {n: number(v * 1e3) for n, v in zip(NAMES, part[0], strict=True)} for name, part in parts.items()
+            name: {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, part[0], strict=True)}
+            for name, part in parts.items()
         },
     }
 
@@ -179,9 +178,9 @@ def show(result: dict[str, Any]) -> None:
         return
     show_table(
         f"{result['robot']}: displacement of the tool point",
-        ["part", *NAMES],
-        [[name, *(f"{part[n]:+.4f}" for n in NAMES)] for name, part in result["by_part"].items()]
-        + [["total", *(f"{result['displacement'][n]:+.4f}" for n in NAMES)]],
+        ["part", *DISPLACEMENT_NAMES],
+        [[name, *(f"{part[n]:+.4f}" for n in DISPLACEMENT_NAMES)] for name, part in result["by_part"].items()]
+        + [["total", *(f"{result['displacement'][n]:+.4f}" for n in DISPLACEMENT_NAMES)]],
     )
     if "field" in result:
         _show_field(result["field"])

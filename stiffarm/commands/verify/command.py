@@ -13,8 +13,14 @@ from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
-from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
-from stiffarm.commands.verify.words import offence_words, sentence, value_words
+from stiffarm.commands.verify.payload import (
+    move_columns,
+    offence_rows,
+    offence_words,
+    payload,
+    sentence,
+    value_words,
+)
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, ModelArg, Out

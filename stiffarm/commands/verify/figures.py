@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 
 from machining.verification import Kind, Verification
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import MARKERS, SERIES, above, joint_colour, log_ticks, title
-from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import MARKERS, SERIES, above, drawing, joint_colour, log_ticks
+from stiffarm.pages.style import OKABE_ITO, SIZES_IN
 
 # More bins than this a page cannot show.
 BINS: Final = 1200
@@ -36,8 +36,7 @@ def clearance_figure(found: Verification) -> Figure:
     """Least distance of any two checked bodies in each move, the distance proven, and the safety distance."""
     swept, n = found.swept, found.program.n
     within = swept.within * 1e3
-    figure, (ax,) = new_figure("wide")
-    with house_style():
+    with drawing("Clearance along the program", SIZES_IN["wide"]) as (figure, (ax,)):
         x, seen = binned(np.minimum(swept.distance, swept.within) * 1e3, least=True)
         _, proven = binned(np.clip(swept.proven, 0.0, swept.within) * 1e3, least=True)
         ax.fill_between(x, proven, np.maximum(seen, 0.0), color=PROVEN, linewidth=0.0)
@@ -60,7 +59,6 @@ def clearance_figure(found: Verification) -> Figure:
         ax.set(ylim=(0.0, within * 1.03), ylabel=f"distance (mm), up to {within:g}")
         _moves(ax, n)
         above(ax, handles, 4)
-        title(figure, "Clearance along the program")
     return figure
 
 
@@ -72,22 +70,21 @@ def speeds_figure(found: Verification) -> Figure | None:
     shown = [j for j in range(found.axes.count) if np.isfinite(share[:, j]).any()]
     if not shown:
         return None
-    figure, (ax,) = new_figure("wide")
-    with house_style():
+    top = float(np.nanmax(share))
+    heading = f"Axis speeds at the programmed feed: up to {top:.3g} % of the greatest"
+    with drawing(heading, SIZES_IN["wide"]) as (figure, (ax,)):
         for j in shown:
             x, worst = binned(share[:, j])
             colour = joint_colour(found.axes.names[j], j) if j < found.axes.dof else SERIES[j % len(SERIES)]
             style = "-" if j < found.axes.dof else "--"
             ax.plot(x, worst, color=colour, linestyle=style, linewidth=1.2, label=found.axes.names[j])
         ax.axhline(100.0, color=BAD, linestyle=":", linewidth=1.4)
-        top = float(np.nanmax(share))
         # Far below the limit the limit is left out, so that the curves can be told apart.
         high = 1.25 * top if top < 25.0 else max(110.0, 1.05 * min(top, 400.0))
         ax.set(ylim=(0.0, high if high > 0.0 else 1.0), ylabel="speed asked over the greatest (%)")
         _mark(ax, found, Kind.SPEED)
         _moves(ax, found.program.n)
         above(ax, ax.get_legend_handles_labels()[0], min(len(shown), 9))
-        title(figure, f"Axis speeds at the programmed feed: up to {top:.3g} % of the greatest")
     return figure
 
 
@@ -96,8 +93,7 @@ def straightness_figure(found: Verification) -> Figure | None:
     line = found.path.line * 1e3
     if not np.isfinite(line).any():
         return None
-    figure, (ax,) = new_figure("wide")
-    with house_style():
+    with drawing("Linearisation error of cutting moves", SIZES_IN["wide"]) as (figure, (ax,)):
         x, worst = binned(np.maximum(line, NOTHING * 1e3))
         few = int(np.isfinite(worst).sum()) < 40
         ax.plot(x, worst, color=SEEN, linewidth=1.2, marker=MARKERS[0] if few else None, markersize=4)
@@ -115,7 +111,6 @@ def straightness_figure(found: Verification) -> Figure | None:
             Line2D([], [], color=BAD, linestyle=":", label=f"tolerance, {limit:g} mm"),
         ]
         above(ax, handles, 2)
-        title(figure, "Linearisation error of cutting moves")
     return figure
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from machining.verification import Offence, Verification
 from robots.arrays import Array, Integers
 from stiffarm.commands.verify.bodies import body_surfaces
-from stiffarm.commands.verify.words import offence_words, value_words
+from stiffarm.commands.verify.payload import offence_words, value_words
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 
 # Points kept of a long program: 60 bytes each in the file.

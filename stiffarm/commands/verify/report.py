@@ -9,8 +9,16 @@ import numpy as np
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
 from robots.arrays import Array
 from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, straightness_figure
+from stiffarm.commands.verify.payload import (
+    distance_words,
+    offence_words,
+    place_words,
+    sentence,
+    shown,
+    value_words,
+    verdict,
+)
 from stiffarm.commands.verify.picture import offence_picture
-from stiffarm.commands.verify.words import offence_words, place_words, sentence, shown, value_words, verdict
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.console import say
@@ -43,16 +51,11 @@ def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
 
 
 def _key_figures(found: Verification) -> list[KeyFigure]:
-    swept = found.swept
-    least = float(swept.distance.min())
-    distance = "overlap" if least < 0.0 else f"{least * 1e3:.3g} mm"
-    if least >= swept.within:
-        distance = f"over {swept.within * 1e3:g} mm"
     total = found.timing.total + float(found.program.motions.dwell.sum())
     out = [
         KeyFigure("yes" if found.clean else "no", "may it run, as far as was looked at"),
         KeyFigure(str(len(found.errors)), "offences"),
-        KeyFigure(distance, "least distance of bodies"),
+        KeyFigure(distance_words(found), "least distance of bodies"),
         KeyFigure(f"{total:.3g} s" if np.isfinite(total) else "not known", "time at the programmed feeds"),
     ]
     if found.errors:
@@ -65,13 +68,12 @@ def offences_section(found: Verification, folder: OutputFolder) -> Section:
     if not found.offences:
         return Section("May it run", (Text("Nothing was found in what was looked at."), *_open_questions(found)))
     first = found.errors[0] if found.errors else found.offences[0]
-    counted = Counter((o.kind, o.severity) for o in found.offences)
     moves = Counter[tuple[object, object]]()
     for o in found.offences:
         moves[o.kind, o.severity] += o.moves
     rows = tuple(
         (str(kind), str(severity), str(count), str(moves[kind, severity]), KIND_WORDS[kind])
-        for (kind, severity), count in counted.items()
+        for (kind, severity), count in found.counts.items()
     )
     listed = tuple(_row(o) for o in found.offences[:LISTED])
     left = len(found.offences) - len(listed)

@@ -9,7 +9,7 @@ from plain_problems import linear
 from doe.certainty.uncertainty import certainty, law_band
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
-from fem.free.laws import FreeLaw, TableBasis
+from fem.free.parameters import FreeLaw, TableBasis
 
 NODES = np.array([-1.0, 0.0, 1.0, 2.0])
 VALUES = np.array([12.0, 13.0, 13.5])

@@ -7,12 +7,12 @@ import pytest
 from made_up import read, setting
 from scipy.stats import multivariate_normal, norm
 
-from doe.diagnosis.evidence import Base, Whitened, fit_all
-from doe.diagnosis.held_out import extended, leave_one_pose_out
+from doe.diagnosis.evidence import Base, Whitened, fit_all, leave_one_pose_out
 from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, signatures
+from doe.diagnosis.weighing import extended
 from doe.estimation.noise import Noise
 
 NOISE = Noise(white=(5e-6, 1e-5), share=0.02, pose_share=0.01)
@@ -77,7 +77,7 @@ def test_a_positive_amplitude_is_integrated_above_zero_only(small: Setting) -> N
 
 
 def test_leaving_a_pose_out_is_fitting_without_it(small: Setting) -> None:
-    base = extended(base_of(small), signatures(small, small.known["load-misalignment"])[0])
+    base = extended(small, base_of(small), signatures(small, small.known["load-misalignment"])[0])
     weight = np.ones(len(small.data))
     V = covariance(small, NOISE, weight)
     left = leave_one_pose_out(base, V, small.data.pose)

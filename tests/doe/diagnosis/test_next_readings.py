@@ -14,11 +14,10 @@ from doe import Measurements, read_measurements, write_measurements
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.discrimination import Predictions, choose, divergence, information, joint, right_names
 from doe.diagnosis.evidence import Base
-from doe.diagnosis.next_readings import NextReadings, as_measurements, columns_to_fill, propose
+from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.outset import setting_of
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.rivals import (
-    Cycle,
     Question,
     foreseen,
     noise_factors,
@@ -30,6 +29,7 @@ from doe.diagnosis.rivals import (
 from doe.diagnosis.setting import Setting
 from doe.estimation.noise import Noise
 from doe.planning.pose_designs import Zone
+from doe.planning.protocol import Protocol
 from doe.tables.joined import join
 from doe.tables.load_history import history_of
 from fem import ArmModel, build_model, deflection
@@ -38,6 +38,7 @@ from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description
 
 CODES = ("joint-tilt:j3", "joint-tilt:j2", "backlash:j2", "gauge-zero", "joint-compliance:j6", "load-path")
+DOWN = np.array([[0.0, 0.0, -1.0]])
 SPRINGS = {"j2": 1.4e6, "j3": 0.76e6, "j4": 1.4e6, "j5": 3e6}
 # The nine seed poses of the paper: q2, q3real, q4, q5 in deg.
 PAPER = [(a, b, *w) for a, b in ((-35, 40), (5, 77.5), (45, 115)) for w in ((-200, 100), (0, -100), (0, 0))]
@@ -147,7 +148,7 @@ def test_prediction_is_that_of_a_joint_normal(setting: Setting, rng: np.random.G
 
 
 def test_scatter_of_the_set_up_is_common_to_its_readings(setting: Setting) -> None:
-    cycle = Cycle(np.array([100.0, 300.0]), (0, 2), repeats=4)
+    cycle = Protocol(np.array([100.0, 300.0]), DOWN, (0, 2), repeats=4)
     wrench = np.zeros((2, 6))
     wrench[:, 2] = -cycle.forces
     at = LoadedPoses(np.tile(setting.data.free.at.q[3], (2, 1)), wrench, setting.data.free.at.point[:2])
@@ -243,7 +244,7 @@ def test_every_kind_of_rival_predicts_what_its_own_fit_does(setting: Setting, di
     # Far from where the springs stand, so that it matters about which point the columns are taken.
     far = replace(setting, typical=3.0 * setting.typical)
     question = Question(far, r, weight, ("gauge-zero",))
-    cycle = Cycle(np.array([375.0]), (2,), repeats=3)
+    cycle = Protocol(np.array([375.0]), DOWN, repeats=3)
     q = np.radians([[0.0, 20.0, 90.0, 0.0, -30.0, 0.0], [60.0, -20.0, 60.0, 90.0, 60.0, 0.0]])
     wrench = np.tile([0.0, 0.0, -375.0, 0.0, 0.0, 0.0], (2, 1))
     both = with_candidates(far, LoadedPoses(q, wrench, setting.data.free.at.point[:2]), cycle)
@@ -271,7 +272,7 @@ def test_a_law_whose_shapes_are_all_alike_still_has_one(setting: Setting, diagno
     many = replace(ripple, parameters=(*ripple.parameters[:tooth], fine, *ripple.parameters[tooth + 1 :]))
     s = replace(setting, known={"gear-ripple:j2": many})
     question = Question(s, rank(s, diagnosis.weight), {"none": 0.5, "gear-ripple:j2": 0.5}, ())
-    cycle = Cycle(np.array([375.0]), (2,), repeats=1)
+    cycle = Protocol(np.array([375.0]), DOWN, repeats=1)
     at = setting.data.free.at
     p = predictions(
         question, with_candidates(s, LoadedPoses(at.q[:1], at.wrench[:1], at.point[:1]), cycle), diagnosis.weight, cycle
@@ -326,7 +327,7 @@ def test_limits_are_kept(setting: Setting, diagnosis: Diagnosis, proposed: NextR
     robot = setting.model.robot
     assert robot.reachable(proposed.q).all()
     assert Zone(floor=0.0).free(robot, proposed.q).all()
-    np.testing.assert_array_equal(proposed.forces, [150.0, 375.0, 650.0])
+    np.testing.assert_array_equal(proposed.protocol.forces, [150.0, 375.0, 650.0])
     np.testing.assert_allclose(proposed.direction, [[0.0, 0.0, -1.0]] * 3)
     bad = {
         "loads": {"loads": [650.0, 5000.0]},
@@ -345,18 +346,18 @@ def test_directions_and_loads_as_asked(setting: Setting, diagnosis: Diagnosis) -
         setting, diagnosis, poses=2, loads=[400.0, 200.0], directions=[(0, 0, -2), (1, 0, 0)], components=[2, 0],
         unloading=False, candidates=30, rng=np.random.default_rng(0),
     )  # fmt: skip
-    assert n.components == (0, 2)
-    np.testing.assert_array_equal(n.forces, [200.0, 400.0])
-    assert not n.unloading
+    assert n.protocol.components == (0, 2)
+    np.testing.assert_array_equal(n.protocol.forces, [200.0, 400.0])
+    assert not n.protocol.unloading
     assert all(tuple(row) in {(0.0, 0.0, -1.0), (1.0, 0.0, 0.0)} for row in n.direction.tolist())
 
 
 def test_sheet_comes_back_with_its_history(proposed: NextReadings, first: Measurements, tmp_path: Path) -> None:
     robot = _arm().robot
-    sheet = as_measurements(proposed)
+    sheet = proposed.sheet
     assert sheet.n == 3 * 3 * 5
     path = tmp_path / "next.csv"
-    write_measurements(sheet, path, robot, to_fill=columns_to_fill(proposed))
+    write_measurements(sheet, path, robot, to_fill=proposed.protocol.columns)
     lines = path.read_text().splitlines()
     column = lines[0].split(",").index("dz_mm")
     cells = [line.split(",") for line in lines[1:]]

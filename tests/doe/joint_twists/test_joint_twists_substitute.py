@@ -21,16 +21,14 @@ from doe.joint_twists.substitute import (
     gear_refitted,
     predict,
     reachable_poses,
+    stiffness_window,
     stiffness_with,
     usual_models,
 )
 from doe.joint_twists.synthetic import TWIST_RATIO_J2, Campaign
-from doe.joint_twists.workspace import stiffness_window
 from fem import ConstantSpring, build_model, compliance, directional_stiffness
 from robots import InputError, forward_kinematics, jacobian, load_description, save_description
 from robots.library.models import parse_description, to_toml
-
-NAMES = tx200().robot.joint_names
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +112,7 @@ def test_the_finding_at_joint_2(exact: Identified) -> None:
 
 
 def test_loops_are_about_the_gears_only(exact: Identified) -> None:
-    found = loops(exact, NAMES)
+    found = loops(exact)
     for loop in found:
         # In per cent of the range: friction of 1 to 25 N m of some 50 to 700.
         assert (0.02 < loop.share < 0.25) if loop.row == "rz" else abs(loop.share) < 1e-6
@@ -125,7 +123,7 @@ def test_a_cross_term_is_found_where_it_is_and_nowhere_else() -> None:
     c = truth().compliances(np.zeros((1, 6)))[0, 1]
     entry = 0.3 * float(np.sqrt(c[3] * c[5]))
     found = identify(tx200(), readings(truth(couplings={(1, 3, 5): entry}), Campaign(), 7), law="fourier-1")
-    tests = {t.joint: t for t in diagonal_tests(found, NAMES)}
+    tests = {t.joint: t for t in diagonal_tests(found)}
     proven = [c for t in tests.values() for c in t.couplings if c.proven]
     assert ("j2", ("rx", "rz")) in [(c.joint, c.rows) for c in proven]
     one = next(c for c in proven if c.rows == ("rx", "rz"))
@@ -137,7 +135,7 @@ def test_a_cross_term_is_found_where_it_is_and_nowhere_else() -> None:
 
 def test_a_diagonal_arm_is_left_in_peace() -> None:
     found = identify(tx200(), readings(truth(friction=1.0), Campaign(), 8), law="fourier-1")
-    tests = diagonal_tests(found, NAMES)
+    tests = diagonal_tests(found)
     assert sum(len(t.couplings) for t in tests) > 80
     # Holm: one campaign in twenty shows one by chance; this seed does not.
     assert all(t.suffices for t in tests)
@@ -165,7 +163,7 @@ def test_a_window_out_of_reach_is_refused(exact: Identified) -> None:
 
 
 def test_the_model_file_gives_what_it_says(exact: Identified, some: np.ndarray, tmp_path: Path) -> None:
-    description = with_six_springs(load_description("tx200"), tx200(), exact)
+    description = with_six_springs(load_description("tx200"), exact)
     save_description(description, tmp_path / "model.toml")
     arm = build_model(load_description(tmp_path / "model.toml"), "rigid")
     R = forward_kinematics(arm.robot, some).R_flange
@@ -188,7 +186,7 @@ def test_the_model_file_gives_what_it_says(exact: Identified, some: np.ndarray, 
 
 def test_what_is_not_identified_stays_as_it_was(tmp_path: Path) -> None:
     data = readings(truth(), replace(EXACT, off_axis_m=0.0))
-    description = with_six_springs(load_description("tx200"), tx200(), identify(tx200(), data, law="fourier-1"))
+    description = with_six_springs(load_description("tx200"), identify(tx200(), data, law="fourier-1"))
     last = description.joint[5]
     assert last.stiffness is None
     assert last.bearing is not None or getattr(last, "bearing_laws", None) is not None
@@ -199,7 +197,7 @@ def test_what_is_not_identified_stays_as_it_was(tmp_path: Path) -> None:
 def test_the_model_file_s_covariance_is_that_of_the_identification(some: np.ndarray) -> None:
     """Through names, file and propagation against the intervals that the identification gives of the flange itself."""
     found = identify(tx200(), readings(truth(), Campaign(), 1), law="fourier-1")
-    description = with_six_springs(load_description("tx200"), tx200(), found)
+    description = with_six_springs(load_description("tx200"), found)
     u = parameter_uncertainty(parse_description(to_toml(description), "model.toml"))
     assert u is not None
     # Six joints, six directions, three coefficients of ln k each.
@@ -218,7 +216,7 @@ def test_the_model_file_s_covariance_is_that_of_the_identification(some: np.ndar
 def test_directions_without_a_number_or_an_interval_are_left_open() -> None:
     data = readings(truth(), Campaign(), 1)
     found = identify(tx200(), data.select(data.joint != 1), law="table")
-    table = with_six_springs(load_description("tx200"), tx200(), found).calibration.uncertainty  # type: ignore[union-attr]
+    table = with_six_springs(load_description("tx200"), found).calibration.uncertainty  # type: ignore[union-attr]
     assert table is not None
     assert {one.name for one in table.undetermined} == {
         "j2.stiffness",
@@ -226,10 +224,8 @@ def test_directions_without_a_number_or_an_interval_are_left_open() -> None:
     }
     # A table across the axis is held as its mean compliance: one number with the variance of that mean.
     d = found.directions["j3", "rx"]
-    q = np.zeros((400, 6))
-    drawn = np.random.default_rng(0).multivariate_normal(d.law.spring.coefficients, d.law.covariance, 4000)  # type: ignore[union-attr]
-    q[: len(d.angle), 2] = d.angle
-    mean = np.exp(-drawn @ d.law.spring.basis(q[: len(d.angle)]).T).mean(axis=1)  # type: ignore[union-attr]
+    drawn = np.random.default_rng(0).multivariate_normal(d.law.coefficients, d.law.covariance, 4000)  # type: ignore[union-attr]
+    mean = np.exp(-drawn @ d.law.functions(d.angle).T).mean(axis=1)  # type: ignore[union-attr]
     k = table.parameters.index("j3.rx")
     # 4000 draws: 1.1 %, three times that, and the second order.
     assert np.sqrt(table.covariance[k][k]) == pytest.approx(mean.std(), rel=0.05)

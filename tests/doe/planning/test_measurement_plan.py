@@ -11,7 +11,7 @@ from doe import Measurements, bundled_data, read_measurements, select_loads
 from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
-from doe.estimation.problem import problem
+from doe.estimation.problem import Problem, problem
 from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.outset import (
     VAGUE,
@@ -19,12 +19,13 @@ from doe.planning.outset import (
     check_plannable,
     design_point,
     first_outset,
+    helped_outset,
     known_information,
     outset,
-    outset_of,
 )
-from doe.planning.plan import Protocol, _loaded, expected, experiments, foresee, plan
+from doe.planning.plan import expected, experiments, foresee, plan
 from doe.planning.pose_designs import pose_design
+from doe.planning.protocol import Protocol, every_load
 from fem import ArmModel, build_model, deflection
 from fem.free.parameters import parameter
 from robots import InputError, load_description
@@ -32,6 +33,12 @@ from robots import InputError, load_description
 GAUGE = (1e-5, 1e-5)
 DOWN = np.array([[0.0, 0.0, -1.0]])
 SPRINGS = tuple(f"j{k}.stiffness" for k in (2, 3, 4, 5))
+
+
+def told_by(p: Problem) -> Outset:
+    """What is known after readings enough for an estimate."""
+    e = estimate(p, GAUGE)
+    return outset(e, certainty(e))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +58,7 @@ def nine(all_loads: Measurements) -> Measurements:
 
 @pytest.fixture(scope="module")
 def start(model: ArmModel, nine: Measurements) -> Outset:
-    return outset_of(problem(model, nine, [parameter(model, name) for name in SPRINGS]), GAUGE)
+    return told_by(problem(model, nine, [parameter(model, name) for name in SPRINGS]))
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +158,9 @@ def test_all_forces_of_a_set_up_weigh_as_their_covariance_says(start: Outset, po
     protocol = Protocol(forces, np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]), (0, 2, 4), repeats)
     B = experiments(replace(start, noise=noise), poses[:5], protocol)
     assert B.shape == (10, 3, 4)
-    value, J = replace(start.free, at=_loaded(start.free, poses[:5], protocol)).evaluate(start.u)
+    value, J = replace(start.free, at=every_load(start.free.model, poses[:5], protocol.directions, forces)).evaluate(
+        start.u
+    )
     for k, component in enumerate((0, 2, 4)):
         f = np.repeat(value[:, component].reshape(10, 3), repeats, axis=1)
         A = np.repeat((J[:, component] * start.slopes).reshape(10, 3, 4), repeats, axis=1)
@@ -205,7 +214,7 @@ def test_a_first_campaign_sets_out_from_the_vague_prior(model: ArmModel) -> None
 
 def test_fewer_readings_than_parameters_are_no_obstacle(model: ArmModel, nine: Measurements, poses: np.ndarray) -> None:
     two = nine.select(np.arange(nine.n) < 2)
-    begin = outset_of(problem(model, two, [parameter(model, name) for name in SPRINGS]), GAUGE)
+    begin = helped_outset(problem(model, two, [parameter(model, name) for name in SPRINGS]), GAUGE)
     assert begin.found == ()
     assert begin.readings == 2
     eigen = np.linalg.eigvalsh(begin.known)
@@ -217,7 +226,7 @@ def test_fewer_readings_than_parameters_are_no_obstacle(model: ArmModel, nine: M
 
 def test_own_sigma_of_the_readings_is_expected_of_new_ones(model: ArmModel, nine: Measurements) -> None:
     data = replace(nine, sigma=np.full(nine.n, 3e-5))
-    begin = outset_of(problem(model, data, [parameter(model, "j3.stiffness")]), GAUGE)
+    begin = told_by(problem(model, data, [parameter(model, "j3.stiffness")]))
     assert begin.noise.white[0] == pytest.approx(3e-5)
 
 

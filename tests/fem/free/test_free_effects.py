@@ -9,9 +9,8 @@ import pytest
 
 from fem import ArmModel, build_model
 from fem.effects import History, PlacedEffect, catalogue, observed
-from fem.free.laws import FourierBasis, FreeLaw, law_parameters
 from fem.free.model import FreeModel, LoadedPoses
-from fem.free.parameters import Parameter, parameter
+from fem.free.parameters import FourierBasis, FreeLaw, Parameter, law_parameters, parameter
 from robots import InputError, load_description
 
 DESCRIPTION = load_description("xr701")

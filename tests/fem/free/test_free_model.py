@@ -10,9 +10,17 @@ import pytest
 
 from fem import ArmModel, build_model, deflection
 from fem.free.kinds import KINDS
-from fem.free.laws import FourierBasis, FreeLaw, TableBasis, law_parameters, polynomial_basis
 from fem.free.model import FreeModel, LoadedPoses
-from fem.free.parameters import Parameter, named_numbers, parameter
+from fem.free.parameters import (
+    FourierBasis,
+    FreeLaw,
+    Parameter,
+    TableBasis,
+    law_parameters,
+    named_numbers,
+    parameter,
+    polynomial_basis,
+)
 from fem.springs import LawSpring
 from robots import InputError, ModelDescription, forward_kinematics, load_description
 

@@ -14,8 +14,7 @@ from machining.cell import Body, Cell, Fixture, LinearAxis, Turntable, arm_of, b
 from machining.programs.program import JointProgram
 from machining.verification import Demands, Kind, Severity, moving_axes, verify
 from machining.verification.courses import courses_of
-from machining.verification.motion_bound import motion_bound
-from machining.verification.sweep import sweep
+from machining.verification.sweep import motion_bound, sweep
 from robots.arrays import Array
 
 Faulty = tuple[JointProgram, int, set[str]]

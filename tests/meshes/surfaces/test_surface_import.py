@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from meshes import BeamMesh, casing_mesh
 from meshes.surfaces import reading as surface_reading
 from meshes.surfaces.checks import crossings
 from meshes.surfaces.link import ImportedLink, import_surface
-from meshes.surfaces.offset import offset_inward
+from meshes.surfaces.rings import Interface
+from meshes.surfaces.routes import ImportSettings, offset_inward
 from robots import InputError
 
 # The committed file holds tapered_tube() in metres.
@@ -55,20 +57,22 @@ def tapered_tube(around: int = 48, stations: int = 2) -> trimesh.Trimesh:
     return swept_tube(path, np.linspace(*RADII_M, stations), around)
 
 
-def load(mesh: trimesh.Trimesh | Path, folder: Path, suffix: str = "ply", **changes: object) -> ImportedLink:
+def load(mesh: trimesh.Trimesh | Path, folder: Path, suffix: str = "ply", **changes: Any) -> ImportedLink:
     path = mesh
     if not isinstance(mesh, Path):
         path = folder / f"link.{suffix}"
         mesh.export(path)
-    settings = {
-        "target_size": COARSE_M,
-        "wall": WALL_M,
-        "youngs_modulus": 7e10,
-        "poissons_ratio": 0.3,
-        "interface_points": POINTS,
-        "repair": "none",
+    points = changes.pop("interface_points", POINTS)
+    radius, axes = (changes.pop(f"interface_{what}", {}) for what in ("radius", "axes"))
+    interfaces = {
+        name: Interface(
+            np.asarray(point, dtype=float), np.asarray(axes[name]) if name in axes else None, radius=radius.get(name)
+        )
+        for name, point in points.items()
     }
-    return import_surface(path, **(settings | changes))
+    scale = changes.pop("scale", None)
+    usual = {"target_size": COARSE_M, "wall": WALL_M, "youngs_modulus": 7e10, "poissons_ratio": 0.3, "repair": "none"}
+    return import_surface(path, interfaces, ImportSettings(**(usual | changes)), scale)
 
 
 def refused(mesh: trimesh.Trimesh | Path, folder: Path, words: str, **changes: object) -> str:
@@ -232,7 +236,7 @@ def test_bad_numbers_name_themselves(tmp_path: Path) -> None:
     refused(mesh, tmp_path, "target size", target_size=0.0)
     refused(mesh, tmp_path, "50 to 400000 elements", target_size=1e-4)
     refused(mesh, tmp_path, "interface point tip", interface_points={"root": [0, 0, 0], "tip": [0, np.nan, 1]})
-    refused(mesh, tmp_path, "interface radius elbow", interface_radius={"elbow": 0.1})
+    refused(mesh, tmp_path, "interface radius tip", interface_radius={"tip": -0.1})
     refused(mesh, tmp_path, "no interface points", interface_points={})
     refused(mesh, tmp_path, "no direction", interface_points={"root": [0, 0, 0]})
     refused(mesh, tmp_path, "scale", scale=0.0)

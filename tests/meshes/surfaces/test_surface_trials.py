@@ -10,7 +10,7 @@ from meshes.surfaces import trials as surface_trials
 from meshes.surfaces.checks import SurfaceFault
 from meshes.surfaces.distance_grid import Grid, contour
 from meshes.surfaces.link import GOOD, POOR_ANGLE_DEG, prepare_link, quality_words
-from meshes.surfaces.nearest import NearestOn
+from meshes.surfaces.remesh import NearestOn
 from meshes.surfaces.rings import Interface
 from meshes.surfaces.routes import ImportSettings
 from meshes.surfaces.trials import TooFar, by_trial, methods, warning

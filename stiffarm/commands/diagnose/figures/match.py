@@ -12,13 +12,12 @@ from matplotlib.figure import Figure
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import above, note, title
-from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.bars import bars_figure
+from stiffarm.pages.figure_parts import drawing, named_columns
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 BEFORE: Final = OKABE_ITO["vermillion"]
 AFTER: Final = OKABE_ITO["blue"]
-# More names than this do not fit below half a page's axis.
-_MOST_NAMES: Final = 27
 _MANY_POINTS: Final = 250
 
 
@@ -64,8 +63,8 @@ def match_figure(fits: Sequence[Fit]) -> Figure:
     low, high = float(values.min()), float(values.max())
     room = 0.05 * max(high - low, 1e-9)
     ends = np.array([low - room, high + room])
-    with house_style():
-        figure, axes = new_figure((10.0, 5.9), 1, len(fits), sharey=True)
+    heading = "Read against simulated; vertical strokes are the gap, the band is two standard deviations"
+    with drawing(heading, (10.0, 5.9), 1, len(fits), sharey=True) as (figure, axes):
         for ax, f, colour in zip(axes, fits, _colours(len(fits)), strict=True):
             ax.fill_between(ends, ends - 2.0 * f.noise, ends + 2.0 * f.noise, color=FAINT, alpha=0.35, linewidth=0)
             ax.plot(ends, ends, color=INK, linewidth=0.9)
@@ -75,7 +74,6 @@ def match_figure(fits: Sequence[Fit]) -> Figure:
             ax.set_box_aspect(1.0)
             ax.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
         axes[0].set_ylabel(f"read ({fits[0].unit})")
-        title(figure, "Read against simulated; vertical strokes are the gap, the band is two standard deviations")
     return figure
 
 
@@ -104,9 +102,9 @@ def residuals_figure(fits: Sequence[Fit]) -> Figure:
     """
     if not fits or not len(fits[0].read):
         raise InputError("residuals figure", allowed="at least one model and one reading")
-    with house_style():
-        size = (10.0, 1.0 + 2.9 * len(fits))
-        figure, axes = new_figure(size, len(fits), 2, sharey=True, width_ratios=[2.3, 1.0])
+    heading = "Residuals over poses and loads; black: mean of a group, band: two standard deviations"
+    size = (10.0, 1.0 + 2.9 * len(fits))
+    with drawing(heading, size, len(fits), 2, sharey=True, width_ratios=[2.3, 1.0]) as (figure, axes):
         for k, (f, colour) in enumerate(zip(fits, _colours(len(fits)), strict=True)):
             left, right = axes[2 * k], axes[2 * k + 1]
             _strip(left, f, f.pose, colour)
@@ -116,7 +114,6 @@ def residuals_figure(fits: Sequence[Fit]) -> Figure:
             if k == len(fits) - 1:
                 left.set_xlabel("pose")
                 right.set_xlabel("load; left loading, right unloading" if "unloading" in f.phase else "load")
-        title(figure, "Residuals over poses and loads; black: mean of a group, band: two standard deviations")
     return figure
 
 
@@ -141,11 +138,7 @@ def _strip(ax: Axes, f: Fit, labels: Sequence[str], colour: str) -> None:
         middle = np.arange(len(names)) + (np.unique(shift[side])[0] if side.any() else 0.0)
         half = 0.17 if np.any(shift) else 0.3
         ax.hlines(groups, middle - half, middle + half, color=INK, linewidth=1.5, zorder=3)
-    shown = range(0, len(names), -(-len(names) // _MOST_NAMES))
-    turned = max(map(len, names)) * len(shown) > 70 or (len(shown) > 14 and max(map(len, names)) > 2)
-    ax.set_xticks(list(shown), [names[k] for k in shown], rotation=60 if turned else 0)
-    ax.set_xlim(-0.6, len(names) - 0.4)
-    ax.grid(visible=False, axis="x")
+    named_columns(ax, names)
 
 
 def gap_figure(
@@ -163,29 +156,11 @@ def gap_figure(
     """
     if not rows:
         raise InputError("gap figure: no errors to draw")
-    y = np.arange(len(rows), dtype=np.float64)
-    with house_style():
-        figure, (ax,) = new_figure((10.0, 1.6 + 0.85 * len(rows)))
-        series = [("before", BEFORE), ("after", AFTER)]
-        if all(np.isnan(pair[1]) for pair in rows.values()):
-            series = series[:1]
-        for k, (when, colour) in enumerate(series):
-            lengths = np.array([pair[k] for pair in rows.values()])
-            at = y + (k - 0.5 * (len(series) - 1)) * 0.36
-            ax.barh(at, np.nan_to_num(lengths), 0.34, color=colour, label=when)
-            for place, value in zip(at, lengths, strict=True):
-                note(ax, f"{value:.3f}", (value, place), (4, 0), ha="left")
-        ax.axvline(noise, color=INK, linestyle="--", linewidth=1.2, label=f"{name}: {noise:.3f}")
-        if np.isfinite(least):
-            ax.axvline(
-                least, color="#777777", linestyle=":", linewidth=1.4, label=f"springs alone, at best: {least:.3f}"
-            )
-        ax.set_yticks(y, list(rows))
-        ax.set_ylim(len(rows) - 0.45, -0.55)
-        ax.margins(x=0.12)
-        ax.tick_params(axis="y", length=0)
-        ax.grid(visible=False, axis="y")
-        ax.set_xlabel("RMS error (mm)")
-        above(ax, ax.get_legend_handles_labels()[0], 4)
-        title(figure, "The gap between simulation and measurement")
-    return figure
+    series = {when: {label: pair[k] for label, pair in rows.items()} for k, when in enumerate(("before", "after"))}
+    if all(np.isnan(pair[1]) for pair in rows.values()):
+        del series["after"]
+    lines = {f"{name}: {noise:.3f}": noise}
+    if np.isfinite(least):
+        lines[f"springs alone, at best: {least:.3f}"] = least
+    heading = "The gap between simulation and measurement"
+    return bars_figure(heading, series, "RMS error (mm)", lines=lines, colours=(BEFORE, AFTER))

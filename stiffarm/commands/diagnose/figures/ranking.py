@@ -12,14 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from robots import InputError
-from stiffarm.pages.figure_parts import note, title
-from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import drawing, named_columns, named_rows, note
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 EFFECT: Final = OKABE_ITO["blue"]
 CHOSEN: Final = OKABE_ITO["green"]
 UNKNOWN: Final = OKABE_ITO["orange"]
 NOTHING: Final = "#8A9097"
-_MOST_NAMES: Final = 40
 _MOST_TWINS: Final = 18
 
 
@@ -48,8 +47,10 @@ def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Fi
         raise InputError("where figure: no groups to draw")
     small = [kind for kind, some in groups.items() if kind != "pose" and len(some) > 1]
     rows = [["pose"], small] if small else [["pose"]]
-    with house_style():
-        figure, _ = new_figure((10.0, 6.2 if small else 3.6), 0)
+    known = bool(np.isfinite([g[1] for g in groups["pose"]]).all())
+    shares = "Where simulation and measurement disagree: shares of what is beyond the noise"
+    heading = shares if known else "Mean squares of the residuals over the noise; 1 is noise alone"
+    with drawing(heading, (10.0, 6.2 if small else 3.6), 0) as (figure, _):
         figure.set_layout_engine("constrained")
         for number, (part, kinds) in enumerate(
             zip(figure.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True)
@@ -57,9 +58,6 @@ def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Fi
             axes = part.subplots(1, len(kinds), squeeze=False)[0]
             for ax, kind in zip(axes, kinds, strict=True):
                 _share_bars(ax, kind, groups[kind], values=number > 0)
-        known = bool(np.isfinite([g[1] for g in groups["pose"]]).all())
-        shares = "Where simulation and measurement disagree: shares of what is beyond the noise"
-        title(figure, shares if known else "Mean squares of the residuals over the noise; 1 is noise alone")
     return figure
 
 
@@ -75,14 +73,9 @@ def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]],
         for k, v in enumerate(heights):
             note(ax, f"{v:.0f} %" if known else f"{v:.2f}", (k, v), (0, 2), va="bottom")
         ax.margins(y=0.16)
-    shown = range(0, len(labels), -(-len(labels) // _MOST_NAMES))
-    turned = sum(len(labels[k]) for k in shown) > (90 if not values else 26)
-    ax.set_xticks(list(shown), [labels[k] for k in shown], rotation=(60 if not values else 20) if turned else 0,
-                  ha="right" if turned else "center")  # fmt: skip
-    ax.set_xlim(-0.6, max(len(labels), 2) - 0.4)
+    named_columns(ax, labels)
     ax.set_ylabel("share (%)" if known else "mean square")
     ax.set_xlabel(f"by {kind}" + (" (dashed: all alike)" if known and not values else ""))
-    ax.grid(visible=False, axis="x")
 
 
 def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
@@ -99,13 +92,12 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
     words = {"chosen": "taken into the model", "effect": "other effects", "none": "nothing missing",
              "unknown": "something unknown"}  # fmt: skip
     y = np.arange(len(bars))
-    with house_style():
-        figure, (left, right) = new_figure((10.0, 1.7 + 0.34 * len(bars)), 1, 2, sharey=True, width_ratios=[1.7, 1.0])
+    size = (10.0, 1.7 + 0.34 * len(bars))
+    with drawing(heading, size, 1, 2, sharey=True, width_ratios=[1.7, 1.0]) as (figure, (left, right)):
         left.barh(y, [100.0 * b.probability for b in bars], 0.68, color=[colours[b.kind] for b in bars])
         for k, b in enumerate(bars):
             note(left, _percent(b.probability), (100.0 * b.probability, k), (4, 0), ha="left")
-        left.set_yticks(y, [_name(b) for b in bars])
-        left.set_ylim(len(bars) - 0.45, -0.55)
+        named_rows(left, [words[b.kind] if b.kind in ("none", "unknown") else b.name for b in bars])
         left.set_xlim(0.0, 112.0)
         left.set_xticks(range(0, 101, 20))
         left.set_xlabel("probability (%)")
@@ -114,18 +106,12 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
         right.scatter(rms, y, s=34, color=[colours[b.kind] for b in bars], zorder=3, linewidths=0)
         right.set_xlim(0.0, 1.12 * max(rms))
         right.set_xlabel("error at poses left out, RMS (mm)")
-        for ax in (left, right):
-            ax.grid(visible=False, axis="y")
-            ax.tick_params(axis="y", length=0)
+        right.grid(visible=False, axis="y")
+        right.tick_params(axis="y", length=0)
         kinds = [kind for kind in words if any(b.kind == kind for b in bars)]
         handles = [Patch(color=colours[kind], label=words[kind]) for kind in kinds]
         figure.legend(handles=handles, loc="outside lower left", ncols=4)
-        title(figure, heading)
     return figure
-
-
-def _name(b: Bar) -> str:
-    return {"none": "nothing missing", "unknown": "something unknown"}.get(b.kind, b.name)
 
 
 def _percent(p: float) -> str:
@@ -152,8 +138,8 @@ def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
     columns = [code for code in rows if code in count]
     columns += sorted((c for c in count if c not in columns), key=lambda c: -count[c])
     columns, more = columns[:_MOST_TWINS], len(columns) - _MOST_TWINS
-    with house_style():
-        figure, (ax,) = new_figure((10.0, 2.6 + 0.32 * len(rows)))
+    heading = "Dots: these readings could not tell the two apart"
+    with drawing(heading, (10.0, 2.6 + 0.32 * len(rows))) as (figure, (ax,)):
         for i, row in enumerate(rows):
             for k, column in enumerate(columns):
                 if row == column:
@@ -166,5 +152,4 @@ def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
         ax.set_ylim(len(rows) - 0.4, -0.6)
         if more > 0:
             ax.set_xlabel(f"and {more} more")
-        title(figure, "Dots: these readings could not tell the two apart")
     return figure

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
+from scipy.stats import binned_statistic
 
 from robots import InputError
 from robots.arrays import Array
@@ -168,15 +170,11 @@ def gathered(x: Array, error: Array) -> tuple[Array, Array, Array]:
     ``x``, ``error``: (n,).
     """
     edges = np.linspace(float(x.min()), float(x.max()), _BINS + 1)
-    where = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, _BINS - 1)
-    out = []
-    for i in range(_BINS):
-        own = error[where == i]
-        if len(own) >= _FEWEST:
-            median, high = np.quantile(own, [0.5, 0.95])
-            out.append((0.5 * (edges[i] + edges[i + 1]), max(median, _SMALLEST), max(high, _SMALLEST)))
-    table = np.array(out).reshape(-1, 3)
-    return table[:, 0], table[:, 1], table[:, 2]
+    high = partial(np.quantile, q=0.95)
+    count, median, most = (binned_statistic(x, error, of, edges)[0] for of in ("count", "median", high))
+    kept = count >= _FEWEST
+    middle = 0.5 * (edges[:-1] + edges[1:])[kept]
+    return middle, np.maximum(median[kept], _SMALLEST), np.maximum(most[kept], _SMALLEST)
 
 
 def _check(rows: Sequence[JudgedBars]) -> None:

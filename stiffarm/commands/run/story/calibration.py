@@ -17,7 +17,7 @@ from stiffarm.commands.run.figures.match import match_figure
 from stiffarm.commands.run.figures.readings import Doubt
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
-from stiffarm.commands.run.link_words import NOUN
+from stiffarm.commands.run.link_models import NOUN
 from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from doe.joint_twists import LawKind, TwistReadings, identify, write_twists
+from doe.joint_twists.identify import unjudged
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
-from doe.joint_twists.unjudged import unjudged
 from fem import build_model
 from fem.arm import Arm
 from robots import ModelDescription, load_description, save_description
@@ -157,7 +157,7 @@ def test_a_score_that_cannot_be_reckoned_is_null_with_its_reason() -> None:
     found = identify(wide().model, readings((-100.0, -50.0, 10.0, 70.0)))
     key, one = next((k, d) for k, d in found.directions.items() if d.law is not None)
     lost = replace(one, scores={"constant": 1.0, "fourier-1": math.inf})
-    content = direction(lost, 0, 6)
+    content = direction(lost)
     assert content["left_out_scores"]["fourier-1"] is None
     assert list(faults(content)) == []
     said = unjudged({key: lost}, found.cycles, wide().robot.joint_names, None, found.scatter_dof)

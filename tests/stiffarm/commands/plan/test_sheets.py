@@ -15,9 +15,10 @@ from cli_runs import HOSTILE_TITLE
 
 from doe import read_measurements
 from doe.planning.pose_designs import Zone
+from doe.planning.protocol import Protocol
 from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
 from stiffarm.commands.plan import iso9283
-from stiffarm.commands.plan.sheets import SetUp, Sheet, as_table, grid, readings, render_sheet, write_table
+from stiffarm.commands.plan.sheets import Sheet, grid, render_sheet, write_table
 from stiffarm.pages.pose_pictures import HEIGHT, WIDTH, pose_pictures
 
 ROBOT = load_robot("xr701")
@@ -26,11 +27,14 @@ FORCES = (150.0, 375.0, 650.0)
 
 
 def sheet(**changes: object) -> Sheet:
-    setups = (
-        SetUp("N1", POSES[0], np.array([0.0, 0.0, -1.0]), FORCES, "roughly dz ≈ −1 mm"),
-        SetUp("N2", POSES[1], np.array([1.0, 0.0, 0.0]), FORCES),
-    )
-    plain = Sheet(ROBOT, "Sheet", setups, (2,), 2, False, (("robot", "xr701"),), ("Heed this.",))
+    """Two set-ups; ``changes``: of the sheet or of what is done in each set-up."""
+    ways = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    done = Protocol(np.array(FORCES), ways, (2,), 2)
+    own = {name: changes.pop(name) for name in ("components", "repeats", "unloading") if name in changes}
+    hints = ("roughly dz ≈ −1 mm", "")
+    plain = Sheet(
+        ROBOT, "Sheet", POSES, ways, ("N1", "N2"), hints, replace(done, **own), (("robot", "xr701"),), ("Heed this.",)
+    )  # type: ignore[arg-type]
     return replace(plain, **changes)  # type: ignore[arg-type]
 
 
@@ -59,18 +63,18 @@ class Page(HTMLParser):
 
 
 def test_rows_come_in_the_order_of_measuring() -> None:
-    rows = readings(sheet())
-    assert [row.step for row in rows] == list(range(1, 13))
-    assert [row.setup.label for row in rows] == ["N1"] * 6 + ["N2"] * 6
-    assert [row.force for row in rows] == [*FORCES] * 4
-    assert [row.repeat for row in rows] == [1, 1, 1, 2, 2, 2] * 2
-    assert {row.phase for row in rows} == {None}
+    rows = sheet().table
+    assert rows.step.tolist() == list(range(1, 13))
+    assert rows.pose == ("N1",) * 6 + ("N2",) * 6
+    assert rows.loads_N.tolist() == [*FORCES] * 4
+    assert rows.repeat == (1, 1, 1, 2, 2, 2) * 2
+    assert set(rows.phase) == {None}
 
 
 def test_unloading_goes_down_the_same_steps() -> None:
-    rows = readings(sheet(unloading=True, repeats=1))
-    assert [row.force for row in rows[:5]] == [150.0, 375.0, 650.0, 375.0, 150.0]
-    assert [row.phase for row in rows[:5]] == ["loading"] * 3 + ["unloading"] * 2
+    rows = sheet(unloading=True, repeats=1).table
+    assert rows.loads_N[:5].tolist() == [150.0, 375.0, 650.0, 375.0, 150.0]
+    assert rows.phase[:5] == ("loading",) * 3 + ("unloading",) * 2
 
 
 @pytest.mark.parametrize("components", [(2,), (0, 1, 2), (0, 1, 2, 3, 4, 5)])
@@ -91,7 +95,7 @@ def test_a_filled_table_reads_back(components: tuple[int, ...], unloading: bool,
         writer.writeheader()
         writer.writerows(rows)
     back = read_measurements(path, ROBOT)
-    expected = as_table(one)
+    expected = one.table
     filled = np.arange(len(rows)) % 3 > 0
     np.testing.assert_allclose(back.q, expected.q[filled], atol=1e-12)
     np.testing.assert_allclose(back.wrench, expected.wrench[filled], atol=1e-12)
@@ -118,34 +122,38 @@ def test_an_empty_table_says_what_to_do(tmp_path: Path) -> None:
 )
 def test_there_is_a_box_for_every_reading(changes: dict[str, object], columns: int, lines: int) -> None:
     one = sheet(**changes)
-    rows = readings(one)
-    mine = [row for row in rows if row.setup is one.setups[0]]
-    boxes = grid(one, mine)
+    table = one.table
+    boxes = grid(one.protocol)
     assert len(boxes.columns) == columns
     assert len(boxes.lines) == lines
     assert sum(width for _, width in boxes.groups) in (0, columns)
     steps = [step for _, line in boxes.lines for step in line]
-    assert sorted(steps) == sorted(row.step for row in mine for _ in one.components)
+    mine = table.step[np.array(table.pose) == "N1"]
+    assert sorted(steps) == sorted(np.repeat(mine, len(one.protocol.components)))
     page = Page(render_sheet(one, ["", ""]))
     assert page.open == []
-    assert page.count["small"] == len(rows) * len(one.components)
+    assert page.count["small"] == table.n * len(one.protocol.components)
 
 
 def test_boxes_stand_beside_the_load_of_their_row() -> None:
     one = sheet(unloading=True)
-    by_step = {row.step: row for row in readings(one)}
-    boxes = grid(one, [row for row in by_step.values() if row.setup.label == "N2"])
-    for name, steps in boxes.lines:
-        assert [by_step[step].repeat for step in steps] == [1, 2]
+    table = one.table
+    for name, steps in grid(one.protocol, table.n // 2).lines:
+        rows = np.array(steps) - 1
+        assert {table.pose[k] for k in rows} == {"N2"}
+        assert [table.repeat[k] for k in rows] == [1, 2]
         arrow = {"loading": "↑", "unloading": "↓"}
-        assert {f"{by_step[s].force:g} N {arrow[str(by_step[s].phase)]}" for s in steps} == {name}
+        assert {f"{table.loads_N[k]:g} N {arrow[str(table.phase[k])]}" for k in rows} == {name}
 
 
 def test_the_page_is_safe_and_self_contained() -> None:
     hostile = sheet(
         title=HOSTILE_TITLE,
         facts=(("robot", HOSTILE_TITLE),),
-        setups=(replace(sheet().setups[0], label="<b>&", hint=HOSTILE_TITLE),),
+        q=POSES[:1],
+        direction=np.array([[0.0, 0.0, -1.0]]),
+        labels=("<b>&",),
+        hints=(HOSTILE_TITLE,),
     )
     html = render_sheet(hostile, [base64.b64encode(b"picture").decode()])
     page = Page(html)
@@ -162,7 +170,7 @@ def test_the_page_is_safe_and_self_contained() -> None:
 
 def test_a_second_direction_in_the_same_pose_is_said() -> None:
     one = sheet()
-    twice = sheet(setups=(one.setups[0], replace(one.setups[1], q=POSES[0])))
+    twice = sheet(q=POSES[[0, 0]])
     assert "same pose as before" in render_sheet(twice, ["", ""])
     assert "same pose as before" not in render_sheet(one, ["", ""])
 
@@ -186,9 +194,8 @@ def test_pictures_show_the_arm_and_the_load() -> None:
 
 def test_the_iso_sheet_has_all_loads_and_directions() -> None:
     one = iso9283.sheet(ROBOT, "xr701", POSES[:1], 1300.0, usual=True)
-    rows = readings(one)
-    assert len(rows) == 6 * 10 * 3
-    table = as_table(one)
+    table = one.table
+    assert table.n == 6 * 10 * 3
     for axis in range(3):
         for sign in (1.0, -1.0):
             mine = sign * table.wrench[:, axis] > 0.0
@@ -197,7 +204,7 @@ def test_the_iso_sheet_has_all_loads_and_directions() -> None:
             np.testing.assert_allclose(levels, 130.0 * np.arange(1, 11))
             assert (counts == 3).all()
             assert np.count_nonzero(table.wrench[mine]) == 30
-    assert one.components == (0, 1, 2)
+    assert one.protocol.components == (0, 1, 2)
     text = " ".join(Page(render_sheet(one, [""] * 6)).words)
     assert "ISO 9283:1998" in text
     assert "to the right (−y)" in text

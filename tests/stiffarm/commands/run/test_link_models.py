@@ -15,8 +15,7 @@ from robots import load_description
 from stiffarm.commands.run import link_models, payload
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.link_models import LinkModels, Pair, SpringPair
-from stiffarm.commands.run.link_words import sentences, signed
-from stiffarm.commands.run.story.links import links_section
+from stiffarm.commands.run.story.links import links_section, sentences, signed
 from stiffarm.pages.report import Table
 from stiffarm.session import inputs
 

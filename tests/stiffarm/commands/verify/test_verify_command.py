@@ -16,8 +16,8 @@ from verify_cases import cell_file, program_at, program_file, verified
 
 from machining.cell import arm_of
 from machining.verification import verify
+from stiffarm.commands.verify.payload import sentence
 from stiffarm.commands.verify.picture import offence_picture
-from stiffarm.commands.verify.words import sentence
 
 
 def test_a_clean_program(cli: Command, tmp_path: Path) -> None:

@@ -1,0 +1,105 @@
+"""What is done in every new set-up: the loads it takes, the loaded poses of candidates, the table to fill in."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from doe.tables.columns import DISPLACEMENTS, LOADS
+from doe.tables.measurements import Measurements
+from fem import ArmModel
+from fem.statics.loads import LoadedPoses, as_loaded
+from robots import InputError
+from robots.arrays import Array
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is done in every new set-up.
+
+    ``forces`` (l,) N, rising; ``directions`` (d, 3) unit vectors, base axes: each set-up takes one of them with all
+    the forces, and takes them off again if ``unloading``; ``components``: what is read (0..5); ``repeats`` of the
+    whole.
+    """
+
+    forces: Array
+    directions: Array
+    components: tuple[int, ...] = (2,)
+    repeats: int = 1
+    unloading: bool = False
+
+    def __post_init__(self) -> None:
+        length = np.linalg.norm(self.directions, axis=1) if self.directions.ndim == 2 else np.zeros(0)
+        if self.directions.shape[1:] != (3,) or not length.size or not np.allclose(length, 1.0):
+            raise InputError("directions of a plan", value=self.directions.tolist(), allowed="unit vectors (d, 3)")
+        if self.forces.size == 0 or not (np.isfinite(self.forces) & (self.forces > 0.0)).all():
+            raise InputError("forces of a plan (N)", value=self.forces.tolist(), allowed="greater than 0")
+        if not self.components or not set(self.components) <= set(range(6)):
+            raise InputError("components to read", value=self.components, allowed="0 to 5, one or more")
+        if not 1 <= self.repeats <= 1000:
+            raise InputError("repeats of a plan", value=self.repeats, allowed="1 to 1000")
+
+    @property
+    def course(self) -> Array:
+        """Forces N in the order in which they act.
+
+        The largest is read once: nothing changes between the last step up and the first one down.
+        """
+        return np.concatenate([self.forces, self.forces[-2::-1]]) if self.unloading else self.forces
+
+    @property
+    def phases(self) -> tuple[str | None, ...]:
+        """Loading or unloading for each force of the course; None where nothing is taken off."""
+        up = len(self.forces)
+        return ("loading",) * up + ("unloading",) * (up - 1) if self.unloading else (None,) * up
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns to fill in."""
+        return tuple(DISPLACEMENTS[k] for k in self.components)
+
+
+def at_tool(model: ArmModel, q: Array, force: Array) -> LoadedPoses:
+    """Poses q (n, dof) rad under nominal forces (n, 3) N at the tool point, placed as the model says that they act."""
+    wrench = np.hstack([force, np.zeros_like(force)])
+    return as_loaded(model, q, wrench, np.tile(model.robot.T_flange_tool[:3, 3], (len(q), 1)))
+
+
+def every_load(model: ArmModel, poses: Array, directions: Array, forces: Array) -> LoadedPoses:
+    """Every pose (N, dof) rad under every direction (d, 3) and force (l,) N, poses slowest, forces fastest."""
+    loads = (directions[:, None] * forces[:, None]).reshape(-1, 3)
+    return at_tool(model, np.repeat(poses, len(loads), axis=0), np.tile(loads, (len(poses), 1)))
+
+
+def new_labels(n: int, head: str, taken: Collection[str]) -> tuple[str, ...]:
+    """``N1``, ``N2`` ...: n labels in a row, none of which is taken."""
+    first = 1
+    while any(f"{head}{first + k}" in taken for k in range(n)):
+        first += 1
+    return tuple(f"{head}{first + k}" for k in range(n))
+
+
+def table_to_fill(
+    source: str, q: Array, direction: Array, labels: Sequence[str], protocol: Protocol, first_step: int = 1
+) -> Measurements:
+    """The readings of set-ups, nothing read yet, in the order of measuring: set-up by set-up, repeat by repeat.
+
+    ``q`` (n, dof) rad and ``direction`` (n, 3) of the set-ups. Write it with
+    :func:`doe.tables.reading.write_measurements` and ``to_fill=protocol.columns``.
+    """
+    course, sets, repeats = protocol.course, len(q), protocol.repeats
+    each = np.repeat(np.arange(sets), repeats * len(course))
+    total = len(each)
+    wrench = np.zeros((total, len(LOADS)))
+    wrench[:, :3] = direction[each] * np.tile(course, sets * repeats)[:, None]
+    number = np.tile(np.repeat(np.arange(1, repeats + 1), len(course)), sets).tolist()
+    return Measurements(
+        source=source, sha256="", q=q[each], wrench=wrench + 0.0,
+        displacement=np.full((total, len(DISPLACEMENTS)), np.nan), point=np.full((total, 3), np.nan),
+        sigma=np.full(total, np.nan), pose=tuple(np.array(labels, dtype=object)[each]),
+        repeat=tuple(number) if repeats > 1 else (None,) * total, phase=protocol.phases * (sets * repeats),
+        step=first_step + np.arange(total, dtype=np.float64), row_numbers=tuple(range(2, total + 2)),
+        extra={}, notes=(),
+    )  # fmt: skip
