@@ -15,8 +15,8 @@ from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.errors import InputError
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from surrogate.model import COMPLIANCE, Surrogate, predict, refuse, unit
-from surrogate.scope import Scope, count_rows
+from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
+from surrogate.scope import Scope, count_rows, unit_vector
 
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
@@ -165,7 +165,8 @@ def _extrapolated(surrogate: Surrogate, poses: Array, direction: Array | None) -
 
 def same_direction(a: Array, b: Sequence[float]) -> bool:
     """Whether two directions (3,) are one but for length and sign, which leave a compliance unchanged."""
-    return bool(np.linalg.norm(np.cross(unit(np.asarray(a)), unit(np.asarray(b)))) < 1e-12)
+    one, other = (unit_vector(each, "direction") for each in (a, b))
+    return bool(np.linalg.norm(np.cross(one, other)) < 1e-12)
 
 
 def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ two ways may differ by as much.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -29,13 +29,14 @@ from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
 from robots.inverse.wrist import BOUNDARY
 from robots.robot import LIMIT_TOLERANCE_RAD
+from robots.threads import compiled_loops, in_shares
 from robots.threads import default_threads as threads
-from robots.threads import in_shares
 
 if TYPE_CHECKING:
     from machining.stiffness.kernels import Figures
 
-
+# None where numba is not there.
+kernels = partial(compiled_loops, "machining.stiffness.kernels")
 # Fewer targets than this numpy has done in some 30 ms; loading numba takes 0.3 s, once.
 FEWEST = 5_000
 # Blocks that a thread takes at once.
@@ -98,16 +99,6 @@ def fast_sweep(model: fem.ArmModel, task: Task, quantity: str, force: Array | No
         with np.errstate(divide="ignore"):
             np.divide(1.0, value, out=value)
     return FastSweep(q, reason, value)
-
-
-@cache
-def kernels() -> ModuleType | None:
-    """:mod:`machining.stiffness.kernels`; None where numba is missing, too old for numpy, or cannot start."""
-    try:
-        from machining.stiffness import kernels as fast_kernels
-    except (ImportError, RuntimeError):
-        return None
-    return fast_kernels
 
 
 def axial_compliance(model: fem.ArmModel) -> Array | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,10 +32,14 @@ FAR_CORRECTIONS, NEXT_CORRECTIONS, RESCUED = 25, 12, 8
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """Poses at m points: ``q`` (m, dof) rad, NaN where there is none; ``sure`` (m,): all branches were looked at."""
+    """Poses at m points: ``q`` (m, dof) rad, NaN where there is none; ``sure`` (m,): all branches were looked at.
+
+    ``told``: what else a rule tells of each point, (m, ...) by name.
+    """
 
     q: Array
     sure: Bools
+    told: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def reached(self) -> Bools:

@@ -66,7 +66,6 @@ def test_error_figures_are_those_of_the_held_out_runs(best):
         assert e.max_relative == pytest.approx(error.max(), rel=1e-12)
         assert e.p95_relative == pytest.approx(np.quantile(error, 0.95), rel=1e-12)
         assert (e.rms_interior, e.max_interior) == pytest.approx((np.sqrt(np.mean(inner**2)), inner.max()), rel=1e-12)
-        assert best.interior_error(s.basis) == (e.rms_interior, e.max_interior)
         width = s.bars.half_width(best.held_out.Q[:uniform])
         assert e.coverage95 == pytest.approx(np.mean(inner <= width), rel=1e-12)
         assert e.n_test == len(error)

@@ -54,6 +54,11 @@ class Files:
     dask: str | None = None
     work: Path | None = None
 
+    @property
+    def picture_formats(self) -> tuple[str, ...]:
+        """Of 'png' and 'svg' those asked for."""
+        return (("png",) if self.pictures else ()) + (("svg",) if self.svg else ())
+
 
 def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
     """Write all files but map.json.
@@ -62,12 +67,10 @@ def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: F
     -------
     Their names, and messages for the user.
     """
-    names: list[str] = []
     messages: list[str] = []
-    joints = data.layout.kind == "joints"
-    for form in files.formats:
-        names.append(f"{'stiffness_map' if joints else 'map'}.{form}")
-        WRITERS[form](data, folder.path(names[-1]))
+    joints, formats = data.layout.kind == "joints", files.picture_formats
+    title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
+    names = write_arrays(given, data, folder, files, "stiffness_map" if joints else "map", title)
     if data.layout.n <= CSV_UP_TO:
         names.append("map.csv")
         write_table(data, folder.path(names[-1]))
@@ -75,18 +78,26 @@ def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: F
         from stiffarm.commands.maps.figures.whole import draw_stiffness
 
         names += draw_stiffness(data, given, folder, messages)
-    formats = (("png",) if files.pictures else ()) + (("svg",) if files.svg else ())
     if formats and data.layout.n > DRAWN_UP_TO:
         messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")
     elif formats and (not joints or files.figures):
         names += _figures(given, data, folder, formats, messages)
+    return names, messages
+
+
+def write_arrays(
+    given: ModelInput, data: MapData, folder: OutputFolder, files: Files, stem: str, title: str
+) -> list[str]:
+    """Write the map's arrays in each of the formats, and the page to pick in; returns the names of the files."""
+    names = [f"{stem}.{form}" for form in files.formats]
+    for form, name in zip(files.formats, names, strict=True):
+        WRITERS[form](data, folder.path(name))
     if files.html:
         from stiffarm.commands.maps.viewer import viewer_page
 
-        title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
         folder.write_text("map.html", viewer_page(data, given.description, given.model, title=title))
         names.append("map.html")
-    return names, messages
+    return names
 
 
 def write_table(data: MapData, path: Path) -> None:

@@ -14,7 +14,7 @@ from robots.progress import Progress
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate
-from surrogate.maps.assembled import computed_map, figures, number_true
+from surrogate.maps.assembled import computed_map, figures
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cells import cell_grid
 from surrogate.maps.data import MapData
@@ -87,7 +87,7 @@ def figures_of(made: MapData) -> dict[str, Any]:
     stiffness = figures(made.fields[STIFFNESS_ARRAY].values)
     assert stiffness is not None  # noqa: S101 - the map has poses
     return {
-        "points": number_true(made.reached),
+        "points": int(np.count_nonzero(made.reached)),
         "cells": int(np.count_nonzero(cell_grid(made.layout, made.reached).first)),
         "stiffness_N_per_mm": {
             "min": number(stiffness.least),

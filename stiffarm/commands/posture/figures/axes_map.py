@@ -20,9 +20,12 @@ from machining.posture.path import PathPosture
 from machining.stiffness.units import shown
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.commands.maps.index.figures import angle_ticks, stiffness_colours, value_bar
+from stiffarm.commands.maps.index.figures import angle_ticks
+from stiffarm.commands.maps.looks import look_bar, look_of
+from stiffarm.commands.maps.planes import edges
 from stiffarm.pages.figure_parts import title as figure_title
-from stiffarm.pages.style import INK, OKABE_ITO, colour_scale, house_style, new_figure
+from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from surrogate.maps.data import Field
 
 TURN: Final = 360.0
 
@@ -116,7 +119,7 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
 
 def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) -> tuple[float, float]:
     """Draw values and zones; returns the range of gamma that the axis shows."""
-    what, minimised = shown(made.objective.quantity), made.objective.minimised
+    what = shown(made.objective.quantity)
     value, zone, rows = what.factor * made.value, made.zone, degrees
     window = (float(degrees[0]), float(degrees[-1]))
     cell = float(np.median(np.diff(degrees)))
@@ -129,13 +132,11 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
     ax.grid(visible=False)
     ax.set_facecolor(TONES[Zone.UNREACHABLE].face)
     finite = value[np.isfinite(value)]
-    xe, ye = _steps(x), _steps(rows)
+    xe, ye = edges(x), edges(rows)
     if finite.size:
-        norm, ticks = colour_scale(finite, None)
-        edges = np.append(xe[::2], xe[-1]), np.append(ye[::2], ye[-1])
-        colours = stiffness_colours(minimised)
-        ax.pcolormesh(*edges, np.ma.masked_invalid(value.T), norm=norm, cmap=colours, rasterized=True)
-        value_bar(figure, [ax], norm, ticks, (what, minimised), finite)
+        look = look_of(what.column, Field(finite, what.unit, what.quantity))
+        ax.pcolormesh(xe, ye, np.ma.masked_invalid(value.T), norm=look.norm, cmap=look.colours, rasterized=True)
+        look_bar(figure, look, axes=ax)
     for one, tone in TONES.items():
         mask = zone == one
         if one is Zone.UNREACHABLE or not mask.any():
@@ -148,18 +149,13 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
 
 
 def _hatched(ax: Axes, xe: Array, ye: Array, mask: Bools, face: str | None, tone: _Tone) -> None:
+    # Both edges of each cell in turn: the mask has steps, not slopes.
     fine = np.repeat(np.repeat(mask.astype(np.float64), 2, axis=0), 2, axis=1)
+    xe, ye = (np.repeat(ends, 2)[1:-1] for ends in (xe, ye))
     shades = [to_rgba(face)] if face else ["none"]
     drawn = ax.contourf(xe, ye, fine.T, levels=[0.5, 1.5], colors=shades, hatches=[tone.hatch])
     drawn.set_edgecolor(tone.ink)
     drawn.set_linewidth(0.0)
-
-
-def _steps(centres: Array) -> Array:
-    """Both edges of each cell in turn: a mask drawn over them has steps, not slopes."""
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    outer = np.concatenate([[1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]]])
-    return np.asarray(np.repeat(outer, 2)[1:-1])
 
 
 def _breaks(gamma: Array, low: float, high: float) -> tuple[Array, Array]:

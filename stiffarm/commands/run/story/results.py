@@ -61,7 +61,7 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
 def surrogate_section(f: Findings, pictures: Pictures) -> Section:
     """Held-out errors of every basis, and the measured poses."""
     trained = f.trained[f.best.name]
-    true = 1e-3 / trained.held_out.compliance
+    true = 1e-3 / trained.held_out.value
     figure = fs.surrogate_quality_figure([fs.HeldOut(name, true, 1e-3 / c) for name, c in trained.predicted.items()])
     return Section(
         "The surrogate and its error",
@@ -99,7 +99,8 @@ def _error_table(f: Findings) -> Table:
             percent(s.errors.rms_relative),
             percent(s.errors.p95_relative),
             percent(s.errors.max_relative),
-            *map(percent, t.interior_error(s.basis)),
+            percent(s.errors.rms_interior),
+            percent(s.errors.max_interior),
             f"{100.0 * s.errors.coverage95:.1f} %",
         )
         for name, t in f.trained.items()
