@@ -143,10 +143,12 @@ def panel(ax: Axes, values: Array, look: Look, plane: Plane, lines: int) -> None
     ax.set_aspect("equal")
     # Pixels inside a vector file stay small, and cells of thousands of paths do not.
     ax.pcolormesh(*plane.corners, masked, cmap=look.colours, norm=look.norm, rasterized=True, zorder=1)
-    ax.set(xlabel=plane.labels[0], ylabel=plane.labels[1])
+    ax.set(
+        xlabel=plane.labels[0] if ax.xaxis.get_tick_params()["labelbottom"] else "",
+        ylabel=plane.labels[1] if ax.yaxis.get_tick_params()["labelleft"] else "",
+    )
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(nbins=6 if lines > 3 else 4, steps=[1, 2, 5, 10]))
-    ax.label_outer()
     levels = contour_levels(look, values, lines)
     if not len(levels) or min(values.shape) < 3:
         return
