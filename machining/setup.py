@@ -21,6 +21,11 @@ ZONE = 3.0
 LEAST_ZONE = 0.02
 
 
+def weighed_zone(safety: float) -> float:
+    """Distance (m) from which on clearance is weighed where ``safety`` m is to be kept."""
+    return max(ZONE * safety, LEAST_ZONE)
+
+
 @dataclass(frozen=True, eq=False)
 class Setup:
     """A cell, and the arm's bodies in it; ``arm`` is None where no surfaces are known, so nothing can collide."""
@@ -34,15 +39,11 @@ class Setup:
             drive = replace(drive, speed=self.cell.joint_speed)
         if self.arm is None:
             return drive
-        drive = replace(drive, clearance_zone=self.zone, clearance_least=self.cell.safety)
+        zone = weighed_zone(self.cell.safety)
+        drive = replace(drive, clearance_zone=zone, clearance_least=self.cell.safety)
         if not clear:
             return drive
-        return replace(drive, clearance_of=cells.clearance_of(self.cell, self.arm, within=self.zone))
-
-    @property
-    def zone(self) -> float:
-        """Distance (m) from which on clearance is weighed."""
-        return max(ZONE * self.cell.safety, LEAST_ZONE)
+        return replace(drive, clearance_of=cells.clearance_of(self.cell, self.arm, within=zone))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -53,7 +54,7 @@ class Setup:
         """Clearance (k,) m of poses (k, dof) rad with the linear axes at (k, axes) m; None without surfaces."""
         if self.arm is None:
             return None
-        scene, zone = cells.scene_of(self.cell, self.arm), self.zone
+        scene, zone = cells.scene_of(self.cell, self.arm), weighed_zone(self.cell.safety)
         return lambda q, e: cells.clearance(scene, q, e, np.array([table]), within=zone).distance
 
     def task(self, path: ToolPath, reference: Array | None = None) -> Task:

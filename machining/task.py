@@ -81,6 +81,11 @@ class ToolPath:
         """Length (n - 1,) m of each segment."""
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
 
+    @property
+    def arc_length(self) -> Array:
+        """Length (n,) m of the path up to each point."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+
     def even_rows(self, count: int) -> Integers:
         """About ``count`` points, evenly along the path, its ends among them; turns of the tool count as length."""
         if count >= self.n:
@@ -188,17 +193,29 @@ class Task:
         InputError
             Shape, or angles that are not finite.
         """
-        angle = as_gammas(gamma, self.path.n)
-        axis, reference = self.axes, self.T_base_part[:3, :3] @ np.asarray(self.reference)
-        x0 = reference - (axis @ reference)[:, None] * axis
-        x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
-        x = np.cos(angle)[..., None] * x0[:, None] + np.sin(angle)[..., None] * np.cross(axis, x0)[:, None]
-        z = np.broadcast_to(-axis[:, None], x.shape)
-        T = np.zeros((*angle.shape, 4, 4))
-        T[..., :3, 0], T[..., :3, 1], T[..., :3, 2] = x, np.cross(z, x), z
-        T[..., :3, 3] = self.targets[:, None]
-        T[..., 3, 3] = 1.0
-        return T
+        reference = self.T_base_part[:3, :3] @ np.asarray(self.reference)
+        return tool_frames(self.targets, self.axes, reference, as_gammas(gamma, self.path.n))
+
+
+def tool_frames(points: Array, axes: Array, reference: Array, gamma: Array) -> Array:
+    """Frames (n, m, 4, 4) of a tool at points (n, 3) m with tool axes (n, 3), at angles gamma (n, m) rad.
+
+    Gamma counts from ``reference`` (3,), which is along none of the axes; all in one frame.
+    """
+    x0 = across(axes, reference)
+    x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
+    x = np.cos(gamma)[..., None] * x0[:, None] + np.sin(gamma)[..., None] * np.cross(axes, x0)[:, None]
+    z = np.broadcast_to(-axes[:, None], x.shape)
+    T = np.zeros((*gamma.shape, 4, 4))
+    T[..., :3, 0], T[..., :3, 1], T[..., :3, 2] = x, np.cross(z, x), z
+    T[..., :3, 3] = points[:, None]
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def across(axes: Array, reference: Array) -> Array:
+    """The reference direction (3,) laid onto the planes across tool axes (n, 3), not made long."""
+    return np.asarray(reference - (axes @ reference)[:, None] * axes)
 
 
 def as_gammas(gamma: ArrayLike, n: int) -> Array:

@@ -7,10 +7,9 @@ from robots.lazily import lazily
 if TYPE_CHECKING:
     from meshes.beams import BeamMesh, crank_beam_mesh, element_axes, link_beam_mesh
     from meshes.casings import casing_mesh, casing_size
-    from meshes.link_shells import link_shell_mesh
+    from meshes.link_shells import link_shell_mesh, load_shell, save_shell
     from meshes.masses import LinkMass, PointMass, RobotMasses, beam_mass, robot_masses, shell_mass
     from meshes.sections import SectionProperties, section_dimensions, section_properties
-    from meshes.shell_files import load_shell, save_shell
     from meshes.shell_mesh import ShellMesh
     from meshes.surfaces.link import ImportedLink, import_surface
 else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,14 +104,6 @@ def _values(mesh: ShellMesh) -> Iterator[InputError]:
         row = int(np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))[0])
         yield InputError(f"{where}, node {row}", value=mesh.nodes[row].tolist(), allowed="finite numbers")
         return
-    for name, cells in (("triangle", mesh.triangles), ("quad", mesh.quads)):
-        flat = np.flatnonzero(_aspect(mesh.nodes[cells]) < SMALLEST_ASPECT)
-        if flat.size:
-            yield InputError(
-                f"{where}: {flat.size} {name}(s) without area, folded or not convex, the first is {name} {flat[0]}",
-                value=f"nodes {cells[flat[0]].tolist()}",
-                remedy="merge double nodes and remesh slivers",
-            )
     unused = np.ones(len(mesh.nodes), dtype=bool)
     unused[mesh.triangles] = unused[mesh.quads] = False
     if unused.any():
@@ -119,14 +111,46 @@ def _values(mesh: ShellMesh) -> Iterator[InputError]:
             f"{where}: {int(unused.sum())} node(s) belong to no element, the first is node {int(np.argmax(unused))}",
             remedy="remove them: nothing holds their freedoms",
         )
-    if not (np.isfinite(mesh.thickness) & (mesh.thickness > 0.0)).all():
-        bad = int(np.argmin(np.isfinite(mesh.thickness) & (mesh.thickness > 0.0)))
-        value = float(mesh.thickness[bad])
+    kinds = {"triangle": mesh.triangle_corners, "quad": mesh.quad_corners}
+    yield from _element_faults(where, kinds, mesh.thickness, mesh.youngs_modulus, mesh.poissons_ratio)
+
+
+def _element_faults(
+    where: str, kinds: Mapping[str, Array], thickness: Array, youngs_modulus: float, poissons_ratio: float
+) -> Iterator[InputError]:
+    """Faults of elements by their corners, thickness and material."""
+    for name, corners in kinds.items():
+        flat = np.flatnonzero(~(_aspect(corners) >= SMALLEST_ASPECT))
+        if flat.size:
+            yield InputError(
+                f"{where}: {flat.size} {name}(s) without area, folded, not convex or not finite, the first is {name} "
+                f"{flat[0]}",
+                value=f"corners {corners[flat[0]].tolist()} m",
+                remedy="merge double nodes and remesh slivers",
+            )
+    solid = np.isfinite(thickness) & (thickness > 0.0)
+    if not solid.all():
+        bad = int(np.argmin(solid))
+        value = float(thickness[bad])
         yield InputError(f"{where}, thickness of element {bad} (m)", value=value, allowed="greater than 0")
-    if not 0.0 < mesh.youngs_modulus < np.inf:
-        yield InputError(f"{where}, Young's modulus (Pa)", value=mesh.youngs_modulus, allowed="greater than 0")
-    if not -1.0 < mesh.poissons_ratio < 0.5:
-        yield InputError(f"{where}, Poisson's ratio", value=mesh.poissons_ratio, allowed="between -1 and 0.5")
+    if not 0.0 < youngs_modulus < np.inf:
+        yield InputError(f"{where}, Young's modulus (Pa)", value=youngs_modulus, allowed="greater than 0")
+    if not -1.0 < poissons_ratio < 0.5:
+        yield InputError(f"{where}, Poisson's ratio", value=poissons_ratio, allowed="between -1 and 0.5")
+
+
+def refuse_bad_elements(
+    name: str, corners: Array, sides: int, thickness: Array, youngs_modulus: float, poissons_ratio: float
+) -> None:
+    """Raise InputError where corners are not (e, sides, 3), thickness is not (e,), or for what a mesh refuses too."""
+    if corners.ndim != 3 or corners.shape[1:] != (sides, 3):
+        raise InputError(f"corners of {name} shells", value=f"shape {corners.shape}", allowed=f"shape (e, {sides}, 3)")
+    if thickness.shape != corners.shape[:1]:
+        raise InputError(
+            f"thickness of {name} shells", value=f"shape {thickness.shape}", allowed=f"shape ({len(corners)},)"
+        )
+    for fault in _element_faults(f"{name} shells", {name: corners}, thickness, youngs_modulus, poissons_ratio):
+        raise fault
 
 
 def _aspect(corners: Array) -> Array:

@@ -20,7 +20,8 @@ import numpy as np
 import fem
 from doe import bundled_campaign, bundled_data, read_measurements, select_loads
 from doe.estimation.calibration import run_campaign
-from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
+from fem.arm import Arm
+from fem.springs import FourierBasis, PolynomialBasis, TableBasis
 from stiffarm.session import inputs
 from surrogate import Surrogate, scope_of, task_of, train, training
 from surrogate.scope import Scope
@@ -110,7 +111,7 @@ def _with_tool(model: fem.ArmModel) -> fem.ArmModel:
     return replace(model, robot=replace(model.robot, T_flange_tool=T))
 
 
-def _published(given: inputs.ModelInput) -> fem.ArmModel:
+def _published(given: Arm) -> fem.ArmModel:
     scheme = bundled_campaign(given.robot.name)
     assert scheme is not None
     data = read_measurements(bundled_data(given.robot.name), given.robot)

@@ -22,7 +22,7 @@ from peer_comparison import Errors, PeerResult, compare_with_peers
 from peer_estimators import OwnCandidate
 
 import fem
-from fem.free.law_bases import FourierBasis
+from fem.springs import FourierBasis
 from robots import content_hash, load_description
 from robots.arrays import Array
 from surrogate.arm_scope import reduced_box, scope_of, with_whole_turns

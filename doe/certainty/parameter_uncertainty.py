@@ -13,8 +13,7 @@ from fem import ArmModel, deflection
 from fem.effects import LOAD_PATH, Maker, PlacedEffect, build_plain, described_effects
 from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel, LoadedPoses
-from fem.free.named_numbers import NamedNumbers, described_variables, named_numbers
-from fem.free.parameters import Parameter
+from fem.free.parameters import NamedNumbers, Parameter, described_variables, named_numbers
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Indices
 from robots.constants import NORMAL_95

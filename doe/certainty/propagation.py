@@ -22,7 +22,7 @@ import numpy as np
 from doe.certainty.parameter_uncertainty import Bound, ParameterUncertainty, bind, parameter_uncertainty
 from fem import ArmModel
 from fem.free.model import LoadedPoses
-from fem.statics.inputs import as_points
+from fem.statics.loads import as_points
 from robots import InputError
 from robots.arrays import Array, Bools
 from robots.kinematics import as_poses

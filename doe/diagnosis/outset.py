@@ -16,7 +16,7 @@ from doe.tables.load_history import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
-from fem.effects.history import History
+from fem.effects.situation import History
 from fem.free.parameters import parameter
 from fem.model import ArmModel
 from robots import ModelDescription

@@ -26,7 +26,7 @@ from doe.diagnosis.unknown import discrepancies
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
-from fem.effects.history import History
+from fem.effects.situation import History
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
 

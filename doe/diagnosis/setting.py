@@ -12,9 +12,8 @@ from doe.estimation.blocks import Blocks
 from doe.estimation.problem import Problem, problem
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
-from fem.effects.history import History
 from fem.effects.observed import observed
-from fem.effects.situation import Situation
+from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
 from fem.free.parameters import parameter
 from fem.model import ArmModel

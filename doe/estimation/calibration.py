@@ -29,8 +29,7 @@ from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effec
 from fem.elements.walls import wall_flexibilities
 from fem.free.laws import FreeLaw
 from fem.springs import spring_from
-from meshes.array_cache import ArrayCache
-from meshes.formulation import add_to, formulation_hash
+from meshes.array_cache import ArrayCache, add_to, formulation_hash
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.progress import Messages

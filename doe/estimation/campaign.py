@@ -19,9 +19,9 @@ from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
 from doe.estimation.study_plan import Comparison, RegressionChoice, SpringRange
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
-from fem.free.law_bases import Basis, FourierBasis, TableBasis
 from fem.free.laws import FreeLaw, law_parameters, polynomial_basis
 from fem.free.parameters import Parameter, parameter
+from fem.springs import Basis, FourierBasis, TableBasis
 from robots import InputError, Robot
 from robots.files.reading import parse_toml, read_text
 from robots.files.validated import validated

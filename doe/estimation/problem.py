@@ -13,7 +13,7 @@ from doe.tables.load_history import history_of
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
-from fem.effects.history import History
+from fem.effects.situation import History
 from fem.free.laws import FreeLaw
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter

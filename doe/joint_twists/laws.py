@@ -11,8 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from fem.free.law_bases import Basis, FourierBasis, TableBasis
-from fem.springs import LawSpring
+from fem.springs import Basis, FourierBasis, LawSpring, TableBasis
 from robots import InputError
 from robots.arrays import Array, Indices
 

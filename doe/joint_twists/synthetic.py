@@ -13,8 +13,7 @@ import numpy as np
 from doe.joint_twists.cycles import carried
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
-from fem.free.law_bases import FourierBasis
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring
 from fem.statics.ports import ROWS
 from robots import InputError
 from robots.arrays import Array, Indices

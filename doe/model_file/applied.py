@@ -11,9 +11,9 @@ import numpy as np
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.published.readings import PointOf
-from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
+from fem.free.base import Tables
 from fem.free.laws import FreeLaw
-from fem.free.model_tables import Tables
+from fem.springs import FourierBasis, PolynomialBasis, TableBasis
 from robots import InputError, ModelDescription
 from robots.schema.description import Joint, LogFourierLaw, LogPolynomialLaw, PlaceStiffness, TableLaw
 from robots.schema.quantities import RotationalStiffness

@@ -9,8 +9,7 @@ import numpy as np
 
 from fem import ArmModel
 from fem.effects import PlacedEffect
-from fem.free.named_numbers import described_variables, named_numbers
-from fem.free.parameters import Kind, Parameter
+from fem.free.parameters import Kind, Parameter, described_variables, named_numbers
 from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.schema.uncertainty import CalibrationUncertainty, NumberStatus, UndeterminedNumber

@@ -14,7 +14,7 @@ from doe.estimation.calibration import Calibration, StageResult
 from doe.model_file.carried_on import NOTHING, CarriedOn
 from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel
-from fem.free.named_numbers import NamedNumbers, named_numbers
+from fem.free.parameters import NamedNumbers, named_numbers
 from robots.arrays import Array
 
 

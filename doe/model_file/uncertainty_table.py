@@ -13,8 +13,7 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.calibration import Calibration
 from doe.model_file.carried_on import NOTHING, CarriedOn, carried_on
 from doe.model_file.stage_covariance import stage_covariance
-from fem.free.named_numbers import described_variables, named_numbers
-from fem.free.parameters import Parameter, Scale
+from fem.free.parameters import Parameter, Scale, described_variables, named_numbers
 from robots.arrays import Array
 from robots.schema.uncertainty import (
     MOST_DEGREES_OF_FREEDOM,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from doe.tables.measurements import Measurements
-from fem.effects.history import History
+from fem.effects.situation import History
 from robots.arrays import Array, Indices
 
 # Decimals of a load's direction and relative size that count as the same: real weights hang a little off.

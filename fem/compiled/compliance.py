@@ -8,26 +8,20 @@ poses of a share at once. Small displacements; the unloaded arm is the reference
 
 from __future__ import annotations
 
-import weakref
 from functools import partial
-from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem.compiled import kernel_arrays
-from fem.compiled.flat_arm import FlatArm, flat_arm, why_not_flat
+from fem.compiled.flat_arm import BLOCK, flat_arm, why_not_flat
 from fem.model import ArmModel
 from fem.statics import flexibility
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
 from robots import InputError
 from robots.arrays import Array
+from robots.kept import once_for_each
 from robots.kinematics import as_poses
 from robots.threads import compiled_loops, in_shares
-
-if TYPE_CHECKING:
-    from fem.compiled.kernel_arrays import Figures, Work
 
 # None where numba is not there.
 kernels = partial(compiled_loops, "fem.compiled.kernels")
@@ -157,17 +151,16 @@ def _solve(model: ArmModel, q: Array, wrench: Array, point: Array | None, thread
     compiled = kernels()
     assert compiled is not None  # noqa: S101 - the caller has looked
     points = _points(model, point, len(q))
-    arm, figures = _plan(model, compiled)
+    arm = _plan(model)
 
     def share(rows: slice) -> int:
-        buffer: Work = kernel_arrays.work_of(len(arm.sign), len(arm.laws))
         some = _plain(q[rows])
         at, loads = (_plain(a[rows] if len(a) > 1 else a) for a in (points, wrench))
         axial, laws = arm.axial_compliance(some), arm.law_compliance(some)
-        flat = int(compiled.deflections(figures, some, axial, laws, at, loads, buffer, out[rows]))
+        flat = int(compiled.deflections(arm.figures, some, axial, laws, at, loads, arm.work(), out[rows]))
         return rows.start + flat if flat >= 0 else len(q)
 
-    first = min(in_shares(len(q), SHARE * kernel_arrays.BLOCK, threads, share))
+    first = min(in_shares(len(q), SHARE * BLOCK, threads, share))
     if first < len(q):
         raise flat_parallelogram(model.robot, first)
 
@@ -185,77 +178,11 @@ def _plain(a: Array) -> Array:
     return np.require(a, np.float64, ["C", "W"])
 
 
-# The last model and its arrays: maps ask for one block after the other of the same model.
-_kept: tuple[weakref.ref[ArmModel], FlatArm, Figures] | None = None
-
-
-def _plan(model: ArmModel, compiled: ModuleType) -> tuple[FlatArm, Figures]:
-    """Arrays of a model; models are immutable, so those of the last one are kept."""
-    global _kept
-    kept = _kept
-    if kept is None or kept[0]() is not model:
-        arm = flat_arm(model)
-        kept = _kept = weakref.ref(model), arm, _figures(compiled, arm)
-    return kept[1], kept[2]
+# Maps ask for one block after the other of the same model, and models are immutable.
+_plan = once_for_each(flat_arm)
 
 
 def _check_out(out: Array | None, n: int) -> None:
     shape = (n, 6, 6)
     if out is not None and (out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous):
         raise InputError("out", value=f"{out.dtype} {out.shape}", allowed=f"contiguous float64 of shape {shape}")
-
-
-def _figures(compiled: ModuleType, arm: FlatArm) -> Figures:
-    dof = len(arm.sign)
-    joint, base = np.zeros((dof, kernel_arrays.CONSTANTS)), np.zeros(kernel_arrays.CONSTANTS)
-    joint[:, kernel_arrays.TURN : kernel_arrays.TURN + 2] = arm.turn
-    joint[:, kernel_arrays.SHIFT : kernel_arrays.SHIFT + 3] = arm.shift
-    K = np.zeros((dof + 1, 6, 6))
-    for part in arm.parts:
-        K[part.frame] += part.K  # the base's is the last
-    packed = _packed(K)
-    joint[:, compiled.K :], base[compiled.K :] = packed[:dof], packed[dof]
-    kind = np.full(dof, compiled.ANY)
-    kind[arm.turn[:, 0] == 0.0] = compiled.QUARTER
-    kind[arm.turn[:, 0] == 1.0] = compiled.STRAIGHT
-    loop, at_pin, pin, upper, housing = np.zeros(8), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(36), np.zeros(36)
-    if arm.loop is not None:
-        d = arm.loop.driven
-        c, s = arm.turn[d]
-        loop[:3] = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]) @ arm.loop.u
-        loop[3:6], loop[6], loop[7] = arm.loop.pin, arm.loop.least, arm.loop.bar
-        for part in arm.parts:
-            if part.at_pin is not None and part.pin is not None:
-                at_pin[:, :3] += part.at_pin
-                pin[:3, :3] += part.pin
-        upper, housing = K[d - 1].ravel().copy(), arm.loop.housing.ravel()
-    figures: Figures = kernel_arrays.Figures(
-        joint=joint,
-        kind=kind.astype(np.int64),
-        soft=np.asarray(packed[:dof].any(axis=1), dtype=np.int64),
-        base=base,
-        base_soft=bool(base.any()),
-        turn_base=arm.turn_base,
-        sign=arm.sign,
-        offset=arm.offset,
-        R_tool=np.ascontiguousarray(arm.R_tool),
-        t_tool=arm.t_tool,
-        law_frame=np.array([law.frame for law in arm.laws], dtype=np.int64),
-        law_axis=np.array([law.axis for law in arm.laws]).reshape(-1, 3),
-        law_turns=np.array([law.turns for law in arm.laws], dtype=np.int64),
-        driven=-1 if arm.loop is None else arm.loop.driven,
-        loop=loop,
-        at_pin=at_pin.ravel(),
-        pin=pin.ravel(),
-        upper=np.ascontiguousarray(upper),
-        housing=np.ascontiguousarray(housing),
-        housed=bool(housing.any()),
-        shift_crank=np.zeros(3) if arm.loop is None else arm.shift[arm.loop.driven - 1],
-    )
-    return figures
-
-
-def _packed(K: Array) -> Array:
-    """Symmetric matrices (k, 6, 6) as 21 numbers each, in the order of the kernels' rows."""
-    i, j = np.triu_indices(3)
-    return np.concatenate([K[:, i, j], K[:, :3, 3:].reshape(-1, 9), K[:, 3 + i, 3 + j]], axis=1)

@@ -13,79 +13,100 @@ All parts of the upper arm carry it, with the driven joint's housing and the bea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fem.model import ArmModel, LinkPart
+from fem.model import ArmModel
 from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.transfers import FLAT_SINE
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from robots.robot import rotation_about_x
 
 # Sines and cosines of fixed angles this near to 0 or 1 are meant to be; they come from degrees and products of cosines.
 SNAP = 4.0 * np.finfo(np.float64).eps
+# Poses a pass. Each figure of theirs has a row of the work array; that stays in the cache.
+BLOCK = 200
+# Rows of the work array: translations by forces, by moments (row by row), rotations by moments; the lever; row and half
+# of the column of the parallelogram's share; the bar's column in the upper arm.
+A, B, D, P, ROW, HALF, COLUMN, ROWS = 0, 6, 15, 21, 24, 30, 36, 42
+# Columns of a joint's constants: cos and sin of alpha, shift, and K in the order of the rows.
+TURN, SHIFT, K, CONSTANTS = 0, 2, 5, 26
+# How a frame is left about x.
+STRAIGHT, QUARTER, ANY = 0, 1, 2
 
 
-@dataclass(frozen=True)
-class FlatPart:
-    """A part's compliance in a frame: ``frame`` j is F_j, -1 the base; about the frame's origin, in its axes.
+class Loop(NamedTuple):
+    """The parallelogram: ``driven`` joint, -1 without one; ``bar`` m/N; ``least`` lever at which it is not yet flat, m.
 
-    In the forearm the bar's force N u adds to what a part carries, and the part stores the strain energy
-    ``0.5 (s . K s + 2 N s . at_pin u + N^2 u . pin u)`` under a wrench s; ``at_pin`` (6, 3), ``pin`` (3, 3).
+    ``u`` (3,): the bar's direction in the axes of the driven joint at angle 0; ``pin`` (3,) m in F of the driven joint.
+    In the forearm the bar's force N u adds to what a part carries, and all parts there store the strain energy
+    ``0.5 (s . K s + 2 N s . at_pin u + N^2 u . own u)`` under a wrench s. Matrices (36,): ``at_pin`` and ``own``, whose
+    columns 3 to 5 are zero, K of the ``upper`` arm's frame, the ``housing`` of the crank's joint, about it, in the axes
+    of the frame before it, in which it is ``shift`` (3,) m away; ``housed``: whether that one gives way.
     """
 
-    frame: int
-    K: Array
-    at_pin: Array | None = None
-    pin: Array | None = None
+    driven: int = -1
+    bar: float = 0.0
+    least: float = 0.0
+    u: Array = np.zeros(3)
+    pin: Array = np.zeros(3)
+    at_pin: Array = np.zeros(36)
+    own: Array = np.zeros(36)
+    upper: Array = np.zeros(36)
+    housing: Array = np.zeros(36)
+    housed: bool = False
+    shift: Array = np.zeros(3)
 
 
-@dataclass(frozen=True)
-class FlatLaw:
-    """One compliance that varies with the pose: force along (``turns`` False) or moment about ``axis`` in F_j."""
+# Not to be renamed: what numba has stored of an earlier version asks for it by name.
+class Figures(NamedTuple):
+    """The arm's constants in contiguous arrays.
 
-    frame: int
-    axis: Array
-    turns: bool
-    law: SpringLaw
-
-
-@dataclass(frozen=True)
-class FlatLoop:
-    """The parallelogram: ``driven`` j, u (3,) in F_crank, the pin (3,) in F_driven from its origin; ``bar`` m/N.
-
-    ``least``: smallest lever at which it is not yet flat, m. ``housing`` (6, 6): of the crank's joint, about it, in the
-    axes of the frame F before it.
+    ``joint`` (dof, CONSTANTS): cos and sin of alpha_j, shift t_j, K about the frame's origin in its axes; ``kind``
+    (dof,) of turn, ``soft`` (dof,) if K is not zero; ``base`` (CONSTANTS,): K about the base, in its axes, shift and
+    turn unused, ``base_soft``; ``turn_base`` (2,): cos and sin of the angle about z by which F_-1 is turned to the
+    base. ``sign``, ``offset`` (dof,): angle_j = sign q + offset. ``R_tool`` (3, 3), ``t_tool`` (3,): points of the
+    flange frame in F of the last joint. Compliances that vary with the pose, force along or (``law_turns``) moment
+    about ``law_axis`` (laws, 3) in the frame ``law_frame`` (laws,).
     """
 
-    driven: int
-    u: Array
-    pin: Array
-    least: float
-    bar: float
-    housing: Array
+    joint: Array
+    kind: Integers
+    soft: Integers
+    base: Array
+    base_soft: bool
+    turn_base: Array
+    sign: Array
+    offset: Array
+    R_tool: Array
+    t_tool: Array
+    law_frame: Integers
+    law_axis: Array
+    law_turns: Integers
+    loop: Loop
+
+
+class Work(NamedTuple):
+    """What a thread works on; rows of BLOCK poses, and the state with its rows one after the other."""
+
+    state: Array
+    angle: Array
+    flat: Array
+    tool: Array
+    cos: Array
+    sin: Array
+    springs: Array
+    laws: Array
 
 
 @dataclass(frozen=True)
 class FlatArm:
-    """An arm in the frames of this module.
+    """An arm for compiled loops: its constants, springs about the joints' axes, and ``laws`` across them."""
 
-    ``turn`` (dof, 2): cos and sin of alpha_j; ``shift`` (dof, 3) m; ``sign``, ``offset`` (dof,):
-    angle_j = sign q + offset; ``turn_base`` (2,): F_-1 turned about z to the base; ``R_tool`` (3, 3), ``t_tool`` (3,):
-    points of the flange frame in F of the last joint. Of parts with ``frame`` -1, K is about the base, in its axes.
-    """
-
-    turn: Array
-    shift: Array
-    sign: Array
-    offset: Array
-    turn_base: Array
-    R_tool: Array
-    t_tool: Array
-    parts: tuple[FlatPart, ...]
-    laws: tuple[FlatLaw, ...]
+    figures: Figures
     axial: tuple[SpringLaw, ...]
-    loop: FlatLoop | None
+    laws: tuple[SpringLaw, ...]
 
     def axial_compliance(self, q: Array) -> Array:
         """Compliances (1, dof), or (n, dof) if one varies, about the joints' axes, rad/(N m)."""
@@ -95,9 +116,13 @@ class FlatArm:
 
     def law_compliance(self, q: Array) -> Array:
         """Compliances of the laws across the axes (laws, n)."""
-        if not self.laws:
-            return np.zeros((0, len(q)))
-        return np.stack([law.law.compliance(q) for law in self.laws])
+        return np.array([law.compliance(q) for law in self.laws]).reshape(-1, len(q))
+
+    def work(self) -> Work:
+        """Arrays for a thread to work on."""
+        dof = len(self.axial)
+        rows = [np.zeros((n, BLOCK)) for n in (3, dof, dof, dof, len(self.laws))]
+        return Work(np.zeros(ROWS * BLOCK), np.zeros(BLOCK), np.zeros(BLOCK), *rows)
 
 
 def why_not_flat(model: ArmModel) -> str | None:
@@ -121,24 +146,92 @@ def flat_arm(model: ArmModel) -> FlatArm:
     for j in range(dof):
         before = np.eye(3) if j == 0 else robot.R_post[j - 1]
         phi[j], alpha[j], psi[j] = _euler(before @ robot.T_pre[j, :3, :3])
-    # From body axes into those of its frame.
-    into = [_about_z(-phi[j + 1]) @ robot.R_post[j] for j in range(dof)]
-    shift = np.stack([(_about_z(-phi[0]) if j == 0 else into[j - 1]) @ robot.T_pre[j, :3, 3] for j in range(dof)])
-    flange = robot.T_last_flange
-    loop = _loop(model, into, shift, phi[0])
-    return FlatArm(
-        turn=alpha,
-        shift=shift,
+    # From the axes of a joint's frame, and from those of a body, into those of the frame F that moves with it.
+    turned = [_about_z(-angle) for angle in phi]
+    into = [turned[0], *(R @ post for R, post in zip(turned[1:], robot.R_post, strict=True))]
+    shift = np.stack([R @ pre[:3, 3] for R, pre in zip(into[:-1], robot.T_pre, strict=True)])
+    fixed = _fixed(model, turned, into)
+    constants = np.hstack([alpha, shift, _packed(fixed[1:])])
+    base = np.concatenate([np.zeros(K), _packed(fixed[:1])[0]])
+    laws = [(part.joint, row, law) for part in model.joints for row, law in part.laws]
+    figures = Figures(
+        joint=constants,
+        kind=np.where(alpha[:, 0] == 0.0, QUARTER, np.where(alpha[:, 0] == 1.0, STRAIGHT, ANY)),
+        soft=np.asarray(constants[:, K:].any(axis=1), dtype=np.int64),
+        base=base,
+        base_soft=bool(base.any()),
+        turn_base=np.array([np.cos(phi[0]), np.sin(phi[0])]),
         sign=robot.sign.astype(np.float64),
         offset=robot.offset + psi + phi[1:],
-        turn_base=np.array([np.cos(phi[0]), np.sin(phi[0])]),
-        R_tool=into[-1] @ flange[:3, :3],
-        t_tool=into[-1] @ flange[:3, 3],
-        parts=tuple(_parts(model, into, phi, loop)),
-        laws=tuple(_laws(model, phi)),
-        axial=tuple(joint.axial for joint in model.joints),
-        loop=loop,
+        R_tool=np.ascontiguousarray(into[-1] @ robot.T_last_flange[:3, :3]),
+        t_tool=into[-1] @ robot.T_last_flange[:3, 3],
+        law_frame=np.array([joint for joint, _, _ in laws], dtype=np.int64),
+        law_axis=np.array([turned[joint + 1][:, row % 3] for joint, row, _ in laws]).reshape(-1, 3),
+        law_turns=np.array([row >= 3 for _, row, _ in laws], dtype=np.int64),
+        loop=_loop(model, turned, into, shift, alpha, fixed),
     )
+    return FlatArm(figures, tuple(joint.axial for joint in model.joints), tuple(law for _, _, law in laws))
+
+
+def _fixed(model: ArmModel, turned: list[Array], into: list[Array]) -> Array:
+    """Constant compliance (dof + 1, 6, 6) of all parts fixed in each body, in its frame F; of the base, in its own."""
+    robot = model.robot
+    out = np.zeros((robot.dof + 1, 6, 6))
+    out[0] = model.base
+    axes = [np.eye(3), *into[1:]]
+    for link in model.links:
+        R = axes[link.body]
+        out[link.body] += _moved(R, R @ link.element.points[1], link.element.flexibility[:6, :6])
+    for part in model.joints:
+        out[part.joint + 1] += _turned(turned[part.joint + 1], part.bearing)
+        R, pre = axes[part.joint], robot.T_pre[part.joint]
+        out[part.joint] += _moved(R @ pre[:3, :3], R @ pre[:3, 3], part.housing)
+    tool = robot.T_last_flange @ robot.T_flange_tool
+    out[-1] += _moved(into[-1] @ robot.T_last_flange[:3, :3], into[-1] @ tool[:3, 3], model.tool)
+    return out
+
+
+def _loop(model: ArmModel, turned: list[Array], into: list[Array], shift: Array, alpha: Array, fixed: Array) -> Loop:
+    """The parallelogram of :func:`flat_arm`; ``fixed``: as of :func:`_fixed`."""
+    p = model.robot.parallelogram
+    if model.bar is None or p is None:
+        return Loop()
+    R = into[p.driven + 1]
+    pin = R @ p.pin
+    bearing = _turned(turned[p.driven + 1], model.joints[p.driven].bearing)
+    Y = np.vstack([np.eye(3), _cross_matrix(pin)])
+    at_pin, own = np.zeros((6, 6)), np.zeros((6, 6))
+    at_pin[:, :3], own[:3, :3] = bearing @ Y, Y.T @ bearing @ Y
+    for link in model.links:
+        if "pin" in link.element.interfaces:
+            F, tip = link.element.flexibility, R @ link.element.points[1]
+            at_pin[:, :3] += _to_origin(tip).T @ np.kron(np.eye(2), R) @ F[:6, 6:9] @ R.T
+            own[:3, :3] += R @ F[6:9, 6:9] @ R.T
+    if model.bar.crank is not None:
+        own[:3, :3] += R @ model.bar.crank.element.flexibility[:3, :3] @ R.T
+    housing = _turned(
+        into[p.crank_about] @ model.robot.T_pre[p.crank_about][:3, :3], model.joints[p.crank_about].housing
+    )
+    c, s = alpha[p.driven]
+    return Loop(
+        driven=p.driven,
+        bar=model.bar.compliance,
+        least=FLAT_SINE * float(np.linalg.norm(p.pin)),
+        u=np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]) @ (shift[p.driven] / np.linalg.norm(shift[p.driven])),
+        pin=pin,
+        at_pin=at_pin.ravel(),
+        own=own.ravel(),
+        upper=fixed[p.driven].ravel(),
+        housing=housing.ravel(),
+        housed=bool(housing.any()),
+        shift=shift[p.driven - 1],
+    )
+
+
+def _packed(matrices: Array) -> Array:
+    """Symmetric matrices (k, 6, 6) as 21 numbers each, in the order of the work array's rows."""
+    i, j = np.triu_indices(3)
+    return np.concatenate([matrices[:, i, j], matrices[:, :3, 3:].reshape(-1, 9), matrices[:, 3 + i, 3 + j]], axis=1)
 
 
 def _euler(G: Array) -> tuple[float, Array, float]:
@@ -183,62 +276,3 @@ def _moved(R: Array, t: Array, C: Array) -> Array:
     """A compliance at t, in its own axes; R turns them to those of t, about whose origin the result is."""
     X = _to_origin(t)
     return np.asarray(X.T @ _turned(R, C) @ X)
-
-
-def _parts(model: ArmModel, into: list[Array], phi: Array, loop: FlatLoop | None) -> list[FlatPart]:
-    """All parts but the springs that vary."""
-    robot = model.robot
-    out = [FlatPart(-1, model.base)]
-    out += [_link(link, into, loop) for link in model.links]
-    for part in model.joints:
-        j = part.joint
-        K = _turned(_about_z(-phi[j + 1]), part.bearing)
-        if loop is not None and j == loop.driven:
-            Y = np.vstack([np.eye(3), _cross_matrix(loop.pin)])
-            out.append(FlatPart(j, K, K @ Y, Y.T @ K @ Y))
-        else:
-            out.append(FlatPart(j, K))
-        R, pre = np.eye(3) if j == 0 else into[j - 1], robot.T_pre[j]
-        out.append(FlatPart(j - 1, _moved(R @ pre[:3, :3], R @ pre[:3, 3], part.housing)))
-    T = robot.T_last_flange @ robot.T_flange_tool
-    out.append(FlatPart(robot.dof - 1, _moved(into[-1] @ robot.T_last_flange[:3, :3], into[-1] @ T[:3, 3], model.tool)))
-    if loop is not None and model.bar is not None and model.bar.crank is not None:
-        C = _turned(into[loop.driven], model.bar.crank.element.flexibility)
-        out.append(FlatPart(loop.driven, np.zeros((6, 6)), np.zeros((6, 3)), C[:3, :3]))
-    return out
-
-
-def _link(link: LinkPart, into: list[Array], loop: FlatLoop | None) -> FlatPart:
-    j, F = link.body - 1, link.element.flexibility
-    R = np.eye(3) if j < 0 else into[j]
-    tip = R @ link.element.points[1]
-    K = _moved(R, tip, F[:6, :6])
-    if loop is None or "pin" not in link.element.interfaces:
-        return FlatPart(j, K)
-    at_pin = _to_origin(tip).T @ np.kron(np.eye(2), R) @ F[:6, 6:9] @ R.T
-    return FlatPart(j, K, at_pin, R @ F[6:9, 6:9] @ R.T)
-
-
-def _laws(model: ArmModel, phi: Array) -> list[FlatLaw]:
-    out = []
-    for part in model.joints:
-        for row, law in part.laws:
-            axis = _about_z(-phi[part.joint + 1])[:, row % 3]
-            out.append(FlatLaw(part.joint, axis, row >= 3, law))
-    return out
-
-
-def _loop(model: ArmModel, into: list[Array], shift: Array, first: float) -> FlatLoop | None:
-    p = model.robot.parallelogram
-    if model.bar is None or p is None:
-        return None
-    pre = model.robot.T_pre[p.crank_about]
-    R = _about_z(-first) if p.crank_about == 0 else into[p.crank_about - 1]
-    return FlatLoop(
-        driven=p.driven,
-        u=shift[p.driven] / np.linalg.norm(shift[p.driven]),
-        pin=into[p.driven] @ p.pin,
-        least=FLAT_SINE * float(np.linalg.norm(p.pin)),
-        bar=model.bar.compliance,
-        housing=_turned(R @ pre[:3, :3], model.joints[p.crank_about].housing),
-    )

@@ -16,7 +16,25 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fem.compiled.kernel_arrays import BLOCK, COLUMN, HALF, ROW, ROWS, SHIFT, TURN, A, B, D, Figures, K, P, Work
+from fem.compiled.flat_arm import (
+    BLOCK,
+    COLUMN,
+    HALF,
+    QUARTER,
+    ROW,
+    ROWS,
+    SHIFT,
+    STRAIGHT,
+    TURN,
+    A,
+    B,
+    D,
+    Figures,
+    K,
+    Loop,
+    P,
+    Work,
+)  # fmt: skip
 from robots.arrays import Array
 
 # Tuples, because numba counts references of arrays.
@@ -30,9 +48,16 @@ compiled = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, f
 # Called several times; compiled once instead of at each call.
 separate = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 
-# How a frame is left about x.
-STRAIGHT, QUARTER, ANY = 0, 1, 2
-Z, NOWHERE = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+Z, NOWHERE, NOTHING = np.array([0.0, 0.0, 1.0]), np.zeros(3), (0.0,) * 6
+# Row of the state of each entry of a symmetric matrix (36,), by rows.
+_HALF = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+_BLOCK = B + np.arange(9).reshape(3, 3)
+ENTRY = np.block([[A + _HALF, _BLOCK], [_BLOCK.T, D + _HALF]]).ravel()
+
+
+@compiled
+def _three(v: Array) -> Vector:
+    return v[0], v[1], v[2]
 
 
 @compiled
@@ -282,20 +307,6 @@ def _turn_base(turn: Array, W: Array) -> None:
 
 
 @compiled
-def _plus_rank_one(W: Array, i: int, flexible: float, v: Wrench) -> None:
-    """C + flexible v v^T."""
-    for k in range(3):
-        for m in range(3):
-            W[(B + 3 * k + m) * BLOCK + i] += flexible * v[k] * v[3 + m]
-    at = 0
-    for k in range(3):
-        for m in range(k, 3):
-            W[(A + at) * BLOCK + i] += flexible * v[k] * v[m]
-            W[(D + at) * BLOCK + i] += flexible * v[3 + k] * v[3 + m]
-            at += 1
-
-
-@compiled
 def _plus_both_ways(W: Array, i: int, h: Wrench, r: Wrench) -> None:
     """C + h r^T + r h^T."""
     for k in range(3):
@@ -349,7 +360,7 @@ def _plus(h: Wrench, factor: float, v: Wrench) -> Wrench:
 @compiled
 def _direction(axis: Array, turns: bool, p: Vector) -> tuple[Wrench, Wrench]:
     """Of a law: what it feels of the wrench at the frame's origin, and of the one at the tool."""
-    e = (axis[0], axis[1], axis[2])
+    e = _three(axis)
     if turns:
         x, y, z = _cross(e, p)
         return (0.0, 0.0, 0.0, e[0], e[1], e[2]), (x, y, z, e[0], e[1], e[2])
@@ -361,24 +372,23 @@ def _direction(axis: Array, turns: bool, p: Vector) -> tuple[Wrench, Wrench]:
 def _law(axis: Array, turns: bool, flexible: Array, W: Array) -> None:
     for i in range(BLOCK):
         _, felt = _direction(axis, turns, _vector(W, P, i))
-        _plus_rank_one(W, i, flexible[i], felt)
+        _plus_both_ways(W, i, _plus(NOTHING, 0.5 * flexible[i], felt), felt)
 
 
 @separate
-def _driven(f: Figures, cos: Array, sin: Array, W: Array, flat: Array) -> None:
+def _driven(loop: Loop, cos: Array, sin: Array, W: Array, flat: Array) -> None:
     """At the driven joint: row, half and column; ``flat``: how far the lever is above the least, m."""
-    ux, uy, uz = f.loop[0], f.loop[1], f.loop[2]
-    rx, ry, rz, least, bar = f.loop[3], f.loop[4], f.loop[5], f.loop[6], f.loop[7]
+    (ux, uy, uz), (rx, ry, rz) = _three(loop.u), _three(loop.pin)
     for i in range(BLOCK):
         c, s = cos[i], sin[i]
         p = _vector(W, P, i)
         u = (c * ux + s * uy, c * uy - s * ux, uz, 0.0, 0.0, 0.0)
         lever = rx * u[1] - ry * u[0]
-        flat[i] = abs(lever) - least
+        flat[i] = abs(lever) - loop.least
         row = (p[1] / lever, -p[0] / lever, 0.0, 0.0, 0.0, -1.0 / lever)
-        both = bar + _dot(u, _times(f.pin, u))
+        both = loop.bar + _dot(u, _times(loop.own, u))
         _put_symmetric(W, ROW, i, row)
-        _put_symmetric(W, HALF, i, _plus(_displaced(p, _times(f.at_pin, u)), 0.5 * both, row))
+        _put_symmetric(W, HALF, i, _plus(_displaced(p, _times(loop.at_pin, u)), 0.5 * both, row))
         x, y, z = _cross((rx, ry, rz), (u[0], u[1], u[2]))
         _put_symmetric(W, COLUMN, i, (u[0], u[1], u[2], x, y, z))
 
@@ -396,7 +406,7 @@ def _carried(axis: Array, turns: bool, flexible: Array, W: Array) -> None:
 @separate
 def _carried_constant(M: Array, t: Array, W: Array) -> None:
     """The bar's share in a constant compliance M (36,) about t from the frame's origin."""
-    tx, ty, tz = t[0], t[1], t[2]
+    tx, ty, tz = _three(t)
     for i in range(BLOCK):
         x, y, z = _vector(W, P, i)
         column = _symmetric(W, COLUMN, i)
@@ -424,10 +434,10 @@ def _close(W: Array) -> None:
 @separate
 def _loop_part(f: Figures, j: int, cos: Array, sin: Array, work: Work) -> None:
     """What the bar's force adds in the frame of a driven joint or of a crank's, before it is left."""
-    if j == f.driven:
-        _driven(f, cos, sin, work.state, work.flat)
+    if j == f.loop.driven:
+        _driven(f.loop, cos, sin, work.state, work.flat)
     else:
-        _carried_constant(f.upper, NOWHERE, work.state)
+        _carried_constant(f.loop.upper, NOWHERE, work.state)
         _carried(Z, True, work.springs[j], work.state)
     for k in range(len(f.law_frame)):
         if f.law_frame[k] == j:
@@ -453,10 +463,10 @@ def _solve(f: Figures, work: Work) -> None:
         for k in range(len(f.law_frame)):
             if f.law_frame[k] == j:
                 _law(f.law_axis[k], f.law_turns[k] == 1, work.laws[k], W)
-        in_loop = f.driven >= 0 and (j == f.driven or j == f.driven - 1)
+        in_loop = f.loop.driven >= 0 and (j == f.loop.driven or j == f.loop.driven - 1)
         if in_loop:
             _loop_part(f, j, c, s, work)
-            if j == f.driven or f.housed:
+            if j == f.loop.driven or f.loop.housed:
                 _leave(constants, c, s, W)
             else:
                 _close(W)
@@ -466,8 +476,8 @@ def _solve(f: Figures, work: Work) -> None:
             _straight(constants, c, s, work.springs[j], W)
         else:
             _turned(constants, c, s, work.springs[j], W)
-        if in_loop and j != f.driven and f.housed:
-            _carried_constant(f.housing, f.shift_crank, W)
+        if in_loop and j != f.loop.driven and f.loop.housed:
+            _carried_constant(f.loop.housing, f.loop.shift, W)
             _close(W)
     if f.turn_base[1] != 0.0:
         _turn_base(f.turn_base, W)
@@ -476,17 +486,20 @@ def _solve(f: Figures, work: Work) -> None:
 
 
 @separate
-def _write(W: Array, out: Array, start: int, end: int) -> None:
-    """Rows ``start`` to ``end`` of the compliances (k, 36) from the state."""
+def _write(W: Array, wrench: Array, out: Array, start: int, end: int) -> None:
+    """Rows ``start`` to ``end`` of the deflections (k, 6) under wrenches (1 or k, 6), or of the compliances (k, 36)."""
     for i in range(end - start):
-        a, b, d = _symmetric(W, A, i), _full(W, B, i), _symmetric(W, D, i)
         o = out[start + i]
-        o[0], o[1], o[2], o[3], o[4], o[5] = a[0], a[1], a[2], b[0], b[1], b[2]
-        o[6], o[7], o[8], o[9], o[10], o[11] = a[1], a[3], a[4], b[3], b[4], b[5]
-        o[12], o[13], o[14], o[15], o[16], o[17] = a[2], a[4], a[5], b[6], b[7], b[8]
-        o[18], o[19], o[20], o[21], o[22], o[23] = b[0], b[3], b[6], d[0], d[1], d[2]
-        o[24], o[25], o[26], o[27], o[28], o[29] = b[1], b[4], b[7], d[1], d[3], d[4]
-        o[30], o[31], o[32], o[33], o[34], o[35] = b[2], b[5], b[8], d[2], d[4], d[5]
+        if len(wrench) == 0:
+            for k in range(36):
+                o[k] = W[ENTRY[k] * BLOCK + i]
+        else:
+            w = wrench[min(start + i, len(wrench) - 1)]
+            for k in range(6):
+                moved = 0.0
+                for m in range(6):
+                    moved += W[ENTRY[6 * k + m] * BLOCK + i] * w[m]
+                o[k] = moved
 
 
 @separate
@@ -545,22 +558,6 @@ def _load(f: Figures, q: Array, axial: Array, laws: Array, points: Array, start:
 
 
 @separate
-def _write_moved(W: Array, wrench: Array, out: Array, start: int, end: int) -> None:
-    """Rows ``start`` to ``end`` of the deflections (k, 6) under wrenches (1 or k, 6)."""
-    for i in range(end - start):
-        a, b, d = _symmetric(W, A, i), _full(W, B, i), _symmetric(W, D, i)
-        w = wrench[min(start + i, len(wrench) - 1)]
-        x, y, z, l, m, n = w[0], w[1], w[2], w[3], w[4], w[5]  # noqa: E741
-        o = out[start + i]
-        o[0] = a[0] * x + a[1] * y + a[2] * z + b[0] * l + b[1] * m + b[2] * n
-        o[1] = a[1] * x + a[3] * y + a[4] * z + b[3] * l + b[4] * m + b[5] * n
-        o[2] = a[2] * x + a[4] * y + a[5] * z + b[6] * l + b[7] * m + b[8] * n
-        o[3] = b[0] * x + b[3] * y + b[6] * z + d[0] * l + d[1] * m + d[2] * n
-        o[4] = b[1] * x + b[4] * y + b[7] * z + d[1] * l + d[3] * m + d[4] * n
-        o[5] = b[2] * x + b[5] * y + b[8] * z + d[2] * l + d[4] * m + d[5] * n
-
-
-@separate
 def deflections(
     f: Figures, q: Array, axial: Array, laws: Array, points: Array, wrench: Array, work: Work, out: Array
 ) -> int:
@@ -574,12 +571,9 @@ def deflections(
         _load(f, q, axial, laws, points, start, work)
         _solve(f, work)
         end = min(start + BLOCK, len(q))
-        if f.driven >= 0:
+        if f.loop.driven >= 0:
             for i in range(end - start):
                 if work.flat[i] < 0.0:
                     return start + i
-        if len(wrench) == 0:
-            _write(work.state, out, start, end)
-        else:
-            _write_moved(work.state, wrench, out, start, end)
+        _write(work.state, wrench, out, start, end)
     return -1

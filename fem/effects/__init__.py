@@ -15,10 +15,9 @@ from fem.effects.described import (
     with_model_effects,
     without_effect,
 )
-from fem.effects.history import History, plain_history
 from fem.effects.observed import observed
 from fem.effects.own import Maker, checked_maker
-from fem.effects.situation import Situation
+from fem.effects.situation import History, Situation, plain_history
 
 __all__ = [
     "LOAD_PATH",

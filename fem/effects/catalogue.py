@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fem.effects.base import Effect
-from fem.effects.gauge import gauge_effects
-from fem.effects.loads import load_effects
+from fem.effects.joint_laws import joint_laws
 from fem.effects.own import Maker
-from fem.effects.stiffness_laws import stiffness_laws
+from fem.effects.set_up import set_up_effects
 from fem.effects.structure import link_flexibility, load_path, structure, wrist_coupling
-from fem.effects.torque_laws import torque_laws
 from fem.model import ArmModel, build_model
 from robots import InputError, ModelDescription
 
@@ -32,7 +30,7 @@ def catalogue(
     """
     effects = [*structure(model), *wrist_coupling(model), *_of_links(model, description)]
     effects += _other_path(model, description)
-    effects += [*stiffness_laws(model), *torque_laws(model), *load_effects(model), *gauge_effects()]
+    effects += [*joint_laws(model), *set_up_effects(model)]
     for make in own:
         effects += list(make(model))
     out: dict[str, Effect] = {}

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from fem.effects.acting import act
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
 from fem.effects.catalogue import catalogue
+from fem.effects.observed import act
 from fem.effects.own import Maker
 from fem.effects.structure import load_path as load_path_effect
 from fem.model import ArmModel, LinkKind, build_model

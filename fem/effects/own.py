@@ -10,8 +10,8 @@ import numpy as np
 
 from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
-from fem.effects.history import plain_history
 from fem.effects.observed import observed
+from fem.effects.situation import plain_history
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses
 from robots import InputError

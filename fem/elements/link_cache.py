@@ -11,8 +11,7 @@ import numpy as np
 from fem.elements.condensation import Superelement
 from fem.elements.couplings import Coupling
 from fem.elements.shell import CoupledShell, couple, shell_solution, superelement
-from meshes.array_cache import ArrayCache, user_cache
-from meshes.formulation import add_to, formulation_hash
+from meshes.array_cache import ArrayCache, add_to, formulation_hash, user_cache
 from meshes.shell_mesh import ShellMesh
 from robots.arrays import Array
 

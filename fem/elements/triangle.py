@@ -27,15 +27,12 @@ from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
+from fem.elements.facets import corner_motions, plane_stress, stiffness_from
+from meshes.shell_mesh import refuse_bad_elements
 from robots.arrays import Array, Bools
-from robots.errors import InputError
 
 ALPHA_B = 1.5
 BETA0_FLOOR = 0.01
-# Elements worked on at a time: their arrays stay in the processor's cache.
-BATCH = 2048
-# Height over the longest side below which a triangle has lost the digits of its own area.
-SMALLEST_ASPECT = 1e-6
 # Felippa's beta 1 to 9 = 1, 2, 1, 0, 1, -1, -1, -1, -2, arranged for the natural strains of sides 01, 12, 20
 # (rows) from the relative rotations of corners 0, 1, 2 (columns), at each corner.
 _AT_CORNERS = np.array(
@@ -85,14 +82,13 @@ def triangle_stiffness(
     Formulation, sources and limits of validity: see the module.
     """
     corners, thickness = np.asarray(corners, dtype=np.float64), np.asarray(thickness, dtype=np.float64)
-    _check(corners, youngs_modulus, poissons_ratio, thickness)
+    refuse_bad_elements("triangle", corners, 3, thickness, youngs_modulus, poissons_ratio)
     straight = np.zeros((len(corners), 3), dtype=bool) if straight_sides is None else straight_sides
-    K = np.empty((len(corners), 18, 18))
-    for first in range(0, len(corners), BATCH):
-        part = slice(first, first + BATCH)
-        rows = _rows(corners[part], youngs_modulus, poissons_ratio, thickness[part], straight[part])
-        np.matmul(np.swapaxes(rows, 1, 2), rows, out=K[part])
-    return K
+
+    def rows(part: slice) -> Array:
+        return _rows(corners[part], youngs_modulus, poissons_ratio, thickness[part], straight[part])
+
+    return stiffness_from(rows, len(corners), 18)
 
 
 def _rows(
@@ -124,13 +120,6 @@ def _times(root: Array, strains: Array) -> Array:
 def beta0(poissons_ratio: float) -> float:
     """Factor of the higher-order membrane stiffness that makes in-plane bending exact."""
     return max(0.5 * (1.0 - 4.0 * poissons_ratio**2), BETA0_FLOOR)
-
-
-def plane_stress(youngs_modulus: float, poissons_ratio: float) -> Array:
-    """Plane-stress matrix (3, 3) in Pa for the strains (xx, yy, gamma xy)."""
-    nu = poissons_ratio
-    shape = np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]])
-    return np.asarray(youngs_modulus / (1.0 - nu**2) * shape)
 
 
 def facet_axes(corners: Array) -> tuple[Array, Array]:
@@ -216,9 +205,7 @@ def _fibre_rotations(xy: Array) -> Array:
 def _to_global(membrane: Array, bending: Array, axes: Array) -> Array:
     """Strain rows (e, 21, 18) from global freedoms: four membrane and three bending points, three strains each."""
     e = len(axes)
-    in_plane, out_of_plane = np.zeros((e, 3, 6)), np.zeros((e, 3, 6))
-    in_plane[:, :2, :3], in_plane[:, 2, 3:] = axes[:, :2], axes[:, 2]
-    out_of_plane[:, 0, :3], out_of_plane[:, 1:, 3:] = axes[:, 2], axes[:, :2]
+    in_plane, out_of_plane = corner_motions(axes)
     rows = np.empty((e, 63, 6))
     np.matmul(membrane.reshape(e, 36, 3), in_plane, out=rows[:, :36])
     np.matmul(bending.reshape(e, 27, 3), out_of_plane, out=rows[:, 36:])
@@ -227,35 +214,3 @@ def _to_global(membrane: Array, bending: Array, axes: Array) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-
-
-def _check(corners: Array, youngs_modulus: float, poissons_ratio: float, thickness: Array) -> None:
-    what = "triangular shells"
-    if corners.ndim != 3 or corners.shape[1:] != (3, 3):
-        raise InputError(f"corners of {what}", value=f"shape {corners.shape}", allowed="shape (e, 3, 3)")
-    if thickness.shape != corners.shape[:1]:
-        raise InputError(
-            f"thickness of {what}", value=f"shape {thickness.shape}", allowed=f"shape ({len(corners)},), one a triangle"
-        )
-    if not 0.0 < youngs_modulus < np.inf:
-        raise InputError("Young's modulus (Pa)", value=youngs_modulus, allowed="finite and greater than 0")
-    if not -1.0 < poissons_ratio < 0.5:
-        raise InputError("Poisson's ratio", value=poissons_ratio, allowed="between -1 and 0.5")
-    side = np.roll(corners, -1, axis=1) - corners
-    longest = (side**2).sum(axis=2).max(axis=1)
-    sound = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) > SMALLEST_ASPECT * longest
-    if not sound.all():
-        first, bad = int(np.argmin(sound)), int((~sound).sum())
-        raise InputError(
-            f"triangular shell element {first} has no area or a corner that is not finite ({bad} in all)",
-            value=corners[first].tolist(),
-            remedy="merge double nodes and remesh slivers",
-        )
-    solid = np.isfinite(thickness) & (thickness > 0.0)
-    if not solid.all():
-        first = int(np.argmin(solid))
-        raise InputError(
-            f"thickness (m) of triangular shell element {first} ({int((~solid).sum())} bad in all)",
-            value=float(thickness[first]),
-            allowed="finite and greater than 0",
-        )

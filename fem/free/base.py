@@ -4,15 +4,78 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from fem.free.model_tables import Figure, Tables
 from fem.model import ArmModel
-from fem.statics.ports import Port
+from fem.statics.ports import BASE, ROWS, TOOL, Port
 from robots import InputError, ModelDescription
 from robots.arrays import Array
+from robots.schema.units import dimension_of, factor
+
+Table = dict[str, Any]
+
+
+class Figure(Protocol):
+    """What makes a figure: its value with unit, source and what is known of it."""
+
+    def __call__(self, value: float, unit: str) -> Table:
+        """The figure as a file has it."""
+        ...
+
+
+class Tables:
+    """The tables of a description (:meth:`pydantic.BaseModel.model_dump`), to be changed in place.
+
+    ``points``: table and key of what a shift of the readings' point moves.
+    """
+
+    def __init__(self, data: Table, points: tuple[tuple[str, str], ...] = (("tool", "xyz"),)) -> None:
+        self.data = data
+        self.points = points
+
+    def of(self, kind: str, name: str) -> Table:
+        """The table of a joint or a link."""
+        found: Table = next(one for one in self.data[kind] if one["name"] == name)
+        return found
+
+    def place(self, name: str) -> Table:
+        """Table of a place's stiffness in six directions, made if it is not there."""
+        if name == BASE:
+            self.data["base"] = self.data["base"] or {}
+            return _with_entries(self.data["base"])
+        if name == TOOL:
+            zero = {"value": (0.0, 0.0, 0.0), "unit": "m", "source": "definition"}
+            self.data["tool"] = self.data["tool"] or {"xyz": zero}
+            self.data["tool"]["stiffness"] = self.data["tool"].get("stiffness") or {}
+            return _with_entries(self.data["tool"]["stiffness"])
+        joint = self.of("joint", name)
+        if joint.get("bearing") is None:
+            joint["bearing"] = {}
+            for rows, key in ((ROWS[:3], "translational_stiffness"), (ROWS[3:5], "tilt_stiffness")):
+                if joint.get(key) is not None:
+                    joint["bearing"] |= {row: dict(joint[key]) for row in rows}
+                joint[key] = None
+        return _with_entries(joint["bearing"])
+
+    def shift(self, table: str, key: str, index: int, name: str, added: Table) -> None:
+        """Add a figure in m or rad to one component of a triple of lengths or angles."""
+        dimension = dimension_of(added["unit"])
+        self.data[table] = self.data[table] or {}
+        old: Mapping[str, Any] | None = self.data[table].get(key)
+        values = [0.0, 0.0, 0.0] if old is None else [v * factor(dimension, old["unit"]) for v in old["value"]]
+        values[index] += added["value"]
+        note = f"{name}: {added['note']}"
+        if old is not None and old.get("source") == added["source"]:
+            note = f"{old['note']}; {note}"
+        self.data[table][key] = {**added, "value": tuple(values), "note": note}
+
+
+def _with_entries(place: Table) -> Table:
+    place["entry"] = list(place.get("entry") or ())
+    return place
+
 
 Scale = Literal["compliance", "log", "linear"]
 Shifts = Literal["zero", "load", "tilt", "point"]
@@ -93,21 +156,20 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Kind:
-    """What parameters of a kind are called, do to an arm, and are in a model file; stateless, one object a kind.
+    """What parameters of a kind are called, do to an arm, and are in a model file; one object a kind.
 
     ``is_linear``: displacements are linear in the estimator's variable. ``shifts``: what of the loaded poses, or of
-    the joints' zeros, they move (derivatives are then differences, of ``step``); None for what acts at a port.
+    the joints' zeros, they move (derivatives are then differences); None for what acts at a port.
     ``of_law``, ``of_effect``: coefficients of a spring's law, numbers of an effect. ``has_sections``: the link's
     sections are needed to vary them (:func:`fem.elements.walls.wall_flexibilities`).
     """
 
-    name: ClassVar[str]
-    is_linear: ClassVar[bool] = False
-    shifts: ClassVar[Shifts | None] = None
-    step: ClassVar[float] = 1e-4
-    of_law: ClassVar[bool] = False
-    of_effect: ClassVar[bool] = False
-    has_sections: ClassVar[bool] = False
+    name: str
+    is_linear: bool = False
+    shifts: Shifts | None = None
+    of_law: bool = False
+    of_effect: bool = False
+    has_sections: bool = False
 
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         """The parameter ``PLACE.WHAT`` of the model over the widest plausible range, None if it is not of this kind."""

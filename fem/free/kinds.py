@@ -1,17 +1,15 @@
-"""The kinds of parameters that an arm can have. A new one: a class here, and its line in ``KINDS``."""
+"""The kinds of parameters that an arm can have. A new one: its line in ``KINDS``, and a class if none here fits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from fem.effects.base import EffectParameter, PlacedEffect
-from fem.free.base import SHIFT, TURN, Flexibility, Given, Kind, Parameter, Scale, Shifts
-from fem.free.model_tables import Figure, Tables
+from fem.free.base import SHIFT, TURN, Figure, Flexibility, Given, Kind, Parameter, Scale, Tables
 from fem.model import ArmModel, LinkPart
 from fem.springs import RIGID, SpringLaw, SumSpring
 from fem.statics.ports import BASE, ROWS, TOOL, Port
@@ -35,8 +33,6 @@ TILTS, BASE_TILTS, SHIFTS = (5e5, 5e6), (1e7, 1e8), (1e8, 1e9)
 @dataclass(frozen=True)
 class _Entry(Kind):
     """An entry of the compliance of the base, a joint, the tool or the bar; one row or two."""
-
-    is_linear = True
 
     def changed(self, p: Parameter, v: float, model: ArmModel, walls: Mapping[str, Flexibility]) -> ArmModel:
         if p.place == "bar":
@@ -62,8 +58,6 @@ class _Entry(Kind):
 @dataclass(frozen=True)
 class _Stiffness(_Entry):
     """A stiffness along or about one axis of a place, or along the bar."""
-
-    name: ClassVar[str] = "stiffness"
 
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         if place == "bar" and what == "stiffness" and model.bar is not None and model.bar.compliance > 0.0:
@@ -114,8 +108,6 @@ class _Stiffness(_Entry):
 class _Coupling(_Entry):
     """An entry of a place's compliance off the diagonal."""
 
-    name: ClassVar[str] = "coupling"
-
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         pair = what.split("-")
         if place not in _places(model) or len(pair) != 2 or pair[0] == pair[1] or not set(pair) <= set(ROWS):
@@ -156,9 +148,6 @@ class _OfLink(Kind):
 class _Modulus(_OfLink):
     """The elastic modulus of a link."""
 
-    name: ClassVar[str] = "modulus"
-    is_linear = True
-
     def of_link(self, link: LinkPart) -> Parameter:
         E = link.mesh.youngs_modulus
         return Parameter("", self, link.name, (), "Pa", E, 0.1 * E, 10.0 * E, "compliance")
@@ -180,9 +169,6 @@ class _Modulus(_OfLink):
 @dataclass(frozen=True)
 class _Wall(_OfLink):
     """The walls of a link, all by one factor."""
-
-    name: ClassVar[str] = "wall"
-    has_sections = True
 
     def of_link(self, link: LinkPart) -> Parameter:
         t = float(link.mesh.dimensions[0, 0, -1])
@@ -220,14 +206,18 @@ class _Wall(_OfLink):
 
 @dataclass(frozen=True)
 class _Shift(Kind):
-    """What moves the loaded poses or turns the joints' zeros, counted from where the model has them."""
+    """What moves the loaded poses or turns the joints' zeros, counted from where the model has them.
 
-    unit: ClassVar[str] = "m"
-    most: ClassVar[float]
-    usual: ClassVar[float]
-    place: ClassVar[str]
-    names: ClassVar[tuple[str, ...]] = AXES
-    triples: ClassVar[tuple[tuple[str, str], ...]] = ()
+    ``PLACE.NAME`` of the ``names``, searched up to ``most`` either way, as a rule within ``usual``; ``triples``: table
+    and key in a model file, empty for the points of readings, which the tables know.
+    """
+
+    place: str = ""
+    names: tuple[str, ...] = AXES
+    unit: str = "m"
+    most: float = 0.0
+    usual: float = 0.0
+    triples: tuple[tuple[str, str], ...] = ()
 
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         if place != self.place or what not in self.names:
@@ -244,7 +234,6 @@ class _Shift(Kind):
         return p.value - self.usual, p.value + self.usual
 
     def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
-        # Where the points of readings are, the tables know.
         for table, key in self.triples or tables.points:
             tables.shift(table, key, p.index[0], p.name, figure(value, self.unit))
 
@@ -252,11 +241,6 @@ class _Shift(Kind):
 @dataclass(frozen=True)
 class _Zero(_Shift):
     """The zero error of a joint."""
-
-    name: ClassVar[str] = "zero"
-    shifts: ClassVar[Shifts | None] = "zero"
-    unit = "rad"
-    most, usual = math.radians(5.0), math.radians(1.0)
 
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         joints = model.robot.joint_names
@@ -278,41 +262,8 @@ class _Zero(_Shift):
 
 
 @dataclass(frozen=True)
-class _Load(_Shift):
-    """Where the load acts, from the read point, in flange axes."""
-
-    name: ClassVar[str] = "load"
-    shifts: ClassVar[Shifts | None] = "load"
-    place, triples = "load", (("load", "offset"),)
-    most, usual = 0.2, 0.03
-
-
-@dataclass(frozen=True)
-class _Tilt(_Shift):
-    """By what the load's direction is off, about the base's axes."""
-
-    name: ClassVar[str] = "tilt"
-    shifts: ClassVar[Shifts | None] = "tilt"
-    place, names, unit, triples = "load", ("tilt_x", "tilt_y"), "rad", (("load", "tilt"),)
-    most, usual = math.radians(10.0), math.radians(3.0)
-
-
-@dataclass(frozen=True)
-class _Point(_Shift):
-    """Where the read and loaded point is, in flange axes."""
-
-    name: ClassVar[str] = "point"
-    shifts: ClassVar[Shifts | None] = "point"
-    place = "point"
-    most, usual = 0.5, 0.03
-
-
-@dataclass(frozen=True)
 class _Law(Kind):
     """A coefficient of ln(stiffness) of a joint over angles; laws are put into a model and written whole."""
-
-    name: ClassVar[str] = "law"
-    of_law = True
 
     def screened(self, p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
         low, high = np.log(springs) if p.prior is None else (-p.prior[1], p.prior[1])
@@ -322,9 +273,6 @@ class _Law(Kind):
 @dataclass(frozen=True)
 class _OfEffect(Kind):
     """A number of an effect that the arm has; effects take theirs by themselves."""
-
-    name: ClassVar[str] = "effect"
-    of_effect = True
 
     def check(self, p: Parameter, among: Sequence[Parameter], given: Given) -> None:
         if p.place not in given.codes:
@@ -341,9 +289,23 @@ class _OfEffect(Kind):
         table["parameters"] = {**table["parameters"], name: figure(value / factor(dimension_of(unit), unit), unit)}
 
 
-LAW, OF_EFFECT = _Law(), _OfEffect()
+LAW, OF_EFFECT = _Law("law", of_law=True), _OfEffect("effect", of_effect=True)
 KINDS: tuple[Kind, ...] = (
-    _Stiffness(), _Coupling(), _Zero(), _Load(), _Tilt(), _Point(), _Modulus(), _Wall(), LAW, OF_EFFECT,
+    _Stiffness("stiffness", is_linear=True),
+    _Coupling("coupling", is_linear=True),
+    _Zero("zero", shifts="zero", unit="rad", most=math.radians(5.0), usual=math.radians(1.0)),
+    # Where the load acts, from the read point, in flange axes; by what its direction is off, about the base's axes.
+    _Shift("load", shifts="load", place="load", most=0.2, usual=0.03, triples=(("load", "offset"),)),
+    _Shift(
+        "tilt", shifts="tilt", place="load", names=("tilt_x", "tilt_y"), unit="rad", most=math.radians(10.0),
+        usual=math.radians(3.0), triples=(("load", "tilt"),),
+    ),
+    # Where the read and loaded point is, in flange axes.
+    _Shift("point", shifts="point", place="point", most=0.5, usual=0.03),
+    _Modulus("modulus", is_linear=True),
+    _Wall("wall", has_sections=True),
+    LAW,
+    OF_EFFECT,
 )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from fem.free.base import SHIFT, TURN, Parameter
 from fem.free.kinds import LAW
-from fem.free.law_bases import Basis, FourierBasis, PolynomialBasis, TableBasis
 from fem.model import ArmModel
+from fem.springs import Basis, FourierBasis, PolynomialBasis, TableBasis
 from fem.statics.ports import ROWS
 from robots import InputError
 from robots.arrays import Array

@@ -1,19 +1,20 @@
 """The arm's parts from base to tool in the order in which they are fastened to one another.
 
-For solvers that build the arm up of stiffnesses. :mod:`fem.transfers` asks what each part carries instead and never
-walks along the chain: the two know nothing of each other but the model.
+For solvers that build the arm up of stiffnesses, and for what moves where. :mod:`fem.statics.transfers` asks what each
+part carries instead and never walks along the chain: the two know nothing of each other but the model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 
+from fem.elements.couplings import rigid_motion
 from fem.model import ArmModel, JointPart, LinkPart, independent_springs
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from robots.kinematics import BodyFrames, tool_position
 
 Motion = TypeVar("Motion")
@@ -63,6 +64,51 @@ class Builder(Protocol[Motion]):
     def linked(self, link: LinkPart, root: Motion, R: Array, origin: Array) -> Mapping[str, Motion]:
         """Fasten a link, axes R (n, 3, 3) and origin (n, 3) m of its body; motions of its other interfaces by name."""
         ...
+
+
+@dataclass(frozen=True)
+class Node:
+    """A point's motion as a combination of the unknowns: u = G x[freedoms]; G (n, 6, k)."""
+
+    freedoms: Integers
+    G: Array
+
+    def over(self, size: int) -> Array:
+        """G over all unknowns (n, 6, size)."""
+        G = np.zeros((*self.G.shape[:2], size))
+        G[:, :, self.freedoms] = self.G
+        return G
+
+
+@dataclass
+class Unknowns:
+    """A builder whose motions are nodes of n poses: rigid connections add no unknown, a spring its relative motions.
+
+    ``springs``: these unknowns and their stiffnesses (n, k).
+    """
+
+    n: int
+    size: int = 0
+    springs: list[tuple[Integers, Array]] = field(default_factory=list)
+
+    def new(self, count: int) -> Integers:
+        """So many unknowns more."""
+        self.size += count
+        return np.arange(self.size - count, self.size)
+
+    def ground(self) -> Node:
+        """See :class:`Builder`."""
+        return Node(np.zeros(0, dtype=np.int64), np.zeros((self.n, 6, 0)))
+
+    def carried(self, motion: Node, r: Array) -> Node:
+        """See :class:`Builder`."""
+        return Node(motion.freedoms, rigid_motion(r) @ motion.G)
+
+    def sprung(self, motion: Node, springs: Springs) -> Node:
+        """See :class:`Builder`."""
+        new = self.new(springs.stiffness.shape[1])
+        self.springs.append((new, springs.stiffness))
+        return Node(np.concatenate([motion.freedoms, new]), np.concatenate([motion.G, springs.turned], axis=2))
 
 
 @dataclass(frozen=True)

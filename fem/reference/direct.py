@@ -15,8 +15,8 @@ import numpy as np
 
 from fem.elements import beam
 from fem.model import ArmModel, LinkPart
-from fem.reference.chain import Springs, build_chain
-from fem.statics.inputs import as_points, as_wrenches
+from fem.reference.chain import Node, Unknowns, build_chain
+from fem.statics.loads import as_points, as_wrenches
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.kinematics import as_poses, forward_kinematics, tool_position
@@ -26,48 +26,17 @@ from robots.kinematics import as_poses, forward_kinematics, tool_position
 CHUNK = 256
 
 
-@dataclass(frozen=True)
-class _Node:
-    """A node's displacement as a combination of the unknowns: u = G x[freedoms]; G (n, 6, k)."""
-
-    freedoms: Integers
-    G: Array
-
-
 @dataclass
-class _System:
-    """Unknowns and stiffness contributions, collected part by part."""
+class _System(Unknowns):
+    """Unknowns and stiffness contributions, collected part by part; links condensed or with all their elements."""
 
-    n: int
-    condensed: bool
-    size: int = 0
+    condensed: bool = True
     blocks: list[tuple[Integers, Array]] = field(default_factory=list)
 
-    def new(self, count: int) -> Integers:
-        self.size += count
-        return np.arange(self.size - count, self.size)
+    def free_node(self) -> Node:
+        return Node(self.new(6), np.broadcast_to(np.eye(6), (self.n, 6, 6)))
 
-    def free_node(self) -> _Node:
-        return _Node(self.new(6), np.broadcast_to(np.eye(6), (self.n, 6, 6)))
-
-    def ground(self) -> _Node:
-        return _Node(np.zeros(0, dtype=np.int64), np.zeros((self.n, 6, 0)))
-
-    def carried(self, node: _Node, r: Array) -> _Node:
-        X = np.zeros((len(r), 6, 6))
-        X[:] = np.eye(6)  # u + theta x r
-        X[:, 0, 4], X[:, 0, 5] = r[:, 2], -r[:, 1]
-        X[:, 1, 3], X[:, 1, 5] = -r[:, 2], r[:, 0]
-        X[:, 2, 3], X[:, 2, 4] = r[:, 1], -r[:, 0]
-        return _Node(node.freedoms, X @ node.G)
-
-    def sprung(self, node: _Node, springs: Springs) -> _Node:
-        directions = springs.turned
-        new = self.new(directions.shape[2])
-        self.blocks.append((new, springs.stiffness[:, :, None] * np.eye(len(new))))
-        return _Node(np.concatenate([node.freedoms, new]), np.concatenate([node.G, directions], axis=2))
-
-    def linked(self, link: LinkPart, root: _Node, R: Array, origin: Array) -> dict[str, _Node]:
+    def linked(self, link: LinkPart, root: Node, R: Array, origin: Array) -> dict[str, Node]:
         """Add a link's stiffness between its root and new nodes."""
         if self.condensed:
             K, names = link.element.stiffness, dict.fromkeys(link.element.interfaces)
@@ -93,7 +62,7 @@ class _System:
         self.blocks.append((freedoms, np.swapaxes(G, 1, 2) @ K @ G))
         return {name: nodes[i] for name, i in index.items() if name != "root"}
 
-    def bar(self, pins: tuple[_Node, _Node], span: Array, compliance: float) -> None:
+    def bar(self, pins: tuple[Node, Node], span: Array, compliance: float) -> None:
         """Add the bar's force N as an unknown: its elongation u . (u_pin - u_crank) is c N."""
         u = span / np.linalg.norm(span, axis=1)[:, None]
         force = self.new(1)
@@ -106,6 +75,8 @@ class _System:
 
     def matrix(self) -> Array:
         K = np.zeros((self.n, self.size, self.size))
+        for freedoms, stiffness in self.springs:
+            K[:, freedoms, freedoms] = stiffness
         for freedoms, block in self.blocks:
             # Freedoms come in a few runs of consecutive numbers; slices add faster than index arrays.
             cuts = [0, *(np.flatnonzero(np.diff(freedoms) != 1) + 1), len(freedoms)]
@@ -153,10 +124,8 @@ def _batches(n: int) -> Iterator[slice]:
 def assemble(model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True) -> tuple[Array, Array]:
     """Assemble the system matrix (n, m, m) and the tool's displacement as (n, 6, m) times the unknowns."""
     frames = forward_kinematics(model.robot, q)
-    system = _System(len(q), condensed)
+    system = _System(len(q), condensed=condensed)
     chain = build_chain(model, frames, q, tool_position(model.robot, frames, point), system)
     if chain.pins is not None and model.bar is not None:
         system.bar(chain.pins, chain.span, model.bar.compliance)
-    G = np.zeros((len(q), 6, system.size))
-    G[:, :, chain.tool.freedoms] = chain.tool.G
-    return system.matrix(), G
+    return system.matrix(), chain.tool.over(system.size)

@@ -18,15 +18,15 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from fem.elements.condensation import solve_positive_definite
-from fem.elements.couplings import Coupling, rigid_motion
+from fem.elements.couplings import Coupling
 from fem.elements.shell import CoupledShell, couple
 from fem.model import ArmModel, LinkPart
-from fem.reference.chain import Springs, build_chain
-from fem.statics.inputs import as_points, as_wrenches
+from fem.reference.chain import Node, Unknowns, build_chain
+from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers
 from meshes import ShellMesh
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array
 from robots.kinematics import as_poses, forward_kinematics, tool_position
 
 
@@ -46,45 +46,14 @@ class ShellArmSolution:
     unknowns: int
 
 
-@dataclass(frozen=True)
-class _Node:
-    """A point's displacement as a combination of the unknowns: u = G x[freedoms]; G (6, k)."""
-
-    freedoms: Integers
-    G: Array
-
-    def over(self, size: int) -> Array:
-        """G over all unknowns (6, size)."""
-        G = np.zeros((6, size))
-        G[:, self.freedoms] = self.G
-        return G
-
-
 @dataclass
-class _System:
-    """What the parts add: unknowns, links' reduced freedoms (r, columns so far) from them, springs. One pose."""
+class _System(Unknowns):
+    """What the parts add beside springs: links' reduced freedoms (r, columns so far) from the unknowns of one pose."""
 
-    shells: Mapping[str, CoupledShell]
-    size: int = 0
+    shells: Mapping[str, CoupledShell] = field(default_factory=dict)
     links: dict[str, tuple[CoupledShell, Array, sp.csc_array]] = field(default_factory=dict)
-    springs: list[tuple[int, float]] = field(default_factory=list)
 
-    def new(self, count: int) -> Integers:
-        self.size += count
-        return np.arange(self.size - count, self.size)
-
-    def ground(self) -> _Node:
-        return _Node(np.zeros(0, dtype=np.int64), np.zeros((6, 0)))
-
-    def carried(self, node: _Node, r: Array) -> _Node:
-        return _Node(node.freedoms, rigid_motion(r)[0] @ node.G)
-
-    def sprung(self, node: _Node, springs: Springs) -> _Node:
-        new = self.new(springs.stiffness.shape[1])
-        self.springs += zip(new.tolist(), springs.stiffness[0].tolist(), strict=True)
-        return _Node(np.concatenate([node.freedoms, new]), np.hstack([node.G, springs.turned[0]]))
-
-    def linked(self, link: LinkPart, root: _Node, R: Array, origin: Array) -> dict[str, _Node]:
+    def linked(self, link: LinkPart, root: Node, R: Array, origin: Array) -> dict[str, Node]:
         shell = self.shells[link.name]
         names = link.element.interfaces
         count = shell.stiffness.shape[0]
@@ -92,13 +61,13 @@ class _System:
         own = np.setdiff1d(np.arange(count), first + np.arange(6))
         new = self.new(own.size)
         turn = both(R[0])
-        at_root = turn.T @ root.G
+        at_root = turn.T @ root.G[0]
         rows = np.concatenate([own, np.repeat(first + np.arange(6), root.freedoms.size)])
         columns = np.concatenate([new, np.tile(root.freedoms, 6)])
         values = np.concatenate([np.ones(own.size), at_root.ravel()])
         led = sp.coo_array((values, (rows, columns)), shape=(count, self.size)).tocsc()
         self.links[link.name] = (shell, R[0], sp.csc_array(shell.led_by_points() @ led))
-        return {name: _Node(new[first + 6 * j : first + 6 * j + 6], turn) for j, name in enumerate(names[1:])}
+        return {name: Node(new[first + 6 * j : first + 6 * j + 6], turn[None]) for j, name in enumerate(names[1:])}
 
     def reduced(self, name: str) -> sp.csc_array:
         """Reduced freedoms (r, n) of a link from all unknowns."""
@@ -109,8 +78,8 @@ class _System:
     def matrix(self) -> sp.csc_array:
         """Stiffness (n, n) of all unknowns."""
         diagonal = np.zeros(self.size)
-        for freedom, stiffness in self.springs:
-            diagonal[freedom] = stiffness
+        for freedoms, stiffness in self.springs:
+            diagonal[freedoms] = stiffness[0]
         K = sp.diags_array(diagonal, format="csc")
         for name, (shell, *_) in self.links.items():
             B = self.reduced(name)
@@ -184,14 +153,14 @@ def solve_shell_arm(
     frames = forward_kinematics(model.robot, pose)
     tool = tool_position(model.robot, frames, at)
     list(axial_transfers(model, frames, tool))  # raises InputError if the parallelogram is flat
-    system = _System(shells)
+    system = _System(1, shells=shells)
     chain = build_chain(model, frames, pose, tool, system)
     bar = None
     if chain.pins is not None:
         crank, pin = chain.pins
         u = chain.span[0] / np.linalg.norm(chain.span[0])
-        bar = np.asarray(u @ (pin.over(system.size) - crank.over(system.size))[:3])
-    K, to_tool = system.matrix(), chain.tool.over(system.size)
+        bar = np.asarray(u @ (pin.over(system.size) - crank.over(system.size))[0, :3])
+    K, to_tool = system.matrix(), chain.tool.over(system.size)[0]
     force = np.asarray(to_tool.T @ loads.T)
     try:
         x = _solve(K, force, bar, 0.0 if model.bar is None else model.bar.compliance)

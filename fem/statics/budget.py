@@ -16,7 +16,7 @@ import numpy as np
 
 from fem.model import ArmModel
 from fem.statics.flexibility import deflection_by_part
-from fem.statics.inputs import as_wrenches
+from fem.statics.loads import as_wrenches
 from robots import InputError
 from robots.arrays import Array
 

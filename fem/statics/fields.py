@@ -9,13 +9,14 @@ shortening decides. A pose costs a few dense products, no factorisation.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fem.elements.assembly import beside_quads, element_stiffness, freedoms
 from fem.elements.couplings import rigid_motion
+from fem.elements.facets import plane_stress
 from fem.elements.quad import quad_frames
 from fem.elements.shell import CoupledShell
 from fem.elements.triangle import (
@@ -23,19 +24,21 @@ from fem.elements.triangle import (
     bending_curvatures,
     facet_axes,
     membrane_strains,
-    plane_stress,
 )
 from fem.model import ArmModel, LinkPart
+from fem.reference.chain import Springs, build_chain
 from fem.reference.shell_arm import all_links, both, couple_links, one_pose, shell_of
 from fem.statics.transfers import transfers
 from fem.statics.vectors import poses_last
 from meshes import ShellMesh
 from robots import InputError
 from robots.arrays import Array
-from robots.kinematics import BodyFrames, forward_kinematics, tool_position
+from robots.kinematics import forward_kinematics, tool_position
 
 # Gradients of the bilinear functions at the middle of (-1, 1)^2, by direction and corner.
 _MIDDLE = 0.25 * np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]])
+# Columns of a motion: by the parts' deformations, and by each rad that the elbow turns.
+BY_PARTS, BY_ELBOW = np.eye(2)
 
 
 @dataclass(frozen=True)
@@ -146,83 +149,64 @@ def arm_fields(
     for part in transfers(model, frames, pose, tool):
         s = part.carried(w)
         h = part.deformation(s)
-        carried[part.name], deformed[part.name] = s[:, 0], h[:, 0]
+        carried[part.name], deformed[part.name] = s[:, 0], h.ravel()
         energy[part.name] = 0.5 * float((s * h).sum())
-    roots, end = _roots(model, frames, deformed, tool[0])
+    motions = _Motions(model, deformed)
+    chain = build_chain(model, frames, pose, tool, motions)
+    elbow = 0.0
+    if chain.pins is not None:
+        crank, pin = chain.pins
+        # The elbow turns until the bar's pins are as far apart as its shortening says.
+        apart = chain.span[0] / np.linalg.norm(chain.span[0]) @ (pin - crank)[:3]
+        elbow = -(apart[0] + float(deformed.get("bar", np.zeros(1))[0])) / apart[1]
+    whole = np.array([1.0, elbow])
     fields = []
     for link in all_links(model):
-        R, origin = frames.R[0, link.body], frames.p[0, link.body]
-        if model.bar is not None and link is model.bar.crank and model.robot.parallelogram is not None:
-            origin = frames.p[0, model.robot.parallelogram.crank_about + 1]
-        fields.append(_link_field(link, shapes[link.name], carried[link.name], roots[link.name], R, origin))
-    return ArmFields(end, tuple(fields), {name: value for name, value in energy.items() if name not in roots})
+        root, R, origin = motions.links[link.name]
+        fields.append(_link_field(link, shapes[link.name], carried[link.name], root @ whole, R, origin))
+    springs = {name: value for name, value in energy.items() if name not in motions.links}
+    return ArmFields(chain.tool @ whole, tuple(fields), springs)
 
 
-def _roots(
-    model: ArmModel, frames: BodyFrames, deformed: Mapping[str, Array], tool: Array
-) -> tuple[dict[str, Array], Array]:
-    """Motion (6,) of each link's root and of the tool, base axes, from the parts' deformations."""
-    robot = model.robot
-    links = {link.body: link for link in model.links}
-    p = robot.parallelogram if model.bar is not None else None
-    R, origin, axis = frames.R[0], frames.p[0], frames.axis[0]
-    motion, at, crank_pin = np.array(deformed.get("base", np.zeros(6))), np.zeros(3), np.zeros(6)
-    roots: dict[str, Array] = {}
-    for body in range(robot.dof + 1):
-        if body > 0:
-            joint, name = body - 1, model.joints[body - 1].name
-            motion = _carry(motion, origin[body] - at)
-            if p is not None and joint == p.crank_about:
-                turn = _turn(axis[p.driven], deformed.get(model.joints[p.driven].name))
-                crank_pin = _crank_pin(model, R[p.driven + 1], motion + turn, deformed, roots)
-            tilt = deformed.get(f"{name} housing")
-            if tilt is not None:
-                motion = motion + both(R[joint] @ robot.T_pre[joint][:3, :3]) @ tilt
-            if p is None or joint != p.driven:
-                motion = motion + _turn(axis[joint], deformed.get(name))
-            shift = deformed.get(f"{name} other directions")
-            if shift is not None:
-                motion = motion + both(R[body] @ robot.R_post[joint].T) @ shift
-            for row, _ in model.joints[joint].laws:
-                way = both(R[body] @ robot.R_post[joint].T)[:, row]
-                motion = motion + way * float(np.squeeze(deformed[f"{name} law {row + 1}"]))
-        link = links.get(body)
-        own = None if link is None else both(R[body]) @ deformed[link.name].reshape(-1, 6).T
-        if p is not None and body == p.driven + 1:
-            rho = R[body] @ p.pin
-            pin = _carry(motion, rho) + (0.0 if own is None or own.shape[1] < 2 else own[:, 1])
-            span = origin[body] - origin[p.crank_about + 1]
-            u = span / np.linalg.norm(span)
-            shortening = deformed["bar"][0] if "bar" in deformed else 0.0
-            # The elbow turns until the bar's pins are as far apart as its shortening says.
-            elbow = (u @ (crank_pin - pin)[:3] - shortening) / (u @ np.cross(axis[p.driven], rho))
-            motion = motion + _turn(axis[p.driven], np.array([elbow]))
-        if link is not None:
-            roots[link.name] = motion
-        tip = frames.p_flange[0] if body == robot.dof else origin[body + 1]
-        motion, at = _carry(motion, tip - origin[body]) + (0.0 if own is None else own[:, 0]), tip
-    own = tool_position(robot, frames)[0]
-    give = both(frames.R_flange[0]) @ deformed.get("tool", np.zeros(6))
-    return roots, _carry(_carry(motion, own - at) + give, tool - own)
+@dataclass
+class _Motions:
+    """Builder of motions (6, 2) in base axes: by the parts' deformations, and by each rad that the elbow turns.
 
+    ``links``: of their roots, with axes and origin of their bodies.
+    """
 
-def _crank_pin(model: ArmModel, R: Array, root: Array, deformed: Mapping[str, Array], roots: dict[str, Array]) -> Array:
-    assert model.bar is not None and model.robot.parallelogram is not None  # noqa: S101, PT018 - the caller knows
-    pin = _carry(root, R @ model.robot.parallelogram.pin)
-    if model.bar.crank is None:
-        return pin
-    name = model.bar.crank.name
-    roots[name] = root
-    return np.asarray(pin + both(R) @ deformed[name])
+    model: ArmModel
+    deformed: Mapping[str, Array]
+    links: dict[str, tuple[Array, Array, Array]] = field(default_factory=dict)
 
+    def ground(self) -> Array:
+        return np.zeros((6, 2))
 
-def _carry(motion: Array, r: Array) -> Array:
-    """Motion (6,) of a point r (3,) m away on the same rigid body."""
-    return np.asarray(rigid_motion(r[None])[0] @ motion)
+    def carried(self, motion: Array, r: Array) -> Array:
+        return np.asarray(rigid_motion(r)[0] @ motion)
 
+    def sprung(self, motion: Array, springs: Springs) -> Array:
+        if springs.where == "elbow":
+            return np.asarray(motion + springs.turned[0] * BY_ELBOW)
+        name = springs.where if springs.joint is None else self.model.joints[springs.joint].name
+        behind = {
+            "housing": " housing",
+            "bearing": " other directions",
+            "law": f" law {springs.directions.argmax() + 1}",
+        }
+        axes = springs.turned[0] if springs.where in ("axis", "law") else both(springs.R[0])
+        give = axes @ self.deformed[name + behind.get(springs.where, "")]
+        if springs.where == "bearing" and springs.joint is not None and self.model.joints[springs.joint].is_coupled:
+            # The spring about the axis stands here too.
+            give = give + axes[:, 5] * self.deformed.get(name, np.zeros(1))
+        return np.asarray(motion + give[:, None] * BY_PARTS)
 
-def _turn(axis: Array, angle: Array | None) -> Array:
-    return np.concatenate([np.zeros(3), axis * (0.0 if angle is None else angle[0])])
+    def linked(self, link: LinkPart, root: Array, R: Array, origin: Array) -> dict[str, Array]:
+        self.links[link.name] = root, R[0], origin[0]
+        # A serial load path leaves the lever's pin without load.
+        gives = self.deformed[link.name].reshape(-1, 6) @ both(R[0]).T
+        ends = zip(link.element.interfaces[1:], link.element.points[1:] @ R[0].T, gives, strict=False)
+        return {name: self.carried(root, r[None]) + give[:, None] * BY_PARTS for name, r, give in ends}
 
 
 def _link_field(link: LinkPart, shape: LinkShapes, carried: Array, root: Array, R: Array, origin: Array) -> LinkField:

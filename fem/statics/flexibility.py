@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fem.model import ArmModel
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers, transfers
 from fem.statics.vectors import poses_last
 from robots.arrays import Array

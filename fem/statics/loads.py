@@ -1,16 +1,66 @@
-"""Loaded poses, and where a load really acts: beside the read point, and not quite along its nominal direction."""
+"""What loads an arm: arrays that callers hand over, checked; where a load really acts; the arm's own weight.
+
+A load may act beside the read point, and not quite along its nominal direction. The links' weight is the preload that
+gears stand under before a load comes.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fem.model import ArmModel
-from robots import Robot
+from fem.statics.transfers import axial_transfers
+from robots import InputError, Robot
 from robots.arrays import Array
+from robots.constants import STANDARD_GRAVITY
 from robots.kinematics import forward_kinematics
 from robots.robot import rotation_rpy
+
+
+def as_wrenches(wrench: ArrayLike, n: int) -> Array:
+    """Wrenches (n, 6) from (6,) or (n, 6): force N, moment N m.
+
+    Raises
+    ------
+    InputError
+        Another shape, or a value that is not finite.
+    """
+    w = np.asarray(wrench, dtype=np.float64)
+    _check("wrench array", w, 6, n, "force N, moment N m")
+    return np.broadcast_to(w, (n, 6))
+
+
+def as_points(point: ArrayLike | None, n: int) -> Array | None:
+    """Tool points (n, 3) m in the flange frame from (3,) or (n, 3); None stays None (the model's own).
+
+    Raises
+    ------
+    InputError
+        Another shape, or a value that is not finite.
+    """
+    if point is None:
+        return None
+    p = np.asarray(point, dtype=np.float64)
+    _check("tool point array", p, 3, n, "m in the flange frame")
+    return np.broadcast_to(p, (n, 3))
+
+
+def _check(what: str, values: Array, width: int, n: int, unit: str) -> None:
+    allowed = f"finite, shape ({width},) or ({n}, {width}): {unit}"
+    if values.shape not in ((width,), (n, width)):
+        raise InputError(what, value=f"shape {values.shape}", allowed=allowed, remedy="one row a pose")
+    if not np.isfinite(values).all():
+        bad = np.atleast_2d(values)
+        row = int(np.flatnonzero(~np.isfinite(bad).all(axis=1))[0])
+        raise InputError(
+            f"{what}, row {row}",
+            value=bad[row].tolist(),
+            allowed=allowed,
+            remedy="remove or complete that row",
+        )
 
 
 @dataclass(frozen=True)
@@ -55,3 +105,24 @@ def as_read(model: ArmModel, at: LoadedPoses) -> LoadedPoses:
 def as_loaded(model: ArmModel, q: Array, wrench: Array, point: Array) -> LoadedPoses:
     """Nominal loads as the model says that they act."""
     return placed(model.robot, LoadedPoses(q, wrench, point), model.load_offset, model.load_tilt)
+
+
+def gravity_torque(model: ArmModel, q: Array) -> Array:
+    """Torque (n, dof) N m of the links' weight at the springs about the joints' axes; q (n, dof) rad.
+
+    Weight acts along -Z of the base. Masses as declared (:attr:`ArmModel.masses`), without tool and payload; the bar
+    of a parallelogram has none here. Zero where no masses are declared.
+    """
+    frames = forward_kinematics(model.robot, q)
+    out = np.zeros((len(q), model.robot.dof))
+    p = model.robot.parallelogram
+    serial = replace(model, bar=None)
+    for mass in model.masses:
+        point = frames.p[:, mass.body] + frames.R[:, mass.body] @ mass.centre
+        force = np.array([[0.0], [0.0], [-STANDARD_GRAVITY * mass.kg], [0.0], [0.0], [0.0]])
+        # The bar holds what hangs on the driven link and beyond, nothing before it.
+        beyond = p is not None and mass.body > p.driven
+        for joint, torque in axial_transfers(model if beyond else serial, frames, point):
+            if joint < mass.body:
+                out[:, joint] += torque.carried(np.broadcast_to(force, (6, len(q))))[0]
+    return out

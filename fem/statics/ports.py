@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from fem.model import ArmModel
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import joint_rows, transfers
 from fem.statics.vectors import cross, poses_last
 from robots import InputError

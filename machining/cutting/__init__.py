@@ -2,8 +2,7 @@
 
 from machining.cutting.coefficients import PUBLISHED, CuttingCoefficients, published, shop_coefficients
 from machining.cutting.comparison import Change, Comparison, compare
-from machining.cutting.drawn_stiffness import Drawn, drawn_objective, drawn_stiffness
-from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
+from machining.cutting.end_mill import EndMill, Engagement, ToolBending, down_milling, slotting, up_milling
 from machining.cutting.equilibrium import Balance, Balanced
 from machining.cutting.force import ConstantForce, CuttingForce, ForceAlong, MillingForce
 from machining.cutting.milling_file import Cut, read_milling
@@ -11,14 +10,17 @@ from machining.cutting.process_axes import ProcessAxes, process_axes
 from machining.cutting.spread import Estimated
 from machining.cutting.stiffness_uncertainty import (
     CalibratedCompliances,
+    Drawn,
     PartShares,
     StiffnessUncertainty,
     assumed_uncertainty,
     calibrated_uncertainty,
+    drawn_objective,
+    drawn_stiffness,
+    part_shares,
     stiffness_uncertainty,
 )
 from machining.cutting.surface_error import STATISTICS, SurfaceError, statistics_of, surface_error
-from machining.cutting.tool_bending import ToolBending
 
 __all__ = [
     "PUBLISHED",
@@ -49,6 +51,7 @@ __all__ = [
     "down_milling",
     "drawn_objective",
     "drawn_stiffness",
+    "part_shares",
     "process_axes",
     "published",
     "read_milling",

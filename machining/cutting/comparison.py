@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from machining.cutting.spread import Estimated, interval, variance
+from machining.cutting.spread import Estimated, deviations, interval
 from machining.cutting.surface_error import DRAWS, SurfaceError, statistics_of
 from robots import InputError
 from robots.arrays import Array
@@ -122,7 +122,7 @@ def compare(
     changes = {
         name: _change(name, *(np.abs(v[name]) for v in exact), *(np.abs(v[name]) for v in drawn)) for name in WORDS
     }
-    return Comparison(before.normal - after.normal, np.sqrt(variance(u, form)), changes, u.notes)
+    return Comparison(before.normal - after.normal, deviations(u, form)[0], changes, u.notes)
 
 
 def _change(name: str, before: Array, after: Array, drawn_before: Array, drawn_after: Array) -> Change:

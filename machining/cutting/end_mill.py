@@ -223,6 +223,47 @@ def mean_torque(mill: EndMill, engagement: Engagement, chip: Array, values: Arra
     return np.asarray(0.5 * mill.diameter * share * tangential)
 
 
+@dataclass(frozen=True)
+class ToolBending:
+    """The tool's own bending, added to the arm's compliance: a round bar clamped in the holder, loaded at its tip.
+
+    It gives way by ``L^3 / (3 E I)`` across the tool axis, and is rigid along it.
+
+    ``stickout`` L m, ``diameter`` m of the bar that bends alike (flutes take away stiffness: some 0.8 of the cutting
+    diameter is a usual guess, to be stated by the caller), ``modulus`` Pa (carbide some 600e9, steel 210e9).
+    ``relative_sd``: standard deviation of this compliance, share of it.
+
+    Raises
+    ------
+    InputError
+        A length or modulus that is not positive, or an uncertainty outside 0 to 0.5.
+    """
+
+    stickout: float
+    diameter: float
+    modulus: float
+    relative_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        for what, value, unit in (
+            ("stickout of the tool", self.stickout, "m"),
+            ("diameter of the bending tool", self.diameter, "m"),
+            ("modulus of the tool", self.modulus, "Pa"),
+        ):
+            _positive(what, value, unit)
+        if not 0.0 <= self.relative_sd <= 0.5:
+            raise InputError("relative standard deviation of the tool", value=self.relative_sd, allowed="0 to 0.5")
+
+    @property
+    def compliance(self) -> float:
+        """Compliance across the tool axis, m/N."""
+        return float(64.0 * self.stickout**3 / (3.0 * np.pi * self.modulus * self.diameter**4))
+
+    def matrices(self, axes: Array) -> Array:
+        """Compliance (n, 3, 3) m/N for tool axes (n, 3), unit vectors."""
+        return np.asarray(self.compliance * (np.eye(3) - axes[:, :, None] * axes[:, None, :]))
+
+
 def _means(low: Array, high: Array, chip: Array) -> Array:
     """Mean of dF/dz per coefficient over tooth angles low to high, (..., 3, 6): no difference of large numbers."""
     width, middle = high - low, 0.5 * (high + low)

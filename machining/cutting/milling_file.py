@@ -11,9 +11,8 @@ from pydantic import Field
 
 from machining.cell.schema import Positive, Strict
 from machining.cutting.coefficients import CuttingCoefficients, published, shop_coefficients
-from machining.cutting.end_mill import EndMill, Engagement, down_milling, slotting, up_milling
+from machining.cutting.end_mill import EndMill, Engagement, ToolBending, down_milling, slotting, up_milling
 from machining.cutting.force import ASSUMED_SD, CuttingForce, MillingForce
-from machining.cutting.tool_bending import ToolBending
 from robots import InputError
 from robots.files.reading import parse_toml, read_text
 from robots.files.validated import validated

@@ -77,11 +77,6 @@ def _tangents(path: ToolPath) -> tuple[Array, Bools]:
     return tangent / np.linalg.norm(tangent, axis=1, keepdims=True), corner
 
 
-def arc_length(path: ToolPath) -> Array:
-    """Arc length (n,) m along the path from its first point."""
-    return np.concatenate([[0.0], np.cumsum(path.lengths)])
-
-
 def weights(path: ToolPath) -> Array:
     """Share (n,) of the path that each point stands for (trapezoidal rule); they add up to 1."""
     if path.n == 1:

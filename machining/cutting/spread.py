@@ -10,7 +10,6 @@ with ``L_s = sum_k p_k B_k``, ``L_p = sum_j s_j B_j``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,13 +61,17 @@ class Uncertain:
         )
 
 
-def variance(u: Uncertain, form: Array) -> Array:
-    """Variance (n,) of a form (n, j, k): the diagonal of :func:`covariance`, without the rest."""
+def deviations(u: Uncertain, form: Array) -> tuple[Array, Array, Array]:
+    """Standard deviations (n,) of a form (n, j, k): in all, as :func:`covariance`; by compliances and by force alone.
+
+    The latter two are to first order.
+    """
     S, P = u.compliance_covariance, u.force_covariance
     by_s, by_p = np.einsum("njk,k->nj", form, u.force), np.einsum("njk,j->nk", form, u.compliance)
     product = np.einsum("njk,njk->n", S @ form @ P, form)
-    total = np.sum((by_s @ S) * by_s, axis=1) + np.sum((by_p @ P) * by_p, axis=1) + product
-    return np.asarray(np.maximum(total, 0.0))
+    s, p = np.sum((by_s @ S) * by_s, axis=1), np.sum((by_p @ P) * by_p, axis=1)
+    whole, compliance, force = (np.sqrt(np.maximum(v, 0.0)) for v in (s + p + product, s, p))
+    return whole, compliance, force
 
 
 def covariance(u: Uncertain, first: Array, second: Array) -> Array:
@@ -81,13 +84,6 @@ def covariance(u: Uncertain, first: Array, second: Array) -> Array:
     return np.asarray(by_s[0] @ S @ by_s[1].T + by_p[0] @ P @ by_p[1].T + product)
 
 
-def parts(u: Uncertain, form: Array) -> tuple[Array, Array]:
-    """Standard deviations (n,) by the compliances alone and by the force alone, to first order."""
-    by_s, by_p = np.einsum("njk,k->nj", form, u.force), np.einsum("njk,j->nk", form, u.compliance)
-    out = [np.einsum("na,ab,nb->n", L, C, L) for L, C in ((by_s, u.compliance_covariance), (by_p, u.force_covariance))]
-    return np.sqrt(np.maximum(out[0], 0.0)), np.sqrt(np.maximum(out[1], 0.0))
-
-
 def samples(form: Array, draws: tuple[Array, Array]) -> Array:
     """Values (count, n) of a form for given draws."""
     return np.asarray(np.einsum("cj,ck,njk->cn", *draws, form, optimize=True))
@@ -98,16 +94,6 @@ def interval(values: Array) -> tuple[float, float]:
     # "nearest" does not mix an infinite value with a finite one.
     low, high = np.quantile(values, [0.025, 0.975], method="nearest")
     return float(low), float(high)
-
-
-def enlarged(matrices: Sequence[Array]) -> Array:
-    """Block diagonal matrix of square ones."""
-    size = sum(len(m) for m in matrices)
-    out, at = np.zeros((size, size)), 0
-    for m in matrices:
-        out[at : at + len(m), at : at + len(m)] = m
-        at += len(m)
-    return out
 
 
 def _root(C: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How uncertain the arm's compliance is: the covariance of its calibration, or assumed shares by part.
+"""How uncertain the arm's compliance is, by its calibration or by assumption, and so its stiffness along a path.
 
 The tool's compliance C_tt is linear in the compliances of the parts, so with variables v (J,) of the arm
 ``C_tt = rest + sum_j v_j D_j``: exact for shares of parts and for stiffnesses that a calibration found, the first
@@ -8,21 +8,31 @@ A calibrated model file says how sure its parameters are (``[calibration.uncerta
 :mod:`doe.certainty.propagation`). What the calibration held fixed counts as exact there; what it left open has no
 variance and is named, with what it may do. Only where a model file has no covariance are the compliances assumed to be
 uncertain by 15 %.
+
+An index is no linear function of the compliance, and the worst point of a path is none of its points, so their
+intervals come from drawn arms (JCGM 101:2008). All courses of a path share the draws: what is uncertain about the arm
+is common to them, and largely cancels in their ratio.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 import fem
 from doe.certainty.propagation import ParameterUncertainty, compliance_gradients, drawn_variables, parameter_uncertainty
 from fem.effects import Maker
+from machining.cutting.spread import Estimated, interval
+from machining.stiffness.cartesian import translational
+from machining.stiffness.objective import Objective
+from machining.task import Task
 from robots import InputError, ModelDescription
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, Integers
+from robots.robot import middle_pose
 
 Source = Literal["calibration", "assumed"]
 
@@ -34,6 +44,14 @@ LARGEST_SD = 0.33
 SAME_MODEL = 1e-6
 # Poses at which that is looked at.
 COMPARED = 8
+# An end of a 95 % interval from so many draws is good to some 6 % of its half-width.
+DRAWS = 1000
+# Compliances worked on at once: some 40 MB.
+AT_ONCE = 500_000
+# Step along a change that a calibration left open, share of it: first order, as everywhere.
+STEP = 1e-3
+# Shares of the mean below which what a calibration left open does not matter.
+SHARE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,57 +69,35 @@ class Influence:
     is_rough: Bools
 
 
-class StiffnessUncertainty(Protocol):
-    """The arm's J variables: ``names``, ``value`` (J,), ``covariance`` (J, J); ``note``: what they rest on."""
+@dataclass(frozen=True, eq=False)
+class StiffnessUncertainty(ABC):
+    """The arm's J variables: ``names``, ``value`` (J,), ``covariance`` (J, J).
 
-    @property
-    def names(self) -> tuple[str, ...]: ...  # noqa: D102
+    ``note``: what they rest on, and ``source`` in a word. ``open_names``: parameters and combinations that a
+    calibration left open.
+    """
 
-    @property
-    def value(self) -> Array: ...  # noqa: D102
+    names: tuple[str, ...]
+    value: Array
+    covariance: Array
+    note: str
+    source: Source
+    open_names: tuple[str, ...]
 
-    @property
-    def covariance(self) -> Array: ...  # noqa: D102
-
-    @property
-    def note(self) -> str: ...  # noqa: D102
-
-    @property
-    def source(self) -> Source: ...  # noqa: D102
-
-    @property
-    def open_names(self) -> tuple[str, ...]:
-        """Parameters and combinations that a calibration left open."""
-        ...
-
+    @abstractmethod
     def influence(self, model: fem.ArmModel, q: Array, point: Array | None) -> Influence:
         """Dependence of C_tt on the variables at poses q (n, dof) rad; ``point`` as in :func:`fem.deflection`."""
-        ...
 
+    @abstractmethod
     def draws(self, count: int, generator: np.random.Generator) -> Array:
         """Values (count, J) of the variables, drawn so that no compliance is negative."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
-class PartShares:
+class PartShares(StiffnessUncertainty):
     """Each part's compliance times a factor of mean 1: variables are the factors, independent, ``sd`` (J,)."""
 
-    names: tuple[str, ...]
     sd: Array
-    note: str
-    source: Source = "assumed"
-    open_names: tuple[str, ...] = ()
-
-    @property
-    def value(self) -> Array:
-        """Ones (J,)."""
-        return np.ones(len(self.names))
-
-    @property
-    def covariance(self) -> Array:
-        """Diagonal (J, J)."""
-        return np.diag(self.sd**2)
 
     def influence(self, model: fem.ArmModel, q: Array, point: Array | None) -> Influence:
         """See :class:`StiffnessUncertainty`; errors as :func:`fem.deflection_by_part`."""
@@ -120,6 +116,11 @@ class PartShares:
         return np.asarray(np.maximum(1.0 + self.sd * generator.standard_normal((count, len(self.sd))), 0.0))
 
 
+def part_shares(names: tuple[str, ...], sd: Array, note: str) -> PartShares:
+    """Standard deviations ``sd`` (J,) of the compliances of parts, shares of them, as stated by whoever asks."""
+    return PartShares(names, np.ones(len(names)), np.diag(sd**2), note, "assumed", (), sd)
+
+
 def assumed_uncertainty(
     model: fem.ArmModel, relative_sd: float = ASSUMED_SD, by_part: Mapping[str, float] | None = None, why: str = ""
 ) -> PartShares:
@@ -134,8 +135,7 @@ def assumed_uncertainty(
         A share outside 0 to 0.33, a part that the model does not have, or a model in which nothing gives way.
     """
     # Any pose will do for their names; that of zeros may lay a parallelogram flat.
-    middle = model.robot.limits.mean(axis=1)[None]
-    parts = tuple(fem.deflection_by_part(model, middle, np.eye(6)[0]))
+    parts = tuple(fem.deflection_by_part(model, middle_pose(model.robot)[None], np.eye(6)[0]))
     own = dict(by_part or {})
     unknown = sorted(set(own) - set(parts))
     if unknown or not parts:
@@ -148,44 +148,19 @@ def assumed_uncertainty(
     note = f"compliances: standard deviation {100 * relative_sd:g} % of each part, independent, {said}"
     if own:
         note += "; but " + ", ".join(f"{name} {100 * share:g} %" for name, share in own.items())
-    return PartShares(parts, sd, note + (f" ({why})" if why else ""))
+    return part_shares(parts, sd, note + (f" ({why})" if why else ""))
 
 
 @dataclass(frozen=True, eq=False)
-class CalibratedCompliances:
-    """What a calibrated model file says of its own parameters; made by :func:`calibrated_uncertainty`.
+class CalibratedCompliances(StiffnessUncertainty):
+    """What a calibrated model file says of its own parameters, named as in ``calibrate --free``.
 
-    ``model``: the calibrated one. Standard deviations are widened by Student's t over the normal quantile, so that 95 %
-    intervals keep the degrees of freedom of the calibration.
+    Made by :func:`calibrated_uncertainty`. ``model``: the calibrated one. The covariance is widened by Student's t over
+    the normal quantile, so that 95 % intervals keep the degrees of freedom of the calibration.
     """
 
     known: ParameterUncertainty
     model: fem.ArmModel
-    open_names: tuple[str, ...]
-    source: Source = field(default="calibration", init=False)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters, as in ``calibrate --free``."""
-        return self.known.names
-
-    @property
-    def value(self) -> Array:
-        """The variables (J,) at the model's own parameters."""
-        return self.known.estimate
-
-    @property
-    def covariance(self) -> Array:
-        """Of the variables, widened (J, J)."""
-        return self.known.widened
-
-    @property
-    def note(self) -> str:
-        """What it rests on, and what the calibration left open."""
-        note = f"compliances: covariance of the model's calibration ({len(self.names)} parameters), the rest exact"
-        if self.open_names:
-            note += f"; left open by the calibration, so not in the intervals: {', '.join(self.open_names)}"
-        return note
 
     def influence(self, model: fem.ArmModel, q: Array, point: Array | None) -> Influence:
         """See :class:`StiffnessUncertainty`. ``model`` may stand on something softer than the calibrated one did.
@@ -209,7 +184,7 @@ class CalibratedCompliances:
 
     def draws(self, count: int, generator: np.random.Generator) -> Array:
         """See :class:`StiffnessUncertainty`; errors as :func:`calibrated_uncertainty`."""
-        return drawn_variables(self.known, self.model, _middle(self.model), generator, count)
+        return drawn_variables(self.known, self.model, middle_pose(self.model.robot)[None], generator, count)
 
 
 def calibrated_uncertainty(
@@ -227,8 +202,11 @@ def calibrated_uncertainty(
     known = parameter_uncertainty(description, own)
     if known is None or not known.names:
         return None
-    found = compliance_gradients(model, known, _middle(model), size=3)
-    return CalibratedCompliances(known, model, found.open_names)
+    opened = compliance_gradients(model, known, middle_pose(model.robot)[None], size=3).open_names
+    note = f"compliances: covariance of the model's calibration ({len(known.names)} parameters), the rest exact"
+    if opened:
+        note += f"; left open by the calibration, so not in the intervals: {', '.join(opened)}"
+    return CalibratedCompliances(known.names, known.estimate, known.widened, note, "calibration", opened, known, model)
 
 
 def stiffness_uncertainty(
@@ -253,11 +231,87 @@ def stiffness_uncertainty(
 
 
 def _assumed(model: fem.ArmModel, why: str) -> PartShares:
-    if not fem.compliance(model, _middle(model)).any():
-        return PartShares((), np.zeros(0), "nothing in this model gives way")
+    if not fem.compliance(model, middle_pose(model.robot)[None]).any():
+        return part_shares((), np.zeros(0), "nothing in this model gives way")
     return assumed_uncertainty(model, why=why)
 
 
-def _middle(model: fem.ArmModel) -> Array:
-    """A pose (1, dof) rad that every arm can take."""
-    return np.asarray(model.robot.limits.mean(axis=1)[None])
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A quantity along a course: ``value`` (n,), that of drawn arms ``draws`` (c, n).
+
+    ``open_share``: by which share of the mean each parameter that the calibration left open may change it.
+    """
+
+    value: Array
+    draws: Array
+    open_share: Mapping[str, float]
+
+    @property
+    def matters(self) -> dict[str, float]:
+        """What of :attr:`open_share` is more than 1 %: no interval holds it."""
+        return {name: share for name, share in self.open_share.items() if share > SHARE}
+
+    def estimated(self, statistic: Callable[[Array], Array]) -> Estimated:
+        """A statistic of the values along the path, (..., n) to (...), with its interval."""
+        return Estimated(float(statistic(self.value)), *interval(np.asarray(statistic(self.draws))))
+
+    def ratio(self, other: Drawn, statistic: Callable[[Array], Array]) -> Estimated:
+        """A statistic here over that of another course, from common draws."""
+        drawn = np.asarray(statistic(self.draws)) / np.asarray(statistic(other.draws))
+        return Estimated(float(statistic(self.value) / statistic(other.value)), *interval(drawn))
+
+
+def drawn_stiffness(
+    model: fem.ArmModel,
+    task: Task,
+    q: Array,
+    stiffness: StiffnessUncertainty,
+    of: Callable[[Array, Integers], Array],
+    generator: np.random.Generator,
+    draws: int = DRAWS,
+) -> Drawn:
+    """A quantity of C_tt along postures q (n, dof) rad, for arms drawn from ``stiffness``.
+
+    ``of``: compliances (k, 3, 3) m/N at the path points (k,) to values (k,). The same generator state gives the same
+    arms, so draw for each course of a path from a copy of it.
+    """
+    C = translational(model, q, task.tip)
+    found = stiffness.influence(model, q, task.tip)
+    n, points = len(q), np.arange(len(q))
+    value = of(C, points)
+    rest = C - np.einsum("j,njab->nab", stiffness.value, found.D)
+    v = stiffness.draws(draws, generator)
+    out = np.empty((draws, n))
+    step = max(1, AT_ONCE // draws)
+    for first in range(0, n, step):
+        rows = slice(first, first + step)
+        D = found.D[rows].transpose(1, 0, 2, 3).reshape(v.shape[1], -1)
+        drawn = rest[rows] + (v @ D).reshape(draws, -1, 3, 3)
+        out[:, rows] = of(drawn.reshape(-1, 3, 3), np.tile(points[rows], draws)).reshape(draws, -1)
+    # To first order a law may be drawn beyond rigid.
+    out = np.where(out < 0.0, np.inf, out)
+    share = {}
+    for k, name in enumerate(found.open_names):
+        moved = of(C + STEP * found.open_change[:, k], points)
+        share[name] = abs(float(moved.mean() / value.mean()) - 1.0) / STEP
+    return Drawn(value, out, share)
+
+
+def drawn_objective(
+    model: fem.ArmModel,
+    task: Task,
+    courses: Mapping[str, Array],
+    objective: Objective,
+    stiffness: StiffnessUncertainty,
+    seed: int = 0,
+) -> dict[str, Drawn]:
+    """What courses of postures (n, dof) rad along one path are judged by, for the same drawn arms."""
+    force = objective.forces(task.path.n)
+
+    def of(C: Array, point: Integers) -> Array:
+        return objective.of_compliance(C, task.normals[point], None if force is None else force[point])
+
+    return {
+        name: drawn_stiffness(model, task, q, stiffness, of, np.random.default_rng(seed)) for name, q in courses.items()
+    }

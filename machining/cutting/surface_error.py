@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from scipy.linalg import block_diag
 
 import fem
 from fem.statics.small_displacements import refuse_beyond
-from machining.cutting.drawn_stiffness import SHARE
+from machining.cutting.end_mill import ToolBending
 from machining.cutting.equilibrium import Balance, Balanced, balanced
 from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
-from machining.cutting.process_axes import arc_length, weights
-from machining.cutting.spread import Estimated, Uncertain, covariance, enlarged, interval, parts, samples, variance
-from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
-from machining.cutting.tool_bending import ToolBending
+from machining.cutting.process_axes import weights
+from machining.cutting.spread import Estimated, Uncertain, covariance, deviations, interval, samples
+from machining.cutting.stiffness_uncertainty import SHARE, StiffnessUncertainty, assumed_uncertainty
 from machining.stiffness.cartesian import translational
 from machining.task import Task
 from robots import InputError, forward_kinematics, tool_position
@@ -172,18 +172,23 @@ def surface_error(
     form = form * gain[:, None, None]
     notes.append(acting.note)
     uncertain = Uncertain(
-        np.array(value), enlarged(covariances), acting.value, acting.covariance, (*names, *acting.names), tuple(notes)
+        np.array(value),
+        block_diag(*covariances),
+        acting.value,
+        acting.covariance,
+        (*names, *acting.names),
+        tuple(notes),
     )
-    by_stiffness, by_force = parts(uncertain, form)
+    sd, by_stiffness, by_force = deviations(uncertain, form)
     return SurfaceError(
-        arc_length=arc_length(task.path),
+        arc_length=task.path.arc_length,
         weight=weights(task.path),
         force=acting.force,
         force_part=acting.force @ task.T_base_part[:3, :3],
         deflection=d,
         normal=normal,
         tangential=np.asarray(np.linalg.norm(d - normal[:, None] * task.normals, axis=1)),
-        sd=np.sqrt(variance(uncertain, form)),
+        sd=sd,
         sd_stiffness=by_stiffness,
         sd_force=by_force,
         form=form,

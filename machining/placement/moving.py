@@ -8,25 +8,22 @@ curve without overshoot, smoothed until speeds, accelerations, joint limits and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
-from machining.placement.axis_motion import followed
+from machining.placement.following import Found, followed
 from machining.placement.problem import Problem
-from machining.placement.reach import check_reached
 from machining.placement.search import coarse_counts, grid_with, with_weights
-from machining.placement.sweeping import Sites, distances, sweep_sites
-from machining.posture.courses import Gap, Layers, Links, cheapest_course, highest_floor
+from machining.placement.sweeping import Sites, check_reached, distances, sweep_sites
+from machining.posture.courses import Gap, Layers, Links, cheapest_course, highest_floor, summed
 from machining.posture.drive import FREE_STEP, limit_distance
 from machining.posture.points import GammaRange, sweep_gamma
-from machining.posture.problem import Course
-from robots import InputError, Robot
-from robots.arrays import Array, Bools, Integers
+from machining.posture.problem import allowed
+from machining.toolpaths.path_error import PathError
+from robots import InputError
+from robots.arrays import Array, Integers
 from robots.inverse.solutions import why_no_closed_form
-from robots.inverse.turns import every_turn
 from robots.progress import Progress
 
 # Knots, and the most that an axis moves from one to the next (share of its range); the next where one leads nowhere.
@@ -45,18 +42,6 @@ SLOPES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
-    """A base that moves: coordinates ``x`` (n, d), ``gamma`` (n,) rad, the ``course`` over all points, its merit."""
-
-    problem: Problem
-    x: Array
-    gamma: Array
-    course: Course
-    merit: float
-    evaluations: int
-
-
-@dataclass(frozen=True, eq=False)
 class _Knots:
     """States at knots: ``layers`` with coordinates x behind the joints, their ``gamma`` and ``value``."""
 
@@ -72,7 +57,7 @@ def find_moving(
     gamma: float | None = None,
     enough: float = -np.inf,
     progress: Progress | None = None,
-) -> Moved:
+) -> Found:
     """Motion of the axes along the path; the turntable rests.
 
     ``also`` (p, d): further positions of the grid, ``gamma`` a further angle, ``enough`` a merit that must be passed,
@@ -93,7 +78,7 @@ def find_moving(
         )
     x, angles = grid_with(problem, POSITIONS[min(problem.space.d, 3)], ANGLES, also, gamma)
     count, error = 0, InputError("base moving along the path")
-    best: tuple[Array, Array, Course, float] | None = None
+    best: Found | None = None
     for trial, (many, most) in enumerate(TRIALS):
         rows = problem.path.even_rows(many)
         if problem.free is not None:
@@ -103,39 +88,42 @@ def find_moving(
         sites = sweep_sites(problem, *problem.space.sites(x), rows, angles)
         problem = with_weights(problem, sites)
         check_reached(problem, sites, ", moving along it")
+        count += len(x)
         try:
-            found, looked = _once(problem, sites, x, most, also, lambda k: _say(progress, k, 2 * PASSES))
+            found = _once(problem, sites, x, most, also, progress)
         except InputError as raised:
             error = raised if trial == 0 else error
             continue
-        finally:
-            count += len(x)
-        count += looked
-        if best is None or found[3] > best[3]:
+        count += found.evaluations
+        if best is None or found.merit > best.merit:
             best = found
-        if best[3] > enough:
+        if best.merit > enough:
             break
     if best is None:
         raise error
-    return Moved(problem, *best, evaluations=count)
+    return replace(best, evaluations=count)
 
 
 def _once(
-    problem: Problem, sites: Sites, x: Array, most: float, also: Array | None, said: Callable[[int], None]
-) -> tuple[tuple[Array, Array, Course, float], int]:
-    """The course with some knots and step, over all points; and the positions looked at on finer grids."""
+    problem: Problem, sites: Sites, x: Array, most: float, also: Array | None, progress: Progress | None
+) -> Found:
+    """The course with some knots and step, over all points; it counts the positions looked at on finer grids."""
     rows, count = sites.rows, 0
     links = _links(problem, rows, most)
-    slope = _first_slope(problem, sites)
-    knots, course = _found(problem, sites, x, links, slope)
-    for _ in range(1, SLOPES):
-        if problem.goal.aim != "ksf":
-            break
-        slope = problem.goal.weights_of_ksf.slope(float(knots.value[course] @ problem.share_of(rows)))
+    slope = _slope(problem, rows, np.where(sites.valid, sites.value, 0.0).max(axis=(0, 1, 2)))
+    for _ in range(SLOPES):
         knots, course = _found(problem, sites, x, links, slope)
+        last, slope = slope, _slope(problem, rows, knots.value[course])
+        if slope == last:
+            break
     at = knots.x[course], knots.gamma[course]
     h = 0.5 * (problem.space.upper - problem.space.lower) / (np.array(coarse_counts(problem, len(x))) - 1)
     turn = 0.5 * (problem.gamma.upper - problem.gamma.lower) / ANGLES if isinstance(problem.gamma, GammaRange) else 0.0
+
+    def said(done: int) -> None:
+        if progress is not None:
+            progress(done, 2 * PASSES)
+
     for done in range(PASSES):
         said(done)
         finer, looked = _around(problem, rows, at, h, turn, slope)
@@ -145,19 +133,14 @@ def _once(
             at = finer.x[found], finer.gamma[found]
         h, turn = 0.5 * h, 0.5 * turn
     still = None if also is None else also[-1]
-    return followed(problem, rows, at, still, lambda k: said(PASSES + k)), count
+    return replace(followed(problem, rows, at, still, lambda k: said(PASSES + k)), evaluations=count)
 
 
-def _say(progress: Progress | None, done: int, total: int) -> None:
-    if progress is not None:
-        progress(done, total)
-
-
-def _first_slope(problem: Problem, sites: Sites) -> float:
+def _slope(problem: Problem, rows: Integers, value: Array) -> float:
+    """Slope of K_sf's second term at values (m,) of some points; 0 for other goals, which are sums."""
     if problem.goal.aim != "ksf":
         return 0.0
-    best = np.where(sites.valid, sites.value, 0.0).max(axis=(0, 1, 2))
-    return problem.goal.weights_of_ksf.slope(float(best @ problem.share_of(sites.rows)))
+    return problem.goal.weights_of_ksf.slope(float(value @ problem.share_of(rows)))
 
 
 def _links(problem: Problem, rows: Integers, share: float) -> Links:
@@ -172,8 +155,7 @@ def _links(problem: Problem, rows: Integers, share: float) -> Links:
         step = np.zeros((0, robot.dof + space.d))
         return Links(step, np.inf, step, 0.0)
     most = share * (space.upper - space.lower)
-    joint = np.minimum(np.add.reduceat(joint, rows[:-1], axis=0), JOINT_STEP)
-    axis = np.minimum(np.add.reduceat(axis, rows[:-1], axis=0), most)
+    joint, axis = np.minimum(summed(joint, rows), JOINT_STEP), np.minimum(summed(axis, rows), most)
     step = np.concatenate([joint, axis], axis=1)
     unit = np.concatenate([np.full_like(joint, FREE_STEP), np.broadcast_to(most, axis.shape)], axis=1)
     return Links(step, problem.drive.gamma_step * np.diff(rows).max(), unit, problem.drive.motion / len(rows))
@@ -204,38 +186,25 @@ def _knots(
     problem: Problem, rows: Integers, point: Integers, q: Array, x: Array, gamma: Array, value: Array, slope: float
 ) -> _Knots:
     """States that may be taken, with their turns and costs; ``point`` ascending places in ``rows``."""
-    drive, robot = problem.drive, problem.model.robot
-    singular, free = drive.near_singular(robot, q)
-    gap = _distances(problem, q, x)
-    keep = np.flatnonzero(free & (gap >= problem.clearance))
-    turned = every_turn(robot, q[keep])
-    near, inside = drive.near_limits(robot, turned.q)
-    inside = _with_room(robot, turned.q, inside, point[keep[turned.target]], len(rows))
-    row = keep[turned.target[inside]]
+    drive, robot, m = problem.drive, problem.model.robot, len(rows)
+    if problem.scene is not None:
+        e, _ = problem.space.sites(x)
+        near = distances(problem, q, e, problem.space.table)
+        drive = replace(drive, clearance_at=lambda _, __: near, clearance_least=problem.clearance)
+    try:
+        row, turned, soft = allowed(robot, drive, q, point, m)
+    except PathError as error:
+        raise error.at(rows[error.points], "base moving along the path") from None
+    # Poses with room to the joint limits; all of a point where there are none of these.
+    roomy = limit_distance(robot, turned) >= ROOM
+    kept = roomy | (np.bincount(point[row[roomy]], minlength=m) == 0)[point[row]]
+    row, turned, soft = row[kept], turned[kept], soft[kept]
     merit = problem.goal.gains(value, problem.path.n, slope)[row]
     scale = float(np.abs(merit).mean()) or 1.0
-    tight = drive.clearance * np.maximum(0.0, 1.0 - np.maximum(gap[row], 0.0) / max(drive.clearance_zone, 1e-9)) ** 2
-    share = problem.share_of(rows)[point[row]]
-    cost = share * (-merit / scale + singular[row] + near[inside] + tight)
-    start = np.searchsorted(point[row], np.arange(len(rows) + 1)).astype(np.int64)
-    empty = np.flatnonzero(np.diff(start) == 0)
-    if len(empty):
-        raise _gap_error(problem, rows, Gap(max(0, int(empty[0]) - 1), 0, 0, np.zeros(0), np.inf))
-    extended = np.concatenate([turned.q[inside], x[row]], axis=1)
+    cost = problem.share_of(rows)[point[row]] * (soft - merit / scale)
+    start = np.searchsorted(point[row], np.arange(m + 1)).astype(np.int64)
+    extended = np.concatenate([turned, x[row]], axis=1)
     return _Knots(Layers(start, extended, gamma[row], cost, merit), x[row], gamma[row], value[row])
-
-
-def _with_room(robot: Robot, q: Array, inside: Bools, point: Integers, m: int) -> Bools:
-    """Which poses are kept: those with room to the joint limits; all of a point where there are none of these."""
-    roomy = inside & (limit_distance(robot, q) >= ROOM)
-    some = np.bincount(point[roomy], minlength=m) > 0
-    return np.asarray(np.where(some[point], roomy, inside))
-
-
-def _distances(problem: Problem, q: Array, x: Array) -> Array:
-    if problem.scene is None or not len(q):
-        return np.full(len(q), np.inf)
-    return distances(problem, q, problem.space.sites(x)[0], problem.space.table)
 
 
 def _course(problem: Problem, knots: _Knots, links: Links) -> Integers | Gap:
@@ -253,23 +222,18 @@ def _around(
     problem: Problem, rows: Integers, at: tuple[Array, Array], h: Array, turn: float, slope: float
 ) -> tuple[_Knots, int]:
     """States on a finer grid about a course: its own, and a step along each coordinate and of gamma to either side."""
-    x0, gamma0 = at
-    offsets = [np.array(o) for o in product((0.0, -1.0, 1.0), repeat=problem.space.d) if np.count_nonzero(o) < 2]
+    (x0, gamma0), d = at, problem.space.d
+    offsets = np.vstack([np.zeros(d), -np.eye(d), np.eye(d)])
     gamma = gamma0[:, None] + (turn * np.array([-1.0, -0.5, 0.0, 0.5, 1.0]) if turn else np.zeros(1))
     if isinstance(problem.gamma, GammaRange):
         gamma = problem.gamma.inside(gamma)
     parts = []
-    force = problem.forces(problem.space.table)[rows]
     for offset in offsets:
         x = problem.space.inside(x0 + offset * h)
-        full = np.zeros((problem.path.n, problem.space.d))
-        full[rows] = x
-        e, _ = problem.space.sites(full)
-        # Only the rows that are looked at are meant; the others stand anywhere.
-        task, objective = problem.looked_at(problem.task_at(e, problem.space.table).at(rows), force)
+        e, _ = problem.space.sites(x)
+        task, objective = problem.looked_at(e, problem.space.table, rows)
         sweep = sweep_gamma(problem.arm, task, objective, gamma)
-        point, g, b = np.nonzero(sweep.valid)
-        found = (point, g, b)
+        found = point, g, _ = np.nonzero(sweep.valid)
         parts.append((point, sweep.q[found], x[point], gamma[point, g], sweep.value[found]))
     point, q, x, angle, value = (np.concatenate(part) for part in zip(*parts, strict=True))
     order = np.argsort(point, kind="stable")

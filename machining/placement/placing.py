@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from machining.placement.along import Along, along
-from machining.placement.following import follow, merit_of
+from machining.placement.following import Found, follow, merit_of
 from machining.placement.moving import find_moving
-from machining.placement.piecewise import Choice, drive_pieces, joined
 from machining.placement.problem import Problem
-from machining.placement.search import Found, Survey, find_fixed, survey
+from machining.placement.search import FINE_ROWS, Looker, Survey, find_fixed, refined, survey
 from machining.placement.space import start_of
-from machining.placement.steps import check_cuts, find_steps
-from machining.placement.sweeping import distances
-from machining.posture.long_path import optimise_long_path
+from machining.placement.steps import Cut, check_cuts, find_steps
 from machining.posture.points import GammaRange
+from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
 from robots import InputError
 from robots.arrays import Array, Integers
@@ -29,6 +26,9 @@ Mode = Literal["fixed", "steps", "moving"]
 MODES: tuple[Mode, ...] = ("fixed", "steps", "moving")
 # Called with what is being done, and (done, total) of it.
 Said = Callable[[str, int, int], None]
+# First step (m) of the search about the position of one piece of the path.
+PIECE_STEP = 0.1
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +84,21 @@ class Placed:
     criterion: Criterion
 
 
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """Base positions e (n, k) m, the turntable's angle rad, the course, and where pieces start."""
+
+    e: Array
+    table: float
+    course: Course
+    first: Integers
+
+    @property
+    def ends(self) -> list[int]:
+        """Points (s,) before which pieces end."""
+        return [*self.first[1:].tolist(), len(self.e)]
+
+
 def place(problem: Problem, how: How | None = None, said: Said | None = None) -> Placed:
     """Find the placement.
 
@@ -100,34 +115,37 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
         check_cuts(problem, how.anywhere)
     surveyed = survey(problem)
     problem = surveyed.problem
-    fixed, why_no_fixed = _fixed(problem, surveyed, _named(said, "position"), optional=how.mode != "fixed")
+    fixed, why_no_fixed = _or_why(lambda: find_fixed(problem, surveyed, _named(said, "position")), how.mode != "fixed")
     count = len(surveyed.grid) if fixed is None else fixed.evaluations
-    rest = None if fixed is None else _at_rest(problem, fixed)
+    rest = None if fixed is None else _standing(problem, fixed.x[None], fixed.course)
     notes: list[str] = []
     if how.mode == "fixed":
         assert rest is not None  # noqa: S101 - it is not optional
-        chosen = rest
+        chosen, looked = rest, 0
     elif how.mode == "steps":
-        chosen, looked = _in_steps(problem, how, fixed, rest, notes, said)
-        count += looked
+        chosen, looked = _in_steps(problem, how, fixed, rest, notes, _named(said, "steps"))
     else:
-        chosen, looked = _moving(problem, fixed, rest, notes, said)
-        count += looked
+        chosen, looked = _moving(problem, fixed, rest, notes, _named(said, "motion"))
     if how.course:
         chosen = _with_course(problem, chosen, notes)
-    before, why_no_before = _before(problem)
+    e, table = start_of(problem.space)
+    before, why_no_before = _or_why(lambda: follow(problem, e, table, 0.0))
     criterion = problem.goal.criterion or _comparable(problem, chosen)
+
+    def told(one: _Choice) -> Along:
+        return along(problem, one.e, one.table, one.course, criterion)
+
     return Placed(
         problem=problem,
         how=how,
-        after=_along(problem, chosen, criterion),
-        before=None if before is None else _along(problem, before, criterion),
+        after=told(chosen),
+        before=None if before is None else along(problem, _at_all(problem, e), table, before, criterion),
         why_no_before=why_no_before,
-        fixed=None if rest is None or how.mode == "fixed" else _along(problem, rest, criterion),
+        fixed=None if rest is None or how.mode == "fixed" else told(rest),
         why_no_fixed=why_no_fixed,
         first=chosen.first,
         survey=surveyed,
-        evaluations=count,
+        evaluations=count + looked,
         notes=tuple(notes),
         criterion=criterion,
     )
@@ -137,77 +155,67 @@ def _named(said: Said | None, what: str) -> Progress | None:
     return None if said is None else lambda done, total: said(what, done, total)
 
 
-def _fixed(
-    problem: Problem, surveyed: Survey, progress: Progress | None, *, optional: bool
-) -> tuple[Found | None, str | None]:
+def _or_why(find: Callable[[], T], optional: bool = True) -> tuple[T | None, str | None]:
+    """What is found, or why there is none where that is ``optional``."""
     try:
-        return find_fixed(problem, surveyed, progress), None
+        return find(), None
     except InputError as error:
         if not optional:
             raise
         return None, str(error)
 
 
-def _at_rest(problem: Problem, found: Found) -> Choice:
-    e, table = problem.space.sites(found.x[None])
-    return Choice(np.tile(e, (problem.path.n, 1)), float(table[0]), found.course, np.zeros(1, dtype=np.int64))
+def _at_all(problem: Problem, e: Array) -> Array:
+    """Travels (n, k) m at all points, from those at rest (k,) or (1, k), or point by point."""
+    return np.broadcast_to(e, (problem.path.n, e.shape[-1]))
 
 
-def _before(problem: Problem) -> tuple[Choice | None, str | None]:
-    e, table = start_of(problem.space)
-    try:
-        course = follow(problem, e, table, 0.0)
-    except InputError as error:
-        return None, str(error)
-    return Choice(np.tile(e, (problem.path.n, 1)), table, course, np.zeros(1, dtype=np.int64)), None
+def _standing(problem: Problem, x: Array, course: Course, first: Integers | None = None) -> _Choice:
+    """The choice of coordinates x (1, d) at rest, or (n, d) point by point."""
+    e, table = problem.space.sites(x)
+    return _Choice(_at_all(problem, e), float(table[0]), course, np.zeros(1, np.int64) if first is None else first)
 
 
-def _comparable(problem: Problem, chosen: Choice) -> Criterion:
+def _comparable(problem: Problem, chosen: _Choice) -> Criterion:
     """Weights of K_sf where it was not the aim, so that it can be told all the same."""
-    stiff = replace(problem, goal=replace(problem.goal, aim="mean"))
-    task, objective = stiff.looked_at(problem.task_at(chosen.e, chosen.table), problem.forces(chosen.table))
-    k = objective.values(problem.arm, chosen.course.q, task, np.arange(problem.path.n))
+    stiff, rows = replace(problem, goal=replace(problem.goal, aim="mean")), np.arange(problem.path.n)
+    task, objective = stiff.looked_at(chosen.e, chosen.table, rows)
+    k = objective.values(problem.arm, chosen.course.q, task, rows)
     return Criterion.comparable(float(f"{k.mean():.1e}"), problem.path.n)
 
 
-def _along(problem: Problem, chosen: Choice, criterion: Criterion) -> Along:
-    return along(problem, chosen.e, chosen.table, chosen.course, criterion)
+def _resting_table(problem: Problem, fixed: Found | None) -> tuple[Problem, Array | None]:
+    """Steps and motion are those of linear axes: the turntable rests where it is best for one position.
 
-
-def _resting_table(problem: Problem, fixed: Found | None) -> Problem:
-    """Steps and motion are those of linear axes: the turntable rests where it is best for one position."""
+    Besides, the coordinates (1, d) of that position.
+    """
     space = problem.space
-    if not space.turns:
-        return problem
-    if not space.free:
-        raise InputError(
-            "base in steps or moving", value="only the turntable has a range", allowed="a linear axis with a range"
-        )
-    at = space.table if fixed is None else float(fixed.x[-1])
-    return replace(problem, space=space.without_table(at))
-
-
-def _also(problem: Problem, fixed: Found | None) -> Array | None:
-    return None if fixed is None else fixed.x[None, : problem.space.d]
+    if space.turns:
+        if not space.free:
+            raise InputError(
+                "base in steps or moving", value="only the turntable has a range", allowed="a linear axis with a range"
+            )
+        at = space.table if fixed is None else float(fixed.x[-1])
+        problem = replace(problem, space=space.without_table(at))
+    return problem, None if fixed is None else fixed.x[None, : problem.space.d]
 
 
 def _in_steps(
-    problem: Problem, how: How, fixed: Found | None, rest: Choice | None, notes: list[str], said: Said | None
-) -> tuple[Choice, int]:
-    resting = _resting_table(problem, fixed)
-    cuts = find_steps(
-        resting, how.steps, anywhere=how.anywhere, cost=how.cost, also=_also(resting, fixed),
-        progress=_named(said, "steps"),
-    )  # fmt: skip
+    problem: Problem, how: How, fixed: Found | None, rest: _Choice | None, notes: list[str], progress: Progress | None
+) -> tuple[_Choice, int]:
+    resting, also = _resting_table(problem, fixed)
+    cuts = find_steps(resting, how.steps, anywhere=how.anywhere, cost=how.cost, also=also, progress=progress)
     count, error = cuts[0].evaluations, InputError("base moved in steps")
     for number, cut in enumerate(cuts):
         try:
-            choice, looked = drive_pieces(resting, cut)
+            choice, looked = _drive_pieces(resting, cut)
         except InputError as fault:
             error = fault if number == 0 else error
             continue
         count += looked
-        if rest is not None and _net(how, choice, resting) <= _merit(problem, rest):
+        merit = merit_of(problem, choice.course)
+        net = merit - (len(choice.first) - 1) * how.cost * abs(merit)
+        if rest is not None and net <= merit_of(problem, rest.course):
             break
         return choice, count
     if rest is None:
@@ -216,65 +224,94 @@ def _in_steps(
     return rest, count
 
 
-def _net(how: How, choice: Choice, problem: Problem) -> float:
-    merit = _merit(problem, choice)
-    return merit - (len(choice.first) - 1) * how.cost * abs(merit)
+def _drive_pieces(problem: Problem, cut: Cut) -> tuple[_Choice, int]:
+    """Each piece's position refined by itself, kept where the whole gains; driven over all points."""
+    ends = [*cut.first[1:], problem.path.n]
+    x, count = cut.x.copy(), 0
+    courses = []
+    for i, (a, b) in enumerate(zip(cut.first, ends, strict=True)):
+        rows = np.arange(a, b)
+        trials = [(x[i], float(cut.gamma[i]))]
+        if len(rows) > 2:
+            looker = Looker(_piece(problem, rows))
+            start = looker.at(x[i][None], looker.problem.sure_rows(FINE_ROWS))[0]
+            look = refined(looker, start, np.full(problem.space.d, PIECE_STEP))
+            if look.rank[0]:
+                trials.append((look.x, look.gamma))
+            count += looker.count
+        course, x[i] = _best_of(problem, rows, trials)
+        courses.append(course)
+    points = np.repeat(x, np.diff([*cut.first, problem.path.n]), axis=0)
+    return _standing(problem, points, _joined(courses), np.asarray(cut.first)), count
 
 
-def _merit(problem: Problem, choice: Choice) -> float:
-    return merit_of(problem, choice.course)
+def _best_of(problem: Problem, rows: Integers, trials: list[tuple[Array, float]]) -> tuple[Course, Array]:
+    best: tuple[float, Course, Array] | None = None
+    error: InputError | None = None
+    share = problem.share[rows] / problem.share[rows].sum()
+    for x, gamma in trials:
+        e, table = problem.space.sites(x[None])
+        try:
+            course = follow(problem, e[0], float(table[0]), gamma, rows)
+        except InputError as fault:
+            error = error or fault
+            continue
+        merit = float(problem.goal.merit(course.value, share, problem.path.n))
+        if best is None or merit > best[0]:
+            best = merit, course, x
+    if best is None:
+        assert error is not None  # noqa: S101 - there is a trial
+        raise error
+    return best[1], best[2]
+
+
+def _piece(problem: Problem, rows: Integers) -> Problem:
+    """The problem of one piece of the path."""
+    path = problem.home.at(rows).path
+    free = None if problem.free is None else problem.free[rows[0] : rows[-1]]
+    return replace(problem, path=path, free=free, reference=problem.home.reference)
+
+
+def _joined(courses: list[Course]) -> Course:
+    """Courses of pieces as one; costs and motion are those of the first and mean nothing for the whole."""
+    first = courses[0]
+    return replace(
+        first,
+        gamma=np.concatenate([c.gamma for c in courses]),
+        q=np.concatenate([c.q for c in courses]),
+        value=np.concatenate([c.value for c in courses]),
+        branch=np.concatenate([c.branch for c in courses]),
+    )
 
 
 def _moving(
-    problem: Problem, fixed: Found | None, rest: Choice | None, notes: list[str], said: Said | None
-) -> tuple[Choice, int]:
-    resting = _resting_table(problem, fixed)
-    gamma = None if fixed is None else fixed.gamma
+    problem: Problem, fixed: Found | None, rest: _Choice | None, notes: list[str], progress: Progress | None
+) -> tuple[_Choice, int]:
+    resting, also = _resting_table(problem, fixed)
+    gamma = None if fixed is None else float(fixed.gamma)
+    enough = -np.inf if rest is None else merit_of(problem, rest.course)
     try:
-        enough = -np.inf if rest is None else _merit(problem, rest)
-        moved = find_moving(resting, _also(resting, fixed), gamma, enough, _named(said, "motion"))
+        moved = find_moving(resting, also, gamma, enough, progress)
     except InputError as error:
         if rest is None:
             raise
         notes.append(f"The base stays at rest, because no motion was found: {error}.")
         return rest, 0
-    if rest is not None and moved.merit <= _merit(problem, rest):
+    if rest is not None and moved.merit <= enough:
         notes.append("Moving along the path brings nothing here: the base stays at rest.")
         return rest, moved.evaluations
-    e, table = resting.space.sites(moved.x)
-    return Choice(e, float(table[0]), moved.course, np.zeros(1, dtype=np.int64)), moved.evaluations
+    return _standing(resting, moved.x, moved.course), moved.evaluations
 
 
-def _clearance(problem: Problem, table: float, e: Array, q: Array) -> Array:
-    return distances(problem, q, e, table)
-
-
-def _with_course(problem: Problem, chosen: Choice, notes: list[str]) -> Choice:
+def _with_course(problem: Problem, chosen: _Choice, notes: list[str]) -> _Choice:
     """Gamma as a course along the path, piece by piece, where the whole gains by it."""
-    assert isinstance(problem.gamma, GammaRange)  # noqa: S101 - place has seen to it
-    task, objective = problem.looked_at(problem.task_at(chosen.e, chosen.table), problem.forces(chosen.table))
-    objective = replace(objective, aim="worst" if problem.goal.aim == "worst" else "mean")
-    courses = []
+    pieces = [np.arange(a, b) for a, b in zip(chosen.first, chosen.ends, strict=True)]
     try:
-        for a, b in zip(chosen.first, [*chosen.first[1:], problem.path.n], strict=True):
-            rows = np.arange(a, b)
-            force = objective.force
-            part = replace(objective, force=None if force is None else force[rows])
-            free = None if problem.free is None or b - a < 2 else problem.free[a : b - 1]
-            drive = problem.drive
-            if problem.scene is not None and not np.ptp(chosen.e[rows], axis=0).any():
-                drive = replace(
-                    drive,
-                    clearance_of=partial(_clearance, problem, chosen.table, chosen.e[a]),
-                    clearance_least=problem.clearance,
-                )
-            courses.append(optimise_long_path(problem.arm, task.at(rows), part, problem.gamma, drive, free=free).course)
+        course = _joined([follow(problem, chosen.e[rows], chosen.table, None, rows) for rows in pieces])
     except InputError as error:
         notes.append(f"Gamma stays as it is, because no course of it was found: {error}.")
         return chosen
-    found = replace(chosen, course=joined(courses))
-    collides = (distances(problem, found.course.q, found.e, found.table) < problem.clearance).any()
-    if collides or _merit(problem, found) <= _merit(problem, chosen):
+    if merit_of(problem, course) <= merit_of(problem, chosen.course):
         notes.append("A course of gamma along the path brings nothing more.")
         return chosen
-    return found
+    return replace(chosen, course=course)

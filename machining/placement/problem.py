@@ -1,28 +1,106 @@
-"""A placement task: robot, cell, path and force; and the path's task at given base positions."""
+"""A placement task: what is placed, what for, and the path's task at given base positions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell, Scene
-from machining.cutting.force import CuttingForce, ForceAlong, along_cuts
+from machining.cutting.force import ConstantForce, CuttingForce, ForceAlong, along_cuts
+from machining.cutting.process_axes import weights
 from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
-from machining.placement.goals import Goal
 from machining.placement.space import Space
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
+from machining.stiffness.criterion import N_PER_MM, Criterion
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 
+Aim = Literal["ksf", "mean", "worst", "error"]
+AIMS: tuple[Aim, ...] = ("ksf", "mean", "worst", "error")
 # Directions in which a path's outermost points are always looked at: axes and diagonals.
 OUTWARD = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """What is made large, or small.
+
+    Attributes
+    ----------
+    aim : "ksf", the criterion of :mod:`machining.stiffness.criterion`; "mean" or "worst" directional stiffness along
+    the
+        cutting force; "error": least RMS of the surface error along the path
+    force : the cutting force; its direction at each point is what stiffness is looked at along
+    criterion : weights of K_sf; None: comparable ones for the largest mean stiffness found on the coarse grid
+    by_length : sums and means of stiffness by length of path, not by points. Off: eq. 4 counts points, and one path at
+        several positions has the same points. Turn it on where a path's points are much denser here than there. The
+        surface error is always by length, as in :mod:`machining.cutting.surface_error`
+
+    Raises
+    ------
+    InputError
+        No such aim.
+    """
+
+    aim: Aim = "ksf"
+    force: CuttingForce = field(default_factory=lambda: ConstantForce(np.array([0.0, 0.0, -100.0])))
+    criterion: Criterion | None = None
+    by_length: bool = False
+
+    def __post_init__(self) -> None:
+        if self.aim not in AIMS:
+            raise InputError("aim of the placement", value=self.aim, allowed=", ".join(AIMS))
+
+    @property
+    def minimised(self) -> bool:
+        """Whether small is good."""
+        return self.aim == "error"
+
+    def share(self, path: ToolPath) -> Array:
+        """Part (n,) of sums and means that each point stands for."""
+        if self.by_length or self.minimised:
+            return weights(path)
+        return np.full(path.n, 1.0 / path.n)
+
+    def merit(self, value: Array, share: Array, n: int) -> Array:
+        """Large is good (...): of stiffness (N/m) or surface error (m) ``value`` (..., m) at points with ``share``.
+
+        ``n``: points of the whole path.
+        """
+        if self.aim == "worst":
+            return np.asarray(value.min(axis=-1))
+        if self.aim == "mean":
+            return np.asarray(value @ share)
+        if self.aim == "error":
+            return np.asarray(-np.sqrt(value**2 @ share))
+        return self.weights_of_ksf.value(value, share, n)
+
+    @property
+    def weights_of_ksf(self) -> Criterion:
+        """The criterion; there must be one."""
+        if self.criterion is None:
+            raise InputError("weights of K_sf", value="none", remedy="give them, or use machining.placement.place")
+        return self.criterion
+
+    def gains(self, value: Array, n: int, slope: float) -> Array:
+        """What each point adds per share, large is good (...): sums of it rank placements by pieces.
+
+        K_sf is no sum; ``slope`` (mm/N) stands for its second term, see :func:`slopes`. For "worst" it is the value.
+        """
+        if self.aim == "error":
+            return np.asarray(-(value**2))
+        if self.aim != "ksf":
+            return value
+        k = value / N_PER_MM
+        return np.asarray(self.weights_of_ksf.alpha * n * k**2 + slope * k)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +175,13 @@ class Problem:
         T = self.cell.T_base_part(np.zeros((1, len(self.cell.linear_axes))))[0]
         return Task(self.path, self.cell.tool.T_flange_tool, T, self.reference)
 
-    def task_at(self, e: ArrayLike, table: float) -> Task:
-        """The task with the base at travels e (k,), or (n, k) point by point, and the turntable at an angle."""
+    def task_at(self, e: ArrayLike, table: float, rows: Integers | None = None) -> Task:
+        """The task, or some points of it, with the base at travels e (k,), or (n, k) point by point; ``table`` rad."""
         e = np.asarray(e, dtype=np.float64)
         T = self.cell.T_base_part(np.atleast_2d(e), [table])
         shift = None if e.ndim == 1 else T[:, :3, 3] - T[0, :3, 3]
-        return Task(self.path, self.cell.tool.T_flange_tool, T[0], self.home.reference, shift)
+        path = self.path if rows is None else self.home.at(rows).path
+        return Task(path, self.cell.tool.T_flange_tool, T[0], self.home.reference, shift)
 
     def forces(self, table: float) -> Array:
         """Cutting force (n, 3) N in base axes, which turn with nothing but the turntable."""
@@ -115,16 +194,18 @@ class Problem:
             return self.goal.force
         return ByRuns(self.goal.force, self.free)
 
-    def looked_at(self, task: Task, force: Array) -> tuple[Task, Objective]:
-        """The task and the objective that give the goal's value at each point: stiffness N/m, or error m.
+    def looked_at(self, e: ArrayLike, table: float, rows: Integers) -> tuple[Task, Objective]:
+        """The task at some points and the objective that give the goal's value there: stiffness N/m, or error m.
 
-        Directional stiffness is that along the path's normals, so these become the force's direction.
+        ``e``: as :meth:`task_at`. Directional stiffness is that along the path's normals, so these become the force's
+        direction.
         """
+        task, force = self.task_at(e, table, rows), self.forces(table)[rows]
         if self.goal.minimised:
             return task, Objective("normal displacement", force)
         size = np.linalg.norm(force, axis=1)
         if not (size > 0.0).all():
-            where = f"cutting force at path point {int(np.argmin(size))}"
+            where = f"cutting force at path point {int(rows[np.argmin(size)])}"
             raise InputError(where, value="0 N", allowed="a force that has a direction")
         p, R = task.path, task.T_base_part[:3, :3]
         path = ToolPath(p.points, (force / size[:, None]) @ R, p.axes, p.feed)

@@ -8,15 +8,24 @@ grid reaches the whole path, what is lacking is made smaller first.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
-from machining.placement.following import follow, merit_of
+from machining.placement.following import Found, follow, merit_of
 from machining.placement.problem import Problem
-from machining.placement.reach import Shortfall, lacks, shortfalls, unreachable
-from machining.placement.sweeping import Sites, merits, picks, sweep_sites, with_more_angles
+from machining.placement.sweeping import (
+    Shortfall,
+    Sites,
+    in_the_way,
+    lacks,
+    merits,
+    shortfalls,
+    sweep_sites,
+    unreachable,
+    with_more_angles,
+)
 from machining.posture.points import GammaRange
-from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
@@ -39,42 +48,30 @@ EARLY, ROUGH = 0.2, 8.0
 FINER, AROUND = 2, 8
 # A turntable's radian counts as much as this many m when the grid is spread.
 TABLE_LEVER = 1.0
+# Postures of one position that are asked for collisions before it is given up.
+TRIES = 40
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """One position looked at: coordinates x (d,), merit (-inf: none), its angle and branch, or why it has none."""
+    """One position looked at: coordinates x (d,), merit (-inf: none), its angle, or why it has none.
+
+    ``shortfall``: what it lacks where it is out of reach, as far as that is asked for.
+    """
 
     x: Array
     merit: float
     gamma: float
-    branch: int
     why: str
-    lack: float
-    shortfall: Shortfall | None
+    shortfall: Shortfall | None = None
 
     @property
     def rank(self) -> tuple[bool, float]:
         """Larger is better; of positions that cannot be taken, that which lacks less."""
         possible = np.isfinite(self.merit)
-        return bool(possible), self.merit if possible else -self.lack
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Best position: ``x`` (d,), ``gamma`` rad, the ``course`` over all points, its ``merit``.
-
-    ``problem``: with the weights of K_sf that were used; ``evaluations``: base positions looked at in all.
-    """
-
-    problem: Problem
-    x: Array
-    gamma: float
-    course: Course
-    merit: float
-    evaluations: int
+        return bool(possible), self.merit if possible else -(self.shortfall.lack if self.shortfall else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,16 +107,25 @@ class Looker:
         if self.progress is not None:
             self.progress(min(self.count, self.total), self.total)
         sites = _with_finer_gamma(self.problem, sites, self.lacking)
-        found = picks(self.problem, sites, merits(self.problem, sites))
-        lost = np.array([i for i, pick in enumerate(found) if pick.why == "reach"], dtype=np.int64)
-        lack = np.zeros(len(x))
-        short: dict[int, Shortfall] = {}
-        if len(lost) and self.lacking:
-            lack[lost], said = shortfalls(self.problem, sites.at_positions(lost))
-            short = dict(zip(lost.tolist(), said, strict=True))
-        return [
-            Look(x[i], p.merit, p.gamma, p.branch, p.why, float(lack[i]), short.get(i)) for i, p in enumerate(found)
-        ]
+        merit = merits(self.problem, sites)
+        looks = [self._look(at, sites, merit[i], i) for i, at in enumerate(x)]
+        lost = [i for i, look in enumerate(looks) if look.why == "reach"]
+        if lost and self.lacking:
+            short = shortfalls(self.problem, sites.at_positions(np.array(lost)))
+            for i, lacking in zip(lost, short, strict=True):
+                looks[i] = replace(looks[i], shortfall=lacking)
+        return looks
+
+    def _look(self, x: Array, sites: Sites, merit: Array, site: int) -> Look:
+        """Best angle of a position that keeps clear of singularities and of everything in the cell."""
+        order = np.argsort(-merit, axis=None, kind="stable")
+        why = "reach"
+        for flat in order[np.isfinite(merit.ravel()[order])][:TRIES]:
+            at = (site, *np.unravel_index(flat, merit.shape))
+            why = in_the_way(self.problem, sites.q[at], sites.e[site], float(sites.table[site]))
+            if not why:
+                return Look(x, float(merit[at[1:]]), float(sites.gamma[at[:2]]), "")
+        return Look(x, -np.inf, np.nan, why)
 
 
 def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
@@ -175,10 +181,10 @@ def find_fixed(problem: Problem, surveyed: Survey | None = None, progress: Progr
         refined(looker, look, 2.0 * EARLY * step, TOLERANCE * ROUGH, known=True) for look in basins[: (BASINS + 1) // 2]
     ]
     basins = sorted(late, key=lambda look: look.rank, reverse=True) + basins[(BASINS + 1) // 2 :]
-    x_best, gamma, course, merit = _driven(looker, basins)
+    found = _driven(looker, basins)
     if progress is not None:
         progress(looker.total, looker.total)
-    return Found(problem, x_best, gamma, course, merit, looker.count)
+    return found
 
 
 def with_weights(problem: Problem, sites: Sites) -> Problem:
@@ -195,7 +201,7 @@ def with_weights(problem: Problem, sites: Sites) -> Problem:
         stiffness = 1e6
     # Two digits: weights that a person can write down.
     rounded = float(f"{stiffness:.1e}")
-    return replace(problem, goal=problem.goal.with_criterion(Criterion.comparable(rounded, problem.path.n)))
+    return replace(problem, goal=replace(problem.goal, criterion=Criterion.comparable(rounded, problem.path.n)))
 
 
 def coarse_counts(problem: Problem, most: int | None = None) -> tuple[int, ...]:
@@ -252,8 +258,9 @@ def refined(
     best = start if known else looker.at(start.x[None], rows)[0]
     h, seen = 0.5 * step, {_key(best.x)}
     axes = np.vstack([np.eye(problem.space.d), -np.eye(problem.space.d)])
+    diagonals = np.array(list(product((-1.0, 1.0), repeat=problem.space.d)))
     while (h > tolerance).any():
-        trials = [axes] if problem.space.d == 1 else [axes, _diagonals(problem.space.d)]
+        trials = [axes] if problem.space.d == 1 else [axes, diagonals]
         for directions in trials:
             x = np.unique(problem.space.inside(best.x + directions * h), axis=0)
             x = x[[_key(a) not in seen for a in x]]
@@ -273,12 +280,7 @@ def _key(x: Array) -> tuple[float, ...]:
     return tuple(x.round(9).tolist())
 
 
-def _diagonals(d: int) -> Array:
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * d, indexing="ij")).reshape(d, -1).T
-    return signs
-
-
-def _driven(looker: Looker, basins: list[Look]) -> tuple[Array, float, Course, float]:
+def _driven(looker: Looker, basins: list[Look]) -> Found:
     """The best basin that can be driven over all points of the path."""
     problem = looker.problem
     possible = [look for look in basins if look.rank[0]]
@@ -303,7 +305,7 @@ def _driven(looker: Looker, basins: list[Look]) -> tuple[Array, float, Course, f
                 if not best.rank[0]:
                     break
                 continue
-            return best.x, best.gamma, course, merit_of(problem, course)
+            return Found(problem, best.x, best.gamma, course, merit_of(problem, course), looker.count)
     assert error is not None  # noqa: S101 - some basin could be taken, and each was followed
     raise error
 

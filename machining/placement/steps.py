@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from machining.placement.problem import Problem
-from machining.placement.reach import check_reached
 from machining.placement.search import grid_with, with_weights
-from machining.placement.sweeping import Sites, in_the_way, sweep_sites
+from machining.placement.sweeping import Sites, check_reached, in_the_way, sweep_sites
+from machining.posture.courses import summed
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 from robots.progress import Progress
@@ -267,7 +267,7 @@ def _take_out(problem: Problem, sites: Sites, state: int, q: Array, valid: Bools
 def _go(problem: Problem, q: Array, valid: Bools, rows: Integers) -> Bools:
     """Whether joints can follow from each of some points to the next; wide ranges allow for a whole turn."""
     step = problem.drive.links(problem.model.robot, problem.path, problem.free).step
-    allowed = np.add.reduceat(step, rows[:-1], axis=0) if len(rows) > 1 else step[:0]
+    allowed = summed(step, rows)
     wide = np.ptp(problem.model.robot.limits, axis=1) >= WIDE
     go = np.zeros((len(q), len(rows) - 1), dtype=np.bool_)
     for i in range(len(rows) - 1):

@@ -10,9 +10,8 @@ import numpy as np
 import fem
 from machining.cell import Cell, Scene, arm_of, scene_of
 from machining.cutting import StiffnessUncertainty
-from machining.placement.goals import Goal
 from machining.placement.placing import How, Placed, place
-from machining.placement.problem import Problem
+from machining.placement.problem import Goal, Problem
 from machining.placement.search import Survey, survey
 from machining.placement.space import space_of
 from machining.posture.drive import Drive

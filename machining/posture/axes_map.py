@@ -123,8 +123,7 @@ def axes_map(
         chosen = np.take_along_axis(sweep.value, best[..., None], axis=2)[..., 0]
         value[rows] = np.where(has, chosen, np.nan)
         names, sure = max(names, sweep.names, key=len), sure and bool(sweep.sure.all())
-    length = np.concatenate([[0.0], np.cumsum(task.path.lengths)])
-    return AxesMap(objective, length, angle, zone, value, branch, names, sure)
+    return AxesMap(objective, task.path.arc_length, angle, zone, value, branch, names, sure)
 
 
 def _ranks(robot: Robot, drive: Drive, sweep: Sweep) -> Integers:

@@ -120,6 +120,11 @@ def course_cost(layers: Layers, links: Links, course: Integers) -> float:
     return float(layers.cost[course].sum() + sum(float(links.cost(i, dq[i])) for i in range(len(dq))))
 
 
+def summed(steps: Array, knots: Integers) -> Array:
+    """What segments (n - 1, ...) between points come to from knot to knot, (k - 1, ...)."""
+    return np.asarray(np.add.reduceat(steps, knots[:-1], axis=0) if len(knots) > 1 else steps[:0])
+
+
 def _dense(layers: Layers, links: Links, i: int) -> Array:
     """Cost (k, m) of every link from layer i to the next, inf where there is none."""
     dq = layers.q[layers.rows(i + 1)] - layers.q[layers.rows(i)][:, None]

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 import fem
-from machining.posture.courses import Gap, Links
+from machining.posture.courses import Gap, Links, summed
 from machining.posture.drive import Drive
 from machining.posture.path import refine_course
 from machining.posture.points import GammaRange, sweep_gamma
-from machining.posture.problem import Course, course_given, gap_error, problem_of, solve, states_of
+from machining.posture.problem import Course, course_at, gap_error, problem_of, solve, states_of
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
@@ -70,9 +70,7 @@ def optimise_long_path(
         As :func:`machining.optimise_path`.
     """
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
-    search = _Search(
-        model, task, objective, gammas, drive, drive.links(model.robot, task.path, free), passes, generator
-    )
+    search = _Search(model, task, objective, gammas, drive, free, passes, generator)
     chosen = task.path.even_rows(min(knots, task.path.n))
     if free is not None:
         # Both ends of a rapid move: gamma may change there as it likes.
@@ -100,31 +98,6 @@ def optimise_long_path(
     raise AssertionError("unreachable")  # pragma: no cover
 
 
-def follow_gamma(
-    model: fem.ArmModel,
-    task: Task,
-    gamma: float | Array,
-    objective: Objective | None = None,
-    drive: Drive | None = None,
-    *,
-    free: Bools | None = None,
-    near: Array | None = None,
-    generator: np.random.Generator | None = None,
-) -> Course:
-    """Best branch and turns for a given gamma, one for all points or (n,) rad, on a path of any length.
-
-    ``near`` (n, dof) rad: take the branch and turns nearest to these instead of the best. Else arguments and errors as
-    :func:`optimise_long_path`.
-    """
-    objective, drive = objective or Objective(), drive or Drive()
-    angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    links = drive.links(model.robot, task.path, free)
-    found = course_given(model, task, angle, objective, drive, generator, links=links, near=near)
-    if isinstance(found, PathError):
-        raise found
-    return found
-
-
 @dataclass(frozen=True, eq=False)
 class _Search:
     """A search on knots, followed at all points."""
@@ -134,7 +107,7 @@ class _Search:
     objective: Objective
     gammas: GammaRange
     drive: Drive
-    links: Links
+    free: Bools | None
     passes: int
     generator: np.random.Generator | None
 
@@ -152,9 +125,9 @@ class _Search:
         if clearance_at is not None:
             drive = replace(drive, clearance_at=lambda q, point: clearance_at(q, knots[point]))
         problem = problem_of(self.model, task, objective, self.gammas, drive, sweep, self.generator)
-        n = self.task.path.n
+        n, links = self.task.path.n, self.drive.links(self.model.robot, self.task.path, self.free)
         share = np.gradient(knots.astype(np.float64)) / (n - 1) if len(knots) > 1 else np.ones(1)
-        problem = replace(problem, links=_summed(self.links, rate, knots, n), share=share)
+        problem = replace(problem, links=_between_knots(links, rate, knots, n), share=share)
         states = states_of(problem, sweep)
         found = solve(problem, states, problem.links)
         if isinstance(found, Gap) and self.passes == 0:
@@ -182,7 +155,12 @@ class _Search:
         return None
 
     def _follow(self, gamma: Array) -> Course | PathError:
-        return course_given(self.model, self.task, gamma, self.objective, self.drive, self.generator, links=self.links)
+        try:
+            return course_at(
+                self.model, self.task, gamma, self.objective, self.drive, free=self.free, generator=self.generator
+            )
+        except PathError as error:
+            return error
 
 
 def _between(knots: Integers, gamma: Array, n: int) -> Array:
@@ -242,11 +220,7 @@ def _at_points(error: PathError, knots: Integers) -> PathError:
     return error.at(int(a), f"between points {a} and {b}")
 
 
-def _summed(links: Links, rate: Array, knots: Integers, n: int) -> Links:
+def _between_knots(links: Links, rate: Array, knots: Integers, n: int) -> Links:
     """What the segments between two knots allow together."""
-    if len(knots) < 2:
-        return replace(links, step=links.step[:0], unit=links.unit[:0], gamma_step=rate[:0])
-    many = np.diff(knots)[:, None]
-    step = np.add.reduceat(links.step, knots[:-1], axis=0)
-    unit = np.add.reduceat(links.unit, knots[:-1], axis=0) / np.sqrt(many)
-    return Links(step, np.add.reduceat(rate, knots[:-1]), unit, links.weight / n)
+    unit = summed(links.unit, knots) / np.sqrt(np.diff(knots))[:, None]
+    return Links(summed(links.step, knots), summed(rate, knots), unit, links.weight / n)

@@ -17,14 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import fem
-from machining.posture.courses import Gap, Layers, Links, cheapest_course
+from machining.posture.courses import Gap, Layers, Links, cheapest_course, summed
 from machining.posture.drive import Drive
-from machining.posture.points import GammaRange, Postures, best_postures, sweep_gamma
+from machining.posture.points import OFFSETS, GammaRange, Postures, best_postures, sweep_gamma
 from machining.posture.problem import (
     Course,
     Problem,
     States,
-    course_given,
     course_of,
     gap_error,
     is_better,
@@ -34,14 +33,11 @@ from machining.posture.problem import (
 )
 from machining.stiffness.objective import Objective
 from machining.task import Task
-from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array
 from robots.inverse.turns import every_turn
 from robots.progress import Progress
 
-# Angles of a finer grid around a course: four cells to either side.
-OFFSETS = np.linspace(-1.0, 1.0, 9)
 # Branches whose merits differ by less than this share are equally good.
 TIED = 1e-9
 
@@ -115,27 +111,6 @@ def optimise_path(
     return PathPosture(best, _each_point(problem, each), fixed_course, why, problem.scale, sure)
 
 
-def course_at(
-    model: fem.ArmModel,
-    task: Task,
-    gamma: float | Array,
-    objective: Objective | None = None,
-    drive: Drive | None = None,
-    *,
-    generator: np.random.Generator | None = None,
-) -> Course:
-    """Best course (branch and turns) with gamma given, one for all or (n,) rad: what a program does as it stands.
-
-    Its cost is in units of its own best values. Errors as :func:`optimise_path`.
-    """
-    objective, drive = objective or Objective(), drive or Drive()
-    angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    found = course_given(model, task, angle, objective, drive, generator)
-    if isinstance(found, PathError):
-        raise found
-    return found
-
-
 class _Said:
     """Counts the steps of a search for whoever shows them."""
 
@@ -193,17 +168,15 @@ def _between_knots(problem: Problem, states: States) -> list[Array]:
     if stride < 2:
         return []
     knots = np.unique(np.append(np.arange(0, n, stride), n - 1))
-    many = np.diff(knots)[:, None]
-    summed = np.add.reduceat(step, knots[:-1], axis=0)
-    unit = np.add.reduceat(problem.links.unit, knots[:-1], axis=0) / np.sqrt(many)
-    gamma_step = problem.drive.gamma_step * stride
+    unit = summed(problem.links.unit, knots) / np.sqrt(np.diff(knots))[:, None]
+    links = Links(summed(step, knots), problem.drive.gamma_step * stride, unit, problem.links.weight)
     old = states.layers
     rows = np.concatenate([np.arange(old.start[i], old.start[i + 1]) for i in knots])
     start = np.concatenate([[0], np.cumsum(np.diff(old.start)[knots])]).astype(np.int64)
     # A knot stands for the points around it, so that quality and motion keep their proportion.
     weight = np.repeat(np.gradient(knots.astype(np.float64)), np.diff(start))
     layers = Layers(start, old.q[rows], old.gamma[rows], old.cost[rows] * weight, old.merit[rows])
-    course = cheapest_course(layers, Links(summed, gamma_step, unit, problem.links.weight))
+    course = cheapest_course(layers, links)
     if isinstance(course, Gap):
         return []
     return [problem.gammas.inside(np.interp(np.arange(n), knots, np.unwrap(layers.gamma[course])))]

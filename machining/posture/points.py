@@ -7,6 +7,7 @@ doi:10.1109/ACCESS.2024.3435911. Each point is looked at by itself, as in the pa
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,10 @@ from robots.inverse.branches import BRANCH_NAMES
 
 # Targets a call of the inverse kinematics: bounds its memory, not the result.
 TARGETS = 100_000
+# Angles of a finer grid about a peak or a course: four cells to either side.
+OFFSETS = np.linspace(-1.0, 1.0, 9)
+# Rad of gamma at which refinement ends.
+TOLERANCE = 1e-5
 # A full turn whose ends are this close (rad) is closed: its first and last angle are one.
 CLOSED = 1e-9
 
@@ -244,7 +249,7 @@ def best_postures(
     *,
     sweep: Sweep | None = None,
     starts: int = 3,
-    tolerance: float = 1e-5,
+    tolerance: float = TOLERANCE,
     generator: np.random.Generator | None = None,
 ) -> Postures:
     """Best posture of each point over gamma and all branches: grid, then refined about the ``starts`` best peaks.
@@ -268,24 +273,22 @@ def best_postures(
     best = best_of(sweep)
     if starts < 1:
         return best
-    centre, half = _peaks(sweep, gammas, starts), gammas.cell
-    offsets = np.linspace(-1.0, 1.0, 9)
-    rows = np.arange(task.path.n)[:, None]
-    while half > tolerance:
-        trial = gammas.inside(centre[..., None] + half * offsets)
-        fine = sweep_gamma(model, task, objective, trial.reshape(task.path.n, -1), generator=generator)
-        merit = fine.merit.max(axis=2).reshape(trial.shape)
-        centre = np.take_along_axis(trial, merit.argmax(axis=2)[..., None], axis=2)[..., 0]
-        half /= 4.0
-    fine = sweep_gamma(model, task, objective, centre, generator=generator)
+
+    def look(gamma: Array) -> Sweep:
+        return sweep_gamma(model, task, objective, gamma, generator=generator)
+
+    centre = refined_peaks(
+        gammas, sweep.merit.max(axis=2), lambda gamma: look(gamma).merit.max(axis=2), starts, tolerance
+    )
+    fine, rows = look(centre), np.arange(task.path.n)
     merit = np.concatenate([objective.sign * best.value[:, None], fine.merit.max(axis=2)], axis=1)
     choice = merit.argmax(axis=1)
     better, at = choice > 0, np.maximum(choice - 1, 0)
-    branch = fine.merit[rows[:, 0], at].argmax(axis=1)
-    found = rows[:, 0], at, branch
+    branch = fine.merit[rows, at].argmax(axis=1)
+    found = rows, at, branch
     names = max(best.names, fine.names, key=len)
     return Postures(
-        np.where(better, centre[rows[:, 0], at], best.gamma),
+        np.where(better, centre[rows, at], best.gamma),
         np.where(better[:, None], fine.q[found], best.q),
         np.where(better, fine.value[found], best.value),
         np.where(better, branch, best.branch),
@@ -293,12 +296,22 @@ def best_postures(
     )
 
 
-def _peaks(sweep: Sweep, gammas: GammaRange, starts: int) -> Array:
-    """Gamma (n, starts) of the highest grid peaks of each point; the highest again where there are fewer."""
-    merit = sweep.merit.max(axis=2)
+def refined_peaks(
+    gammas: GammaRange, merit: Array, look: Callable[[Array], Array], starts: int, tolerance: float = TOLERANCE
+) -> Array:
+    """Gamma (n, starts) rad of each point's highest peaks of ``merit`` (n, m) on the grid, refined to ``tolerance``.
+
+    ``look``: merit (n, k) at angles (n, k) rad. Where there are fewer peaks the highest is there again.
+    """
     pad = ((0, 0), (1, 1))
     around = np.pad(merit, pad, mode="wrap") if gammas.closed else np.pad(merit, pad, constant_values=-np.inf)
     peak = np.isfinite(merit) & (merit >= around[:, :-2]) & (merit >= around[:, 2:])
     order = np.argsort(-np.where(peak, merit, -np.inf), axis=1, kind="stable")[:, :starts]
     order = np.where(np.take_along_axis(peak, order, axis=1), order, order[:, :1])
-    return np.take_along_axis(sweep.gamma, order, axis=1)
+    centre, half = gammas.angles[order], gammas.cell
+    while half > tolerance:
+        trial = gammas.inside(centre[..., None] + half * OFFSETS)
+        best = look(trial.reshape(len(merit), -1)).reshape(trial.shape).argmax(axis=2)
+        centre = np.take_along_axis(trial, best[..., None], axis=2)[..., 0]
+        half /= 4.0
+    return np.asarray(centre)

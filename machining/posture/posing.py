@@ -21,9 +21,9 @@ from machining.cutting import (
 )
 from machining.posture.axes_map import AxesMap, axes_map
 from machining.posture.drive import Drive
-from machining.posture.path import PathPosture, course_at, optimise_path
+from machining.posture.path import PathPosture, optimise_path
 from machining.posture.points import GammaRange
-from machining.posture.problem import Course
+from machining.posture.problem import Course, course_at
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError

@@ -85,11 +85,15 @@ def problem_of(
     drive: Drive,
     sweep: Sweep,
     generator: np.random.Generator | None,
+    free: Bools | None = None,
 ) -> Problem:
-    """The problem whose states a sweep holds; InputError where a point cannot be reached."""
+    """The problem whose states a sweep holds; InputError where a point cannot be reached.
+
+    ``free`` (n - 1,): segments whose steps are not bounded.
+    """
     sweep.check_reached()
     scale = float(np.abs(sweep.merit.max(axis=(1, 2))).mean()) or 1.0
-    links = drive.links(model.robot, task.path)
+    links = drive.links(model.robot, task.path, free)
     links = replace(links, weight=links.weight / task.path.n)
     share = np.full(task.path.n, 1.0 / task.path.n)
     return Problem(model, task, objective, gammas, drive, links, scale, share, generator)
@@ -98,9 +102,26 @@ def problem_of(
 def states_of(problem: Problem, sweep: Sweep) -> States:
     """All allowed postures of a sweep with all their turns, and their costs."""
     sweep.check_reached()
-    robot, drive, n = problem.model.robot, problem.drive, len(sweep.gamma)
+    n = len(sweep.gamma)
     point, at, branch = np.nonzero(sweep.valid)
-    q, value = sweep.q[sweep.valid], sweep.value[sweep.valid]
+    value = sweep.value[sweep.valid]
+    row, q, soft = allowed(problem.model.robot, problem.drive, sweep.q[sweep.valid], point, n)
+    merit = problem.objective.sign * value[row]
+    cost = (soft - merit / problem.scale) * problem.share[point[row]]
+    start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
+    return States(Layers(start, q, sweep.gamma[point, at][row], cost, merit), value[row], branch[row], sweep.names)
+
+
+def allowed(robot: Robot, drive: Drive, q: Array, point: Integers, n: int) -> tuple[Integers, Array, Array]:
+    """Those of poses q (k, dof) rad at ``point`` (k,) of n path points that may be taken, with all their turns.
+
+    Their rows (s,), angles (s, dof) rad and costs (s,) of being near to singularities, things and limits.
+
+    Raises
+    ------
+    PathError
+        A point at which none may be taken.
+    """
     singular, off_singular = drive.near_singular(robot, q)
     _check_left(n, point[off_singular], "a singularity", "singular_least")
     clear, off_things = drive.near_things(q, point)
@@ -110,12 +131,7 @@ def states_of(problem: Problem, sweep: Sweep) -> States:
     near, off_limits = drive.near_limits(robot, turned.q)
     row = keep[turned.target[off_limits]]
     _check_left(n, point[row], "a joint limit", "limit_least")
-    merit = problem.objective.sign * value
-    cost = (-merit / problem.scale + singular + clear)[row] + near[off_limits]
-    start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
-    cost = cost * problem.share[point[row]]
-    layers = Layers(start, turned.q[off_limits], sweep.gamma[point, at][row], cost, merit[row])
-    return States(layers, value[row], branch[row], sweep.names)
+    return row, turned.q[off_limits], (singular + clear)[row] + near[off_limits]
 
 
 def _check_left(n: int, point: Integers, thing: str, least: str) -> None:
@@ -210,32 +226,42 @@ def gap_error(problem: Problem, states: States, gap: Gap) -> PathError:
     )
 
 
-def course_given(
+def course_at(
     model: fem.ArmModel,
     task: Task,
-    gamma: Array,
-    objective: Objective,
-    drive: Drive,
-    generator: np.random.Generator | None = None,
+    gamma: float | Array,
+    objective: Objective | None = None,
+    drive: Drive | None = None,
     *,
-    links: Links | None = None,
+    free: Bools | None = None,
     near: Array | None = None,
-) -> Course | PathError:
-    """Best branches and turns at a given gamma (n,) rad, or those nearest to ``near`` (n, dof); or what is in the way.
+    generator: np.random.Generator | None = None,
+) -> Course:
+    """Best course (branch and turns) with gamma given, one for all or (n,) rad: what a program does as it stands.
 
-    ``links``: what segments allow, where that is not what the drive alone says.
+    On a path of any length; its cost is in units of its own best values.
+
+    Parameters
+    ----------
+    free : (n - 1,) segments whose steps are not bounded: rapid moves, on which the controller moves as it likes
+    near : (n, dof) rad: take the branch and turns nearest to these instead of the best
+    generator : as in :func:`robots.inverse_kinematics`
+
+    Raises
+    ------
+    InputError
+        As :func:`machining.optimise_path`.
     """
-    try:
-        sweep = sweep_gamma(model, task, objective, gamma[:, None], generator=generator)
-        problem = problem_of(model, task, objective, GammaRange(), drive, sweep, generator)
-        if links is not None:
-            problem = replace(problem, links=replace(links, weight=links.weight / task.path.n))
-        states = states_of(problem, sweep)
-    except PathError as error:
-        return error
+    objective, drive = objective or Objective(), drive or Drive()
+    angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
+    sweep = sweep_gamma(model, task, objective, angle[:, None], generator=generator)
+    problem = problem_of(model, task, objective, GammaRange(), drive, sweep, generator, free)
+    states = states_of(problem, sweep)
     if near is not None:
         layers = states.layers
         wanted = np.repeat(near, np.diff(layers.start), axis=0)
         states = replace(states, layers=replace(layers, cost=((layers.q - wanted) ** 2).sum(axis=1)))
     found = solve(problem, states, problem.links)
-    return gap_error(problem, states, found) if isinstance(found, Gap) else found
+    if isinstance(found, Gap):
+        raise gap_error(problem, states, found)
+    return found

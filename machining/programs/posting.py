@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 import fem
 from machining.cell import Cell
 from machining.posture.drive import Drive
-from machining.posture.long_path import follow_gamma, optimise_long_path
+from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange
-from machining.posture.problem import Course
+from machining.posture.problem import Course, course_at
 from machining.programs.program import JointProgram, tool_in_part
 from machining.programs.state import PostState, places, refined, source_line, task_of, tool_frames
 from machining.programs.subdivide import pieces_for
@@ -244,7 +244,7 @@ def _course(
             model, task, settings.objective, chosen, drive, free=free, generator=generator, progress=progress
         ).course
     else:
-        found = follow_gamma(model, task, chosen, settings.objective, drive, free=free, near=near, generator=generator)
+        found = course_at(model, task, chosen, settings.objective, drive, free=free, near=near, generator=generator)
     return replace(
         found, gamma=found.gamma[place], q=found.q[place], value=found.value[place], branch=found.branch[place]
     )

@@ -4,37 +4,47 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 import fem
 from fem.statics.small_displacements import FLAG, beyond_small
-from machining.cell import Scene
-from machining.service.fields import Fields
-from machining.service.frames import WAYS, has_target, target_of
-from machining.service.state import State, vectors_of
+from machining.cell import ArmBodies, Cell, scene_of
+from machining.placement import on_axes
+from machining.service.state import WAYS, State, has_target, target_of, vectors_of
+from machining.service.wire import Fields
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.stiffness.objective import DISPLACEMENTS
+from machining.stiffness.units import shown
 from machining.toolpaths.path_error import PathError
-from robots import InputError, InverseSolutions, Reason, Robot, forward_kinematics, inverse_kinematics
+from robots import InputError, InverseSolutions, Reason, forward_kinematics, inverse_kinematics
 from robots.arrays import Array, Integers
+from robots.inverse.solutions import why_no_closed_form
 
 # Digits to which merits are compared: differences beyond are rounding.
 TIE = 9
 QUANTITIES = (*INDICES, *DISPLACEMENTS)
 
 
-class Arm(Protocol):
-    """What a session holds of the robot; ``model`` stands on its linear axes, ``bare`` on a stiff base."""
+class Arm:
+    """The robot as commands see it.
 
-    model: fem.ArmModel
-    bare: fem.ArmModel
-    robot: Robot
-    scene: Scene | None
-    searched: bool
-    state: State
+    ``model`` stands on its linear axes, ``bare`` on a stiff base; ``searched``: its inverse kinematics has no closed
+    form; ``scene``: arm and cell, None: collisions are not looked at; ``state`` as it is set, ``start`` as it was at
+    first.
+    """
+
+    def __init__(self, model: fem.ArmModel, cell: Cell, bodies: ArmBodies | None) -> None:
+        self.robot, self.bare = model.robot, model
+        self.model = on_axes(model, cell)
+        self.scene = None if bodies is None else scene_of(cell, bodies)
+        self.searched = why_no_closed_form(model.robot) is not None
+        limits = np.array([axis.limits for axis in cell.linear_axes]).reshape(-1, 2)
+        # 0, or the nearest that the axis allows.
+        self.start = State(cell, np.clip(np.zeros(len(limits)), limits[:, 0], limits[:, 1]))
+        self.state = self.start
 
 
 def generator(arm: Arm) -> np.random.Generator | None:
@@ -221,16 +231,9 @@ def flag_of(arm: Arm, quantity: str, value: Array) -> dict[str, bool]:
     return {FLAG: True} if beyond_small(arm.robot, moved).any() else {}
 
 
-def key_of(quantity: str) -> str:
-    """Key of a quantity in answers: with its unit."""
-    name = quantity.replace(" ", "_")
+def unit_of(quantity: str) -> tuple[str, float]:
+    """Key of a quantity in answers, with its unit, and the factor from SI to that."""
     if quantity in DISPLACEMENTS:
-        return f"{name}_mm"
-    return f"{name}_N_per_mm" if INDICES[quantity].degree else name
-
-
-def factor_of(quantity: str) -> float:
-    """SI to the unit of :func:`key_of`."""
-    if quantity in DISPLACEMENTS:
-        return 1e3
-    return 1e-3 if INDICES[quantity].degree else 1.0
+        return f"{quantity.replace(' ', '_')}_mm", 1e3
+    it = shown(quantity)
+    return it.column, it.factor

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,10 @@ from machining.cell import clearance
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
-from machining.service.asked import QUANTITIES, Arm, factor_of, fitting, flag_of, force_of, key_of, need_force
-from machining.service.fields import Fields
+from machining.service.asked import QUANTITIES, Arm, fitting, flag_of, force_of, need_force, unit_of
 from machining.service.state import State, vectors_of
-from machining.service.wire import number, numbers
+from machining.service.wire import Fields, number, numbers
+from machining.setup import weighed_zone
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from robots.arrays import Array, Bools
@@ -25,9 +26,6 @@ MOST_ANGLES = 3600
 GAMMA_STEP = 5.0
 JUMP = 20.0
 LIMIT_MARGIN = 0.5
-# Clearance is weighed from this many times the safety distance on, and from this far at least, m.
-ZONE = 3.0
-LEAST_ZONE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +58,10 @@ def block_of(arm: Arm, fields: Fields, state: State, key: str) -> Block:
     fitting(fields, "tool_axis", axes, n)
     normals = fitting(fields, "direction", vectors_of(fields, "direction", state.direction), n)
     force = force_of(fields, state, n)
-    feed, free = (np.full(n, np.nan), None) if one else (_feed(fields, n), _free(fields, n))
-    path = ToolPath(points, axes if normals is None else normals, axes, feed)
+    feed, free = (None, None) if one else (fields.positive("feed_mm_per_min", n), _free(fields, n))
+    speed = np.full(n, np.nan) if feed is None else feed * 1e-3 / 60.0
+    path = ToolPath(points, axes if normals is None else normals, axes, speed)
     return Block(Task(path, state.T_tool, state.T_base_given, state.reference), force, free)
-
-
-def _feed(fields: Fields, n: int) -> Array:
-    value = fields.take("feed_mm_per_min")
-    if value is None:
-        return np.full(n, np.nan)
-    values = value if isinstance(value, list) else [value] * n
-    good = len(values) == n and all(type(v) in (int, float) and 0.0 < v <= 1e9 for v in values)
-    if not good:
-        raise fields.fault("feed_mm_per_min", value, f"a number above 0, or {n} of them")
-    return np.array(values, dtype=np.float64) * 1e-3 / 60.0
 
 
 def _free(fields: Fields, n: int) -> Bools | None:
@@ -126,27 +114,20 @@ def collisions_of(arm: Arm, fields: Fields) -> bool:
 
 def drive_of(arm: Arm, fields: Fields, state: State, collisions: bool) -> Drive:
     """``jump_deg``, ``motion``, ``limit_margin_deg``, ``joint_speed_deg_per_s`` (default: the cell's); clearance."""
-    speed = fields.take("joint_speed_deg_per_s")
+    speed = fields.positive("joint_speed_deg_per_s", arm.robot.dof)
     jump = fields.number("jump_deg", 1e-6, 360.0) or JUMP
     motion, margin = fields.number("motion", 0.0), fields.number("limit_margin_deg", 0.0, 180.0)
-    plain = Drive(
-        speed=state.cell.joint_speed if speed is None else np.radians(_speeds(fields, speed, arm.robot.dof)),
+    drive = Drive(
+        speed=state.cell.joint_speed if speed is None else np.radians(speed),
         jump=float(np.radians(jump)),
         motion=Drive.motion if motion is None else motion,
         limit_least=float(np.radians(LIMIT_MARGIN if margin is None else margin)),
     )
     if not collisions:
-        return plain
-    zone = max(ZONE * state.cell.safety, LEAST_ZONE)
-    return Drive(
-        speed=plain.speed,
-        jump=plain.jump,
-        motion=plain.motion,
-        limit_least=plain.limit_least,
-        clearance_of=lambda q: distances(arm, state, q, zone),
-        clearance_zone=zone,
-        clearance_least=state.cell.safety,
-    )
+        return drive
+    zone, safety = weighed_zone(state.cell.safety), state.cell.safety
+    clear = partial(distances, arm, state, within=zone)
+    return replace(drive, clearance_of=clear, clearance_zone=zone, clearance_least=safety)
 
 
 def distances(arm: Arm, state: State, q: Array, within: float) -> Array:
@@ -155,17 +136,9 @@ def distances(arm: Arm, state: State, q: Array, within: float) -> Array:
     return clearance(arm.scene, q, state.travel[None], [state.table], within=within).distance
 
 
-def _speeds(fields: Fields, value: Any, dof: int) -> Array:
-    values = value if isinstance(value, list) else [value] * dof
-    good = len(values) == dof and all(type(v) in (int, float) and 0.0 < v <= 1e9 for v in values)
-    if not good:
-        raise fields.fault("joint_speed_deg_per_s", value, f"a number above 0, or {dof} of them")
-    return np.array(values, dtype=np.float64)
-
-
 def course_payload(arm: Arm, course: Course, objective: Objective) -> dict[str, Any]:
     """A course for an answer."""
-    moves, factor, key = course.smoothness, factor_of(objective.quantity), key_of(objective.quantity)
+    moves, (key, factor) = course.smoothness, unit_of(objective.quantity)
     return {
         "q_deg": numbers(np.degrees(course.q)),
         "gamma_deg": numbers(np.degrees(course.gamma)),

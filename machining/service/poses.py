@@ -8,18 +8,17 @@ import numpy as np
 
 from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene, clearance
+from machining.cell.cell import inverse
 from machining.service.asked import (
     QUANTITIES,
     Arm,
     best_first,
     direction_of,
     displacements,
-    factor_of,
     flag_of,
     flange_frames,
     force_of,
     in_base,
-    key_of,
     middle,
     near_of,
     nearest_column,
@@ -28,12 +27,11 @@ from machining.service.asked import (
     poses_of,
     solutions,
     tool_axes,
+    unit_of,
     values_of,
 )
-from machining.service.fields import MOST, Fields
-from machining.service.frames import inverse, shown, target_of
-from machining.service.state import state_of
-from machining.service.wire import number, numbers
+from machining.service.state import shown, state_of, target_of
+from machining.service.wire import MOST, Fields, number, numbers
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from robots import InverseSolutions, Reason
@@ -80,12 +78,13 @@ def ik(arm: Arm, fields: Fields) -> dict[str, Any]:
         raise not_reached(found, "ik")
     if direction is None:
         direction = -(state.T_base_given[:3, :3] @ T[:3, 2])
-    value = values_of(arm, state, quantity, found.q[0, columns], direction, force) * factor_of(quantity)
-    merit = value if quantity in INDICES else -value
+    value = values_of(arm, state, quantity, found.q[0, columns], direction, force)
+    key, factor = unit_of(quantity)
+    merit = factor * (value if quantity in INDICES else -value)
     # An index may be infinite; that is then the best.
     best = int(best_first(np.clip(merit, -MOST, MOST), found.q[0, columns], middle(arm) if near is None else near)[0])
-    marks = flag_of(arm, quantity, value[best] / factor_of(quantity))
-    return _branch(found, int(columns[best])) | {key_of(quantity): number(value[best])} | marks
+    marks = flag_of(arm, quantity, value[best])
+    return _branch(found, int(columns[best])) | {key: number(value[best] * factor)} | marks
 
 
 def stiffness(arm: Arm, fields: Fields) -> dict[str, Any]:
@@ -109,7 +108,8 @@ def stiffness(arm: Arm, fields: Fields) -> dict[str, Any]:
         value = (
             stiffness_index(arm.model, poses.q, direction, tip) if C is None else evaluate(name, C, direction, force)
         )
-        answer[key_of(name)] = poses.answer(numbers(value * factor_of(name), None))
+        key, factor = unit_of(name)
+        answer[key] = poses.answer(numbers(value * factor, None))
     return answer
 
 

@@ -1,30 +1,37 @@
-"""A session: a robot, its state, and the table of commands that answer requests."""
+"""A session: a robot, its state, the table of commands that answer requests, and the loop: a line in, a line out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 import fem
-from machining.cell import ArmBodies, Cell, scene_of
-from machining.placement import on_axes
-from machining.service import angles, bases, paths, poses
-from machining.service.asked import key_of
-from machining.service.fields import MOST_ROWS, Fields
+from machining.cell import ArmBodies, Cell
+from machining.service import poses, searches
+from machining.service.asked import Arm, unit_of
 from machining.service.state import State, state_of, vectors_of
-from machining.service.wire import LONGEST_LINE, error_of, id_of, numbers, read_line, write_line
+from machining.service.wire import (
+    LONGEST_LINE,
+    MOST_ROWS,
+    Fields,
+    NotReadError,
+    error_of,
+    id_of,
+    numbers,
+    read_line,
+    write_line,
+)
 from machining.stiffness.indices import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
-from robots.inverse.solutions import why_no_closed_form
 
 # Raised when an old client would misread an answer; new keys and commands do not raise it.
 PROTOCOL = 1
 MOST_REQUESTS = 100_000
 
 
-class Session:
+class Session(Arm):
     """A robot in its cell that answers requests.
 
     ``arm``: the arm's bodies, None: collisions are not looked at. ``facts``: what ``hello`` says besides, as versions
@@ -34,14 +41,7 @@ class Session:
     def __init__(
         self, model: fem.ArmModel, cell: Cell, arm: ArmBodies | None = None, facts: Mapping[str, Any] | None = None
     ) -> None:
-        self.robot, self.bare = model.robot, model
-        self.model = on_axes(model, cell)
-        self.scene = None if arm is None else scene_of(cell, arm)
-        self.searched = why_no_closed_form(model.robot) is not None
-        limits = np.array([axis.limits for axis in cell.linear_axes]).reshape(-1, 2)
-        # 0, or the nearest that the axis allows.
-        self.start = State(cell, np.clip(np.zeros(len(limits)), limits[:, 0], limits[:, 1]))
-        self.state = self.start
+        super().__init__(model, cell, arm)
         self.facts = dict(facts or {})
         self.stopped = False
 
@@ -76,6 +76,24 @@ class Session:
         return COMMANDS[do](self, Fields(request, do))
 
 
+def serve(session: Session, requests: BinaryIO, write: Callable[[bytes], None], longest: int = LONGEST_LINE) -> None:
+    """Answer each line of ``requests`` by one call of ``write``; ends at the end of input or at ``quit``.
+
+    A last line without its end counts as one. Lines of more than ``longest`` bytes are passed over without being kept.
+    """
+    while not session.stopped:
+        line = requests.readline(longest + 1)
+        if not line:
+            return
+        if len(line) > longest and not line.endswith(b"\n"):
+            while line and not line.endswith(b"\n"):
+                line = requests.readline(longest)
+            allowed, remedy = f"at most {longest} bytes", "ask in several requests"
+            write(_refused(None, NotReadError("line", value="too long", allowed=allowed, remedy=remedy)))
+            continue
+        write(session.answer(line))
+
+
 def hello(session: Session, fields: Fields) -> dict[str, Any]:
     """What is there: protocol, robot, cell, commands, quantities, limits."""
     fields.done()
@@ -106,7 +124,7 @@ def hello(session: Session, fields: Fields) -> dict[str, Any]:
         "turntable": table,
         "collisions": session.scene is not None,
         "commands": list(COMMANDS),
-        "quantities": {name: key_of(name) for name in (*INDICES, *DISPLACEMENTS)},
+        "quantities": {name: unit_of(name)[0] for name in (*INDICES, *DISPLACEMENTS)},
         "limits": {"line_bytes": LONGEST_LINE, "requests_of_a_batch": MOST_REQUESTS, "points_of_a_block": MOST_ROWS},
     }
 
@@ -169,9 +187,9 @@ COMMANDS: dict[str, Callable[[Session, Fields], dict[str, Any]]] = {
     "stiffness": poses.stiffness,
     "deflection": poses.deflection,
     "clearance": poses.clearance_of_poses,
-    "best_angle": angles.best_angle,
-    "best_path": paths.best_path,
-    "best_base": bases.best_base,
+    "best_angle": searches.best_angle,
+    "best_path": searches.best_path,
+    "best_base": searches.best_base,
     "batch": batch,
     "quit": quit_session,
 }

@@ -1,7 +1,11 @@
-"""What a session keeps between requests, and a request may bring itself: tool, part, linear axes, force, directions."""
+"""Where things stand: frames of requests and answers, and what a session keeps between requests or one brings itself.
+
+Outside mm and deg, inside (4, 4) m. The tool stands by a frame, or by point, tool axis and gamma.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from machining.cell import Cell
-from machining.service.fields import Fields
-from machining.service.frames import frame_of, shown
-from machining.service.wire import number, numbers
+from machining.service.wire import Fields, number, numbers
+from machining.task import ALONG, across, tool_frames
 from robots.arrays import Array
+from robots.robot import rotation_rpy
 
+# A frame may be given in one of these ways.
+WAYS = ("frame_mm_deg", "matrix_mm", "point_mm")
 FRAMES = ("part", "base")
 KEYS = ("tool_mm_deg", "part_mm_deg", "travel_mm", "table_deg", "reference", "relative_to")
 
@@ -144,3 +150,85 @@ def _table(fields: Fields, state: State) -> float:
         if not low - 1e-9 <= given <= high + 1e-9:
             raise fields.fault("table_deg", given, f"{low:g} to {high:g} deg")
     return float(np.radians(given))
+
+
+def frame_from(values: Sequence[float]) -> Array:
+    """A frame (4, 4) m from [x, y, z, a, b, c] in mm and deg: turned by a, b, c about the fixed axes x, y, z."""
+    T = np.eye(4)
+    T[:3, 3] = values[:3]
+    T[:3, 3] *= 1e-3
+    T[:3, :3] = rotation_rpy(np.radians(values[3:]))
+    return T
+
+
+def frame_of(fields: Fields, key: str) -> Array | None:
+    """The frame (4, 4) m of a key with x, y, z, a, b, c; None where it is not given."""
+    values = fields.vector(key, 6)
+    return None if values is None else frame_from(values)
+
+
+def has_target(fields: Fields) -> bool:
+    """Whether a request says where the tool is."""
+    return any(fields.has(way) for way in WAYS)
+
+
+def target_of(fields: Fields, reference: Array) -> Array:
+    """Where the tool frame (4, 4) m shall be: ``frame_mm_deg``, ``matrix_mm``, or point, tool axis and gamma.
+
+    Raises
+    ------
+    InputError
+        None or several of them; a tool axis along the reference direction that gamma counts from.
+    """
+    given = [way for way in WAYS if fields.has(way)]
+    if len(given) != 1:
+        both = " and ".join(given) or None
+        raise fields.fault("where the tool shall be", both, f"one of {', '.join(WAYS)}", "give one of them")
+    frame = frame_of(fields, "frame_mm_deg")
+    matrix = fields.rows("matrix_mm", 4, 4)
+    point, axis = fields.vector("point_mm", 3), fields.direction("tool_axis")
+    gamma = fields.number("gamma_deg")
+    if point is None and (axis is not None or gamma is not None):
+        raise fields.fault("tool_axis, gamma_deg", given[0], "together with point_mm only")
+    if frame is not None:
+        return frame
+    if matrix is not None:
+        if matrix.shape != (4, 4):
+            raise fields.fault("matrix_mm", f"shape {matrix.shape}", "four rows of four numbers, the last 0 0 0 1")
+        matrix[:3, 3] *= 1e-3
+        return matrix
+    assert point is not None  # noqa: S101 - one of the three is given
+    if axis is None:
+        raise fields.needed("tool_axis", "the direction from the tool's tip into the holder")
+    one = np.array([axis])
+    if np.linalg.norm(across(one, reference)) < ALONG:
+        raise fields.fault(
+            "tool_axis", list(axis), f"not along the reference direction {reference.tolist()}", "set another reference"
+        )
+    return np.asarray(tool_frames(1e-3 * np.array([point]), one, reference, np.radians([[gamma or 0.0]]))[0, 0])
+
+
+def gamma_of(T: Array, reference: Array) -> float:
+    """Angle about the tool axis (rad) of a tool frame; NaN where the reference is along the axis."""
+    axis, x = -T[:3, 2], T[:3, 0]
+    x0 = across(axis[None], reference)[0]
+    if np.linalg.norm(x0) < ALONG:
+        return math.nan
+    return math.atan2(x @ np.cross(axis, x0), x @ x0)
+
+
+def shown(T: Array, reference: Array) -> dict[str, Any]:
+    """A tool frame for an answer: x, y, z, a, b, c; point, tool axis and gamma."""
+    R = T[:3, :3]
+    b = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+    if abs(R[2, 0]) < 1.0 - 1e-12:
+        a, c = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+    else:  # a and c turn about one axis: c is 0
+        a, c = math.atan2(-R[1, 2], R[1, 1]), 0.0
+    point = numbers(T[:3, 3] * 1e3)
+    return {
+        "frame_mm_deg": point + numbers(np.degrees([a, b, c])),
+        "point_mm": point,
+        "tool_axis": numbers(-T[:3, 2], 12),
+        "gamma_deg": number(math.degrees(gamma_of(T, reference)), 9),
+    }

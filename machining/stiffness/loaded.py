@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import fem
-from fem.statics.inputs import as_points, as_wrenches
+from fem.statics.loads import as_points, as_wrenches
 from robots import InputError, Robot, forward_kinematics, jacobian
 from robots.arrays import Array
 from robots.kinematics import as_poses

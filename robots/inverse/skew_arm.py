@@ -13,7 +13,7 @@ from robots.inverse.closed_form import ClosedForm, times
 from robots.inverse.quartic import line_roots, quartic_roots
 from robots.inverse.spherical_wrist import DEGENERATE, NEARLY_LENGTH, why_no_spherical_wrist
 from robots.inverse.wrist import BOUNDARY, SINGULAR, Wrist, root, solve_wrist, wrist_from
-from robots.kept import once_per_robot
+from robots.kept import once_for_each
 from robots.robot import Robot
 
 SKEW_NAMES = tuple(f"arm {i // 2 + 1}, {'flip' if i % 2 else 'no flip'}" for i in range(8))
@@ -40,7 +40,7 @@ class SkewArm:
     length: float
 
 
-@once_per_robot
+@once_for_each
 def skew_arm(robot: Robot) -> SkewArm | None:
     """Reduce a robot to such an arm; None where it has no spherical wrist or its axes 1 to 3 are degenerate."""
     if why_no_spherical_wrist(robot) is not None:

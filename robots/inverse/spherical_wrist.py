@@ -10,7 +10,7 @@ from robots.arrays import Array
 from robots.errors import InputError
 from robots.inverse.axis_lines import axis_lines, basis, nearest_point
 from robots.inverse.wrist import BOUNDARY, Wrist, wrist_from
-from robots.kept import once_per_robot
+from robots.kept import once_for_each
 from robots.robot import Robot
 
 # Axes that miss by less than this (m, rad) do so by rounding: the closed form is then as exact as the frames.
@@ -96,7 +96,7 @@ def why_no_spherical_wrist(robot: Robot) -> str | None:
     return None
 
 
-@once_per_robot
+@once_for_each
 def why_not_spherical(robot: Robot) -> str | None:
     """Say in words why the robot is none of the arms of :class:`SphericalWristArm`; None if it is one."""
     reason = why_no_spherical_wrist(robot)
@@ -115,7 +115,7 @@ def why_not_spherical(robot: Robot) -> str | None:
     return None
 
 
-@once_per_robot
+@once_for_each
 def spherical_wrist_arm(robot: Robot) -> SphericalWristArm:
     """Reduce a robot to the figures of the closed form; found from its axis lines, not from names.
 

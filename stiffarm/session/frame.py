@@ -25,7 +25,7 @@ from stiffarm.session.outputs import OutputFolder
 
 if TYPE_CHECKING:
     from doe import Measurements
-    from stiffarm.session.inputs import ModelInput
+    from fem.arm import Arm
 
 
 @contextmanager
@@ -52,7 +52,7 @@ class Frame:
         *,
         effect: Sequence[Path] | None = None,
         without: str | None = None,
-    ) -> ModelInput:
+    ) -> Arm:
         """The model asked for; ``effect``: files of own effects, else as :func:`stiffarm.session.inputs.read_model`."""
         from stiffarm.session.inputs import model_hash, read_model
         from stiffarm.session.own_effects import own_effects, own_files
@@ -62,7 +62,7 @@ class Frame:
         return given
 
     def readings(
-        self, given: ModelInput, data: Path | Sequence[Path] | None = None, *, confirm_units: bool = False
+        self, given: Arm, data: Path | Sequence[Path] | None = None, *, confirm_units: bool = False
     ) -> Measurements:
         """One or more measurement tables as one, checked, with their remarks said; none: the bundled one."""
         from stiffarm.session.readings import read_tables

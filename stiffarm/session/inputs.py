@@ -13,13 +13,10 @@ from robots import InputError, LoadPath, ModelDescription, content_hash, load_de
 from stiffarm.session.console import progress, say
 from stiffarm.session.softness import refuse_too_soft
 
-# What commands and steps call an arm that was asked for.
-ModelInput = Arm
-
 
 def read_model(
     name: str, links: str | None, load_path: str | None, *, own: tuple[Maker, ...] = (), without: str | None = None
-) -> ModelInput:
+) -> Arm:
     """Load and build a model; links default to what it was calibrated with, else beams.
 
     ``shell:distributing`` and ``shell:rigid`` choose how the flanges of all shell links are coupled; the choice goes
@@ -67,7 +64,7 @@ def no_springs_note(arm: Arm) -> str | None:
     )
 
 
-def refuse_effects(given: ModelInput, what: str, remedy: str) -> None:
+def refuse_effects(given: Arm, what: str, remedy: str) -> None:
     """Refuse a model with effects where their part in the springs would be counted twice."""
     if given.description.effect:
         codes = ", ".join(table.code for table in given.description.effect)
@@ -99,6 +96,6 @@ def with_links(given: Arm, links: LinkKind) -> Arm:
         return given.with_links(links)
 
 
-def model_hash(given: ModelInput) -> str:
+def model_hash(given: Arm) -> str:
     """Content hash of the model, for run.json."""
     return content_hash(given.description)

@@ -8,18 +8,18 @@ import numpy as np
 
 from doe import Measurements, read_measurements
 from doe.tables.units_check import check_units
+from fem.arm import Arm
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.session.console import say
-from stiffarm.session.inputs import ModelInput
 
 FEWEST, LISTED = 3, 10
 # A reading against its load by less than this (m/N) is noise about zero; arms give 20 times as much and more.
 STILL = 2e-8
 
 
-def check_readings(given: ModelInput, data: Measurements, *, confirm_units: bool = False) -> None:
+def check_readings(given: Arm, data: Measurements, *, confirm_units: bool = False) -> None:
     """Refuse a table that no arm like this gives as it is typed; remark on readings against their load.
 
     ``confirm_units``: the user has checked the units; what looks like others is remarked on.
@@ -37,7 +37,7 @@ def check_readings(given: ModelInput, data: Measurements, *, confirm_units: bool
             say(f"note: {remark}")
 
 
-def read_held_out(given: ModelInput, file: Path, *, confirm_units: bool = False) -> Measurements:
+def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False) -> Measurements:
     """Read a table held out, with remarks and checks as any other."""
     if not file.is_file():
         raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
@@ -64,7 +64,7 @@ def refuse_against_load(data: Measurements) -> None:
         )
 
 
-def refuse_large(given: ModelInput, data: Measurements) -> None:
+def refuse_large(given: Arm, data: Measurements) -> None:
     """Raise InputError if most readings are beyond small displacements: nothing linear can be told from them."""
     turned = turn(given.robot, data.displacement)
     if len(turned) and np.median(turned) > LIMIT:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from doe import Campaign, Measurements, bundled_campaign, bundled_data, load_campaign, read_measurements
 from doe.tables.joined import join
+from fem.arm import Arm
 from robots import InputError, Robot
 from stiffarm.session.console import say_notes
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.reading_checks import check_readings
 
 # Stands for the robot's own table among several; a table's name ends in .csv or .xlsx.
@@ -17,7 +17,7 @@ BUNDLED = "bundled"
 
 
 def read_tables(
-    given: ModelInput, data: Sequence[Path], *, confirm_units: bool = False
+    given: Arm, data: Sequence[Path], *, confirm_units: bool = False
 ) -> tuple[Measurements, dict[str, Path | str]]:
     """One or more measurement tables as one, each checked by itself, and their hashes; none: the bundled one."""
     named = [None if str(file) == BUNDLED else file for file in data or (None,)]

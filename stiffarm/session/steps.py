@@ -17,10 +17,10 @@ from doe import (
 )
 from doe.estimation.study_plan import Factorial
 from fem import ArmModel, LinkKind, directional_stiffness
+from fem.arm import Arm
 from robots import InputError
 from robots.arrays import Array
 from robots.files.reading import read_sha256
-from stiffarm.session.inputs import ModelInput
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
@@ -43,12 +43,12 @@ class RigidJoints:
         return self.measured_mm / self.simulated_mm
 
 
-def readings_with_rigid_joints(given: ModelInput, data: Measurements) -> Equations:
+def readings_with_rigid_joints(given: Arm, data: Measurements) -> Equations:
     """The readings as equations of the arm with rigid joints: ``rest`` is what links, bar and crank alone give."""
     return equations(given.model.with_rigid_joints(), data, DEFAULT_GAUGE_mm * 1e-3)
 
 
-def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
+def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
     """Simulate the vertical readings with rigid joints, to see how much the links alone give."""
     system = readings_with_rigid_joints(given, data)
     system = system.take(system.component == 2)
@@ -64,7 +64,7 @@ def rigid_joints(given: ModelInput, data: Measurements, poses: tuple[str, ...] |
 
 
 def sensitivity(
-    given: ModelInput,
+    given: Arm,
     data: Measurements,
     joints: tuple[str, ...],
     poses: tuple[str, ...],
@@ -84,7 +84,7 @@ def bundled_sha256(robot: str) -> str | None:
         return None
 
 
-def springs_seen(given: ModelInput, data: Measurements) -> tuple[str, ...]:
+def springs_seen(given: Arm, data: Measurements) -> tuple[str, ...]:
     """Joints whose spring at least one reading moves with."""
     system = equations(given.model, data, DEFAULT_GAUGE_mm * 1e-3)
     size = np.abs(system.influence / system.sigma[:, None]).max(axis=0)

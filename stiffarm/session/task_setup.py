@@ -10,13 +10,13 @@ import numpy as np
 import typer
 
 import machining.cell as cells
+from fem.arm import Arm
 from machining.cutting import ConstantForce, Cut, read_milling
 from machining.setup import Setup
 from machining.toolpaths.motions import Note
 from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector
 
 CellOpt = Annotated[
@@ -100,7 +100,7 @@ def parse_reference(text: str | None) -> Array | None:
     return None if text is None else parse_vector(text, "--reference", "a direction in the part frame")
 
 
-def effects_left_out(given: ModelInput) -> list[str]:
+def effects_left_out(given: Arm) -> list[str]:
     """Codes of the model's effects that only readings know of: no posture, program or placement has them in it."""
     return [placed.effect.code for placed in given.effects]
 

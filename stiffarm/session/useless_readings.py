@@ -6,10 +6,10 @@ from doe import Measurements
 from doe.estimation.problem import problem
 from doe.tables.frozen import refuse_frozen
 from doe.tables.telling import refuse_telling_nothing
-from stiffarm.session.inputs import ModelInput
+from fem.arm import Arm
 
 
-def refuse_useless(given: ModelInput, table: Measurements, used: Measurements) -> None:
+def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
     """Refuse a table in which a gauge stood still, and readings of it, those ``used``, that tell nothing.
 
     Raises

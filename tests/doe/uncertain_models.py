@@ -12,7 +12,7 @@ from doe.certainty.propagation import ParameterUncertainty, parameter_uncertaint
 from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
 from fem import ArmModel
 from fem.effects import build_arm, described_effects
-from fem.free.named_numbers import described_variables, named_numbers
+from fem.free.parameters import described_variables, named_numbers
 from robots import ModelDescription, load_description
 from robots.library.models import parse_description, to_toml
 from robots.schema.description import Calibration, CalibrationUncertainty, LogFourierLaw, TableLaw

@@ -9,9 +9,8 @@ import numpy as np
 from fem import ArmModel, build_model
 from fem.elements.couplings import Coupling
 from fem.elements.shell import shell_superelement
-from fem.free.law_bases import FourierBasis
 from fem.model import LinkPart
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring
 from meshes import casing_mesh
 from robots import load_description
 from robots.arrays import Array

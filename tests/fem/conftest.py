@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from fem import ArmModel
-from fem.free.law_bases import FourierBasis
 from fem.model import JointPart
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring
 from robots import ModelDescription, Robot
 from robots.arrays import Array
 from robots.library.models import parse_description

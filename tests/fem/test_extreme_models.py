@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from fem.effects import build_arm, reading_effects
-from fem.free.law_bases import FourierBasis
 from fem.model import build_model
-from fem.springs import WIDEST_LOG, LawSpring
+from fem.springs import WIDEST_LOG, FourierBasis, LawSpring
 from robots import InputError, load_description
 from robots.schema.effects import EffectTable
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fem import ArmModel, ConstantSpring, LawSpring, build_model, deflection
-from fem.free.law_bases import PolynomialBasis
-from fem.springs import spring_from
+from fem.springs import PolynomialBasis, spring_from
 from robots import InputError, ModelDescription, load_description, load_robot
 from robots.schema.springs import LogFourierLaw, TableLaw
 

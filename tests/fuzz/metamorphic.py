@@ -24,11 +24,12 @@ from doe.tables.joined import join
 from doe.tables.measurements import Measurements
 from doe.tables.simulated import simulate
 from fem import deflection
+from fem.arm import Arm
 from robots import Robot
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
-from stiffarm.session.inputs import ModelInput, read_model
+from stiffarm.session.inputs import read_model
 from stiffarm.session.readings import read_scheme
 
 Table = list[list[str]]
@@ -52,7 +53,7 @@ class Answer:
 
 
 @cache
-def arm(name: str) -> ModelInput:
+def arm(name: str) -> Arm:
     """The bundled arm with beams, parallelogram and all; the KR60 with springs of its class."""
     return read_model(name, "beam", None)
 

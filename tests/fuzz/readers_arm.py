@@ -16,9 +16,10 @@ import trimesh
 import fem
 from doe import bundled_data, read_measurements
 from doe.estimation.campaign import campaign_of
+from fem.arm import Arm
 from fem.effects import build_arm, reading_effects
 from meshes.array_cache import ArrayCache
-from meshes.shell_files import load_shell, save_shell
+from meshes.link_shells import load_shell, save_shell
 from meshes.shell_mesh import ShellMesh
 from meshes.surfaces.reading import read_surface
 from robots import forward_kinematics, load_description, load_robot, read_urdf
@@ -29,7 +30,7 @@ from stiffarm.commands.calibrate.step import Request, calibrate
 from stiffarm.commands.maps.options import read_map_options
 from stiffarm.commands.maps.request import MapRequest, evaluate
 from stiffarm.commands.simulate.step import of_pose
-from stiffarm.session.inputs import ModelInput, read_model
+from stiffarm.session.inputs import read_model
 from surrogate.asking import query
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import ParameterBars, learn_bars
@@ -117,7 +118,7 @@ def _model(path: Path) -> object:
     with np.errstate(all="ignore"):
         scaled = np.nan_to_num(C[0] / np.outer(scale, scale))
     require(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() > -1e-6, "model compliance: energy out of nothing")
-    given = ModelInput(description, model.robot, model, reading_effects(description, model))
+    given = Arm(description, model.robot, model, reading_effects(description, model))
     found = of_pose(given, q[0], np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]), False)
     require(None not in found["displacement"].values(), "model deflection: not finite")
     return model

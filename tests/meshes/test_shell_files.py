@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from meshes import BeamMesh, ShellMesh, casing_mesh, link_beam_mesh, link_shell_mesh, load_shell, save_shell
-from meshes.npz import from_npz, to_npz
+from meshes.array_cache import from_npz, to_npz
 from robots import InputError, load_description
 from robots.robot import robot_from
 from robots.schema.description import Link, Opening, Rim, Surface

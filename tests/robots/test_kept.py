@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 
 from robots import InputError, Robot, load_robot
-from robots.kept import once_per_robot
+from robots.kept import once_for_each
 
 
 def test_a_figure_is_worked_out_once_for_each_robot() -> None:
     asked: list[str] = []
 
-    @once_per_robot
+    @once_for_each
     def name(robot: Robot) -> str:
         asked.append(robot.name)
         return robot.name
@@ -29,7 +29,7 @@ def test_a_figure_is_worked_out_once_for_each_robot() -> None:
 def test_a_robot_that_is_gone_leaves_nothing_behind() -> None:
     """Robots that are made and dropped take each other's place in memory; none gets another's figure."""
 
-    @once_per_robot
+    @once_for_each
     def name(robot: Robot) -> str:
         return robot.name
 
@@ -44,7 +44,7 @@ def test_a_robot_that_is_gone_leaves_nothing_behind() -> None:
 def test_errors_are_not_kept() -> None:
     count = 0
 
-    @once_per_robot
+    @once_for_each
     def fails(robot: Robot) -> None:
         nonlocal count
         count += 1

@@ -14,6 +14,7 @@ from doe.estimation.campaign import Campaign
 from doe.estimation.problem import problem
 from doe.tables.load_history import history_of
 from doe.tables.simulated import simulate
+from fem.arm import Arm
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, described_effects, with_effects
 from fem.elements.walls import wall_flexibilities
 from fem.free.parameters import Parameter
@@ -23,7 +24,6 @@ from robots.robot import robot_from
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import inputs
-from stiffarm.session.inputs import ModelInput
 
 Points = Literal["tool", "own", "mixed"]
 
@@ -118,7 +118,7 @@ class Trip:
     found: Calibrated
     data: Measurements
     simulated: Array
-    back: ModelInput
+    back: Arm
     start: Array
 
 
@@ -134,14 +134,14 @@ def travelled(case: Case, folder: Path) -> Trip:
     return Trip(found, data, residual(back, data, found), back, start)
 
 
-def residual(back: ModelInput, data: Measurements, found: Calibrated) -> Array:
+def residual(back: Arm, data: Measurements, found: Calibrated) -> Array:
     """Read minus simulated (m,) of the readings that a calibration used, on the whole table."""
     error = data.displacement - simulate(back.model, data, back.effects, history_of(data))
     used = error[np.isin(data.row_numbers, found.data.row_numbers)]
     return np.asarray(used[found.found.overall.row, found.found.overall.component])
 
 
-def off_nominal(given: ModelInput, data: Measurements, campaign: Campaign) -> tuple[Measurements, Array]:
+def off_nominal(given: Arm, data: Measurements, campaign: Campaign) -> tuple[Measurements, Array]:
     """Readings of the arm with the campaign's numbers off the model's, and the variables (p,) that it starts at."""
     plain = build_plain(given.description, given.model.link_kind, given.model.load_path)
     placed = described_effects(given.description, plain)

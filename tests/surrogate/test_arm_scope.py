@@ -9,8 +9,7 @@ import pytest
 from arm_cases import planar_scope, sprung
 
 from fem import compliance, directional_stiffness
-from fem.free.law_bases import FourierBasis, PolynomialBasis
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring, PolynomialBasis
 from robots import InputError, load_robot
 from surrogate import full_poses, scope_of, task_of
 from surrogate.arm_scope import reduced_box, with_whole_turns

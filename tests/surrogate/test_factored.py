@@ -9,8 +9,7 @@ import pytest
 from arm_cases import few_runs, sprung
 
 from fem import build_model, compliance, compliance_factor, directional_stiffness
-from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring, PolynomialBasis, TableBasis
 from robots import InputError, load_description
 from surrogate import scope_of, task_of, train
 from surrogate.factored import MET, fit_factored

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from arm_cases import few_runs, sprung
 
-from fem.free.law_bases import FourierBasis
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring
 from robots import Robot, load_robot
 from robots.errors import InputError
 from surrogate import compliance_matrix, scope_of, task_of, train

@@ -9,8 +9,7 @@ import pytest
 from arm_cases import few_runs, sprung
 
 from fem import build_model, directional_stiffness
-from fem.free.law_bases import FourierBasis, PolynomialBasis, TableBasis
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring, PolynomialBasis, TableBasis
 from robots import InputError, load_description
 from surrogate import scope_of, task_of, train
 from surrogate.basis import term_count

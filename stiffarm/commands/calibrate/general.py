@@ -10,6 +10,7 @@ import numpy as np
 
 from doe import Measurements
 from doe.estimation.campaign import Campaign, NoiseChoice, bundled_campaign, load_campaign
+from fem.arm import Arm
 from meshes.array_cache import user_cache
 from robots import InputError, save_description
 from stiffarm.commands.calibrate import payload as calibration_payload
@@ -17,7 +18,6 @@ from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import readings, steps
 from stiffarm.session.console import progress, say
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.reading_checks import read_held_out
 
@@ -46,7 +46,7 @@ class Options:
     confirm_units: bool = False
 
 
-def is_staged(scheme: str | None, given: ModelInput, scheme_file: Path | None, *, named: bool) -> bool:
+def is_staged(scheme: str | None, given: Arm, scheme_file: Path | None, *, named: bool) -> bool:
     """The published scheme where one is known and nothing says otherwise."""
     if scheme is not None:
         return scheme == "staged"
@@ -55,7 +55,7 @@ def is_staged(scheme: str | None, given: ModelInput, scheme_file: Path | None, *
     return scheme_file is not None or bundled_campaign(given.robot.name) is not None
 
 
-def plan_of(given: ModelInput, table: Measurements, scheme_file: Path | None, *, staged: bool) -> Campaign | None:
+def plan_of(given: Arm, table: Measurements, scheme_file: Path | None, *, staged: bool) -> Campaign | None:
     """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
     if staged or scheme_file is not None:
         return readings.read_scheme(given.robot, scheme_file)
@@ -63,7 +63,7 @@ def plan_of(given: ModelInput, table: Measurements, scheme_file: Path | None, *,
     return bundled_campaign(given.robot.name) if bundled else None
 
 
-def run(given: ModelInput, table: Measurements, plan: Campaign | None, options: Options) -> Calibrated:
+def run(given: Arm, table: Measurements, plan: Campaign | None, options: Options) -> Calibrated:
     """Calibrate as asked; progress and remarks are said."""
     request = request_of(given, table, plan, options)
     say(f"loads used: {', '.join(f'{v:g} N' for v in request.loads) or 'all'}")
@@ -74,7 +74,7 @@ def run(given: ModelInput, table: Measurements, plan: Campaign | None, options: 
         return calibrating.calibrate(given, table, request, holdout=holdout, store=user_cache(), say=say, count=bar)
 
 
-def request_of(given: ModelInput, table: Measurements, plan: Campaign | None, options: Options) -> Request:
+def request_of(given: Arm, table: Measurements, plan: Campaign | None, options: Options) -> Request:
     """The campaign of a file, or of the numbers named; bounds and gauge are the scheme's where there is one."""
     if options.staged and plan is not None:
         campaign, expected = plan, plan.springs.ends
@@ -89,7 +89,7 @@ def request_of(given: ModelInput, table: Measurements, plan: Campaign | None, op
 
 
 def _at_once(
-    given: ModelInput, table: Measurements, plan: Campaign | None, options: Options
+    given: Arm, table: Measurements, plan: Campaign | None, options: Options
 ) -> tuple[Campaign, tuple[float, float]]:
     usual, gauge, joints = steps.DEFAULT_BOUNDS_Nm_per_rad, steps.DEFAULT_GAUGE_mm, options.joints
     if plan is not None:

@@ -27,6 +27,7 @@ from doe.tables.checks import refuse_seen
 from doe.tables.joined import files_of
 from doe.tables.load_history import history_of_part
 from fem import ArmModel
+from fem.arm import Arm
 from fem.effects import build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
@@ -34,7 +35,6 @@ from robots import InputError, ModelDescription
 from robots.arrays import Array, Integers
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.spring_words import SpringEstimate
 from stiffarm.session.useless_readings import refuse_useless
 
@@ -165,7 +165,7 @@ def springs_campaign(
 
 
 def calibrate(
-    given: ModelInput,
+    given: Arm,
     table: Measurements,
     request: Request,
     *,
@@ -222,7 +222,7 @@ def calibrate(
     )  # fmt: skip
 
 
-def _builder(given: ModelInput) -> Callable[[ModelDescription], ArmModel]:
+def _builder(given: Arm) -> Callable[[ModelDescription], ArmModel]:
     """Models as the given one, without effects: unchanged links are found in the cache."""
 
     def build(description: ModelDescription) -> ArmModel:

@@ -10,6 +10,7 @@ import typer
 from doe import Measurements, write_measurements
 from doe.diagnosis.next_readings import as_measurements, columns_to_fill
 from doe.diagnosis.scatter import SETUP
+from fem.arm import Arm
 from robots import save_description
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.diagnose import payload as diagnosis_payload
@@ -17,7 +18,7 @@ from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
 from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.diagnose.step import Diagnosed, Request
-from stiffarm.session import inputs, parsing
+from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
@@ -108,7 +109,7 @@ def diagnose(
 
 
 def _run(
-    given: inputs.ModelInput, table: Measurements, request: Request, other: Measurements | None,
+    given: Arm, table: Measurements, request: Request, other: Measurements | None,
     folder: OutputFolder | None,
 ) -> Diagnosed:  # fmt: skip
     if folder is None:

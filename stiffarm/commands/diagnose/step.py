@@ -22,12 +22,12 @@ from doe.estimation.campaign import campaign_of
 from doe.tables.checks import refuse_seen
 from doe.tables.frozen import refuse_frozen
 from doe.tables.load_history import history_of, history_of_part
+from fem.arm import Arm
 from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
 from robots import InputError
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.session.inputs import ModelInput
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
 # Twins are looked for among the codes that a reader asks about, most probable first.
@@ -59,7 +59,7 @@ class Diagnosed:
     """
 
     request: Request
-    given: ModelInput
+    given: Arm
     used: Measurements
     found: Diagnosis
     where: dict[str, tuple[Group, ...]]
@@ -103,7 +103,7 @@ class Diagnosed:
 
 
 def diagnose(
-    given: ModelInput,
+    given: Arm,
     table: Measurements,
     request: Request,
     *,
@@ -173,7 +173,7 @@ def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None] | N
         return None
 
 
-def _calibrated(given: ModelInput, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:
+def _calibrated(given: Arm, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:
     """The model as it is with the same springs free, as `calibrate` finds them; None where readings tell nothing."""
     joints = found.before.setting.free
     if found.verdict == "uninformative" or not joints:
@@ -182,7 +182,7 @@ def _calibrated(given: ModelInput, table: Measurements, request: Request, found:
     return calibrating.calibrate(given, table, calibrating.Request(campaign, request.loads))
 
 
-def _setting(given: ModelInput, used: Measurements, request: Request, history: History) -> Setting:
+def _setting(given: Arm, used: Measurements, request: Request, history: History) -> Setting:
     """Readings and arm; effects that the model has already are taken as there, their numbers free to follow."""
     description = given.description
     if not description.effect:
@@ -206,7 +206,7 @@ def refuse_few_poses(data: Measurements) -> None:
         )
 
 
-def _remarks(given: ModelInput, request: Request) -> tuple[str, ...]:
+def _remarks(given: Arm, request: Request) -> tuple[str, ...]:
     out = []
     has = [table.code for table in given.description.effect]
     if has:

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from fem.arm import Arm
 from robots import InputError
 from stiffarm import __version__
-from stiffarm.session import inputs, parsing
+from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
@@ -102,7 +103,7 @@ def export(
         frame.answer(content)
 
 
-def _title(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
+def _title(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
     """What the header says about model and pose."""
     pose = ", ".join(f"{n} = {v:g}" for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True))
     return [
@@ -114,7 +115,7 @@ def _title(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -
     ]
 
 
-def _notes(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
+def _notes(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
     stiff = _stiff_joints(given, q)
     out = [f"no spring is given for {', '.join(stiff)}: held rigid (calibrate first?)"] if stiff else []
     calibration = given.description.calibration
@@ -123,5 +124,5 @@ def _notes(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -
     return out
 
 
-def _stiff_joints(given: inputs.ModelInput, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
+def _stiff_joints(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
     return [joint.name for joint in given.model.joints if not joint.axial.compliance(q[None]).any()]

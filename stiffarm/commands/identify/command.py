@@ -12,6 +12,7 @@ from doe.joint_twists import LAWS, TwistReadings, write_twists
 from doe.joint_twists.cycles import Branches
 from doe.joint_twists.synthetic import Campaign, draw_truth, make_readings, truth_table
 from doe.joint_twists.workspace import ORIGIN_M, SIZE_M, Orientation
+from fem.arm import Arm
 from robots import InputError, save_description
 from stiffarm.commands.identify import payload as joint_twist_payload
 from stiffarm.commands.identify import step as joint_twist_run
@@ -140,7 +141,7 @@ def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: boo
         )  # fmt: skip
 
 
-def _make_up(given: inputs.ModelInput, seed: int, folder: OutputFolder | None) -> TwistReadings:
+def _make_up(given: Arm, seed: int, folder: OutputFolder | None) -> TwistReadings:
     """Write a synthetic table and its truth, and read the table back: identification sees nothing else."""
     if folder is None:  # refused before
         raise InputError("--synthetic without --out")

@@ -24,10 +24,10 @@ from doe.joint_twists.substitute import (
     usual_models,
 )
 from doe.joint_twists.workspace import Orientation, Window, stiffness_window
+from fem.arm import Arm
 from robots import InputError, ModelDescription, why_no_closed_form
 from robots.arrays import Array
 from robots.kinematics import forward_kinematics
-from stiffarm.session.inputs import ModelInput
 
 # Random poses that models are compared at.
 POSES = 2000
@@ -96,7 +96,7 @@ class JointTwists:
     """
 
     request: Request
-    given: ModelInput
+    given: Arm
     found: Identified
     description: ModelDescription
     loops: tuple[Loop, ...]
@@ -114,7 +114,7 @@ class JointTwists:
         return self.found.data.synthetic
 
 
-def read_tables(given: ModelInput, tables: Sequence[Path]) -> TwistReadings:
+def read_tables(given: Arm, tables: Sequence[Path]) -> TwistReadings:
     """Read one or more tables of joint twists or reflectors as one."""
     for table in tables:
         if not table.is_file():
@@ -123,7 +123,7 @@ def read_tables(given: ModelInput, tables: Sequence[Path]) -> TwistReadings:
 
 
 def run(
-    given: ModelInput, data: TwistReadings, request: Request, *, holdout: Measurements | None = None,
+    given: Arm, data: TwistReadings, request: Request, *, holdout: Measurements | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> JointTwists:  # fmt: skip
     """Identify, check, compare.
@@ -159,7 +159,7 @@ def run(
     )  # fmt: skip
 
 
-def _why_no_flange(given: ModelInput, found: Identified, q: Array) -> str:
+def _why_no_flange(given: Arm, found: Identified, q: Array) -> str:
     """Which stiffnesses forces at the flange load although nobody identified them; empty if none."""
     s = np.abs(loads_in(given.model, q, np.eye(3))).max(axis=(0, 1)).ravel()
     loaded = [
@@ -172,14 +172,14 @@ def _why_no_flange(given: ModelInput, found: Identified, q: Array) -> str:
     return f"nothing is said of the flange, for it hangs on stiffnesses that are not identified: {', '.join(loaded)}"
 
 
-def _rigid_way(given: ModelInput, found: Identified, q: Array) -> str:
+def _rigid_way(given: Arm, found: Identified, q: Array) -> str:
     """What is rigid at the flange, where readings left every stiffness that a force loads without a number."""
     moved = np.einsum("nkjr,njr->nk", loads_in(given.model, q, np.eye(3)) ** 2, compliances_of(found)(q))
     ways = [f"flange {axis}" for axis, least in zip("XYZ", moved.min(axis=0), strict=True) if not least > 0.0]
     return f"nothing is said of the flange, for nothing identified gives way along {', '.join(ways)}" if ways else ""
 
 
-def _at_flange(given: ModelInput, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:
+def _at_flange(given: Arm, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:
     model, six = given.model, compliances_of(found)
     same, refitted, effective = usual_models(model, six, poses=POSES, rng=rng)
     reference = stiffness_with(model, six, q)
@@ -193,7 +193,7 @@ def _bending(found: Identified, names: tuple[str, ...]) -> BendingRatio | None:
     return bending_ratio(found.directions, names[RATIO_JOINT]) if len(names) > RATIO_JOINT else None
 
 
-def _window(given: ModelInput, found: Identified, request: Request) -> tuple[Window | None, str]:
+def _window(given: Arm, found: Identified, request: Request) -> tuple[Window | None, str]:
     reason = why_no_closed_form(given.robot)
     if reason is not None:
         return None, f"no map: {reason}"
@@ -204,7 +204,7 @@ def _window(given: ModelInput, found: Identified, request: Request) -> tuple[Win
     return window, ""
 
 
-def _held_out(given: ModelInput, found: Identified, data: Measurements) -> HeldOut:
+def _held_out(given: Arm, found: Identified, data: Measurements) -> HeldOut:
     """Flange deflections against the model, reading by reading: |F| / |d . F/|F||."""
     F = data.wrench[:, :3]
     size = np.linalg.norm(F, axis=1)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from fem.arm import Arm
 from machining import INDICES
 from robots import InputError
 from robots.arrays import Array
@@ -16,7 +17,6 @@ from stiffarm.commands.index import results as index_results
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
@@ -89,7 +89,7 @@ def index(
         frame.answer(content, lambda: _show(given, content, tool_of(given.robot, tool)))
 
 
-def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tuple[Array, tuple[str, ...]]:
+def _poses(given: Arm, pose: list[str] | None, table: Path | None) -> tuple[Array, tuple[str, ...]]:
     if (table is None) == (not pose):
         raise InputError(
             "index needs poses",
@@ -115,7 +115,7 @@ def _poses(given: ModelInput, pose: list[str] | None, table: Path | None) -> tup
     return q, tuple(labels)
 
 
-def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.IndexAnswer, given: ModelInput) -> None:
+def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.IndexAnswer, given: Arm) -> None:
     from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
     from stiffarm.pages.style import save_png
 
@@ -126,7 +126,7 @@ def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.I
     save_png(figure, folder.path("ellipsoid.png"))
 
 
-def _show(given: ModelInput, content: dict[str, Any], T_flange_tool: Array) -> None:
+def _show(given: Arm, content: dict[str, Any], T_flange_tool: Array) -> None:
     poses = content["poses"]
     names = list(poses[0]["indices"])
     shown = poses[:SHOWN]

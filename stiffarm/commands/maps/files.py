@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fem.arm import Arm
 from robots.arrays import Array
 from robots.files.csv_text import write_rows
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps import netcdf, vtk_stream
 from surrogate.maps.data import MapData
@@ -60,7 +60,7 @@ class Files:
         return (("png",) if self.pictures else ()) + (("svg",) if self.svg else ())
 
 
-def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
+def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
     """Write all files but map.json.
 
     Returns
@@ -85,9 +85,7 @@ def write_files(given: ModelInput, data: MapData, folder: OutputFolder, files: F
     return names, messages
 
 
-def write_arrays(
-    given: ModelInput, data: MapData, folder: OutputFolder, files: Files, stem: str, title: str
-) -> list[str]:
+def write_arrays(given: Arm, data: MapData, folder: OutputFolder, files: Files, stem: str, title: str) -> list[str]:
     """Write the map's arrays in each of the formats, and the page to pick in; returns the names of the files."""
     names = [f"{stem}.{form}" for form in files.formats]
     for form, name in zip(files.formats, names, strict=True):
@@ -121,7 +119,7 @@ def _cells(values: Array, categories: Sequence[str] = ()) -> list[str]:
 
 
 def _figures(
-    given: ModelInput, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
+    given: Arm, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
 ) -> list[str]:
     from stiffarm.commands.maps.figures.whole import draw_map_figures
 

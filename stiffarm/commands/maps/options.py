@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.arm import Arm
 from machining import GammaRange
 from robots import InputError, Robot
 from robots.arrays import Array
@@ -21,7 +22,6 @@ from stiffarm.commands.maps.request import (
     uncertainty_of,
 )
 from stiffarm.commands.maps.surrogate_input import parse_layers
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import parse_direction, parse_names, parse_numbers, parse_vector, parse_word, tool_of
 from stiffarm.session.task_options import parse_gammas, parse_values
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
@@ -101,7 +101,7 @@ def formats_of(kind: str, options: Mapping[str, str | None]) -> tuple[str, ...]:
     return formats or (_DEFAULT_FORMAT[kind],)
 
 
-def read_map_options(given: ModelInput, kind: str, options: Mapping[str, str | None], seed: int = 0) -> Asked:
+def read_map_options(given: Arm, kind: str, options: Mapping[str, str | None], seed: int = 0) -> Asked:
     """The map asked for: ``kind`` joints, slice, box or cylinder, options as typed, None where one is not given.
 
     Raises
@@ -141,7 +141,7 @@ def read_map_options(given: ModelInput, kind: str, options: Mapping[str, str | N
     return Asked(request, grid, formats_of(kind, options), reach, words, note)
 
 
-def _has_uncertainty(given: ModelInput, direction: tuple[float, float, float], tool: Array) -> bool:
+def _has_uncertainty(given: Arm, direction: tuple[float, float, float], tool: Array) -> bool:
     return uncertainty_of(given.description, given.model, np.array(direction), tool[:3, 3]) is not None
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fem import LINK_KINDS, ArmModel
+from fem.arm import Arm
 from fem.effects import build_arm
 from machining import Objective
 from machining.stiffness.distribution import EveryGamma
@@ -22,9 +23,8 @@ from robots.arrays import Array
 from robots.files.reading import parse_json
 from robots.library.models import parse_description, to_toml
 from stiffarm import __version__
-from stiffarm.session.inputs import ModelInput
+from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
-from surrogate.maps.candidates import Arm
 from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Axis, Layout
 from surrogate.maps.poses import BestGamma, Extreme, PoseRule, last_joint_is_free
@@ -93,7 +93,7 @@ class MapRequest:
         return cls(**data)
 
 
-def model_text(given: ModelInput) -> tuple[str, str]:
+def model_text(given: Arm) -> tuple[str, str]:
     """The model as TOML text, and its hash."""
     return to_toml(given.description), content_hash(given.description)
 
@@ -156,9 +156,9 @@ def engine_of(asked: MapRequest, description: ModelDescription, model: ArmModel)
     merit, rule = quantities.merit(named(table, [asked.merit])[0]), every_gamma(asked, model)
     if rule is not None:
         told = {"by_gamma": Column("<f8", (len(rule.gamma),))}
-        return Engine(grid, quantities, rule, Arm(model.robot, tool, merit), asked.seed, told)
+        return Engine(grid, quantities, rule, candidates.Arm(model.robot, tool, merit), asked.seed, told)
     free = last_joint_is_free(model.robot, tool, lambda q: quantities.poses(q).translational)
-    arm = Arm(model.robot, tool, merit, free)
+    arm = candidates.Arm(model.robot, tool, merit, free)
     return Engine(grid, quantities, rule_from(asked.pose), arm, asked.seed)
 
 

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.arm import Arm
 from robots import InputError, content_hash
 from robots.progress import Progress
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
 from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate
-from stiffarm.session.inputs import ModelInput, no_springs_note
+from stiffarm.session.inputs import no_springs_note
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
@@ -36,7 +37,7 @@ CHECKED = 12
 
 @contextmanager
 def evaluated(
-    given: ModelInput, request: MapRequest, folder: OutputFolder, files: Files, progress: Progress | None = None
+    given: Arm, request: MapRequest, folder: OutputFolder, files: Files, progress: Progress | None = None
 ) -> Iterator[tuple[Engine, Arrays]]:
     """A map's blocks, made here or on a cluster: its engine, and its arrays, which are files until the context ends.
 
@@ -61,7 +62,7 @@ def evaluated(
 
 
 def make_map(
-    given: ModelInput, asked: Asked, folder: OutputFolder, files: Files, progress: Progress | None = None
+    given: Arm, asked: Asked, folder: OutputFolder, files: Files, progress: Progress | None = None
 ) -> dict[str, Any]:
     """Make the map and write it; returns names of files and figures, as map.json has them.
 
@@ -158,7 +159,7 @@ def _place(data: MapData, row: int) -> dict[str, Any]:
     }
 
 
-def metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
+def metadata(given: Arm, asked: Asked) -> dict[str, str]:
     """What the map is of, in words by name, as its files say it."""
     request = asked.request
     words = " ".join(f"{v + 0.0:.6g}" for v in request.direction)
@@ -178,7 +179,7 @@ def metadata(given: ModelInput, asked: Asked) -> dict[str, str]:
     return out | {f"at_{name}": f"{v:g} mm" for name, v in asked.grid.held.items()}
 
 
-def _out_of_reach(given: ModelInput, asked: Asked) -> InputError:
+def _out_of_reach(given: Arm, asked: Asked) -> InputError:
     if asked.request.pose is None:
         return InputError(f"map of {given.robot.name}: no pose of the sweep can be taken", remedy="use other --layers")
     free = asked.request.pose["rule"] in ("stiffest", "softest")

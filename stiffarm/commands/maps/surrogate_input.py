@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from fem.arm import Arm
 from robots import InputError, Robot
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import parse_numbers
 from surrogate import Surrogate, default_sweep, load_surrogate
 
 
-def read_surrogate_for_map(given: ModelInput, file: Path) -> Surrogate:
+def read_surrogate_for_map(given: Arm, file: Path) -> Surrogate:
     """A surrogate that can stand for this robot in the 3-D map.
 
     Raises

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from fem.arm import Arm
 from machining import Drive
 from machining.cell import Cell, read_cell
 from machining.cutting import CuttingForce, stiffness_uncertainty
@@ -22,7 +23,6 @@ from stiffarm.commands.place import payload as placement_payload
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_joint_figures, parse_word
@@ -235,13 +235,13 @@ def _pair(text: str) -> tuple[float, float] | None:
     return values[0], values[-1]
 
 
-def _speed(given: ModelInput, cell: Cell, text: str | None) -> Any:
+def _speed(given: Arm, cell: Cell, text: str | None) -> Any:
     if text is not None:
         return np.radians(parse_joint_figures(given.robot, text, "--speed"))
     return cell.joint_speed
 
 
-def _write(folder: OutputFolder, given: ModelInput, step: PlacedStep, content: dict[str, Any]) -> None:
+def _write(folder: OutputFolder, given: Arm, step: PlacedStep, content: dict[str, Any]) -> None:
     from stiffarm.commands.place.report import write_report
 
     folder.write_json("placement.json", content)

@@ -11,12 +11,13 @@ import typer
 from doe import Measurements, bundled_data
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS, Zone
+from fem.arm import Arm
 from robots import InputError, Robot
 from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
 from stiffarm.commands.plan.step import Planned, Request, make_plan
-from stiffarm.session import inputs, parsing
+from stiffarm.session import parsing
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import (
@@ -216,7 +217,7 @@ def plan(
         _plan(given, table, wanted, frame)
 
 
-def _plan(given: inputs.ModelInput, table: Measurements | None, wanted: Request, frame: Frame) -> None:
+def _plan(given: Arm, table: Measurements | None, wanted: Request, frame: Frame) -> None:
     with frame.folder_if(wanted.seed) as folder:
         with progress("choosing set-ups") as bar:
             planned = make_plan(given, table, wanted, bar)
@@ -227,7 +228,7 @@ def _plan(given: inputs.ModelInput, table: Measurements | None, wanted: Request,
 
 
 def _write(
-    given: inputs.ModelInput, table: Measurements | None, planned: Planned, content: dict[str, Any],
+    given: Arm, table: Measurements | None, planned: Planned, content: dict[str, Any],
     folder: OutputFolder,
 ) -> None:  # fmt: skip
     from stiffarm.commands.plan.figures import plan_figure
@@ -238,7 +239,7 @@ def _write(
     save_png(plan_figure(planned.made, planned.found, given.robot.name), folder.path(FIGURE))
 
 
-def _write_sheet(given: inputs.ModelInput, sheet: sheets.Sheet, folder: OutputFolder) -> None:
+def _write_sheet(given: Arm, sheet: sheets.Sheet, folder: OutputFolder) -> None:
     from stiffarm.pages.pose_pictures import pose_pictures
 
     sheets.write_table(sheet, folder.path(TABLE))
@@ -248,7 +249,7 @@ def _write_sheet(given: inputs.ModelInput, sheet: sheets.Sheet, folder: OutputFo
     folder.write_text(PAGE, sheets.render_sheet(sheet, pictures))
 
 
-def _iso_sheet(given: inputs.ModelInput, pose: list[str] | None, rated: float | None, zone: Zone, frame: Frame) -> None:
+def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zone, frame: Frame) -> None:
     load = plan_options.rated_load(given.description, rated, "--rated-N", "give the rated load, as in --rated-N 1300")
     if pose:
         q = np.array([parsing.parse_pose(given.robot, text) for text in pose])
@@ -318,7 +319,7 @@ def _gauges(length: float, turn: float) -> tuple[float, float]:
     return length * 1e-3, turn * 1e-3
 
 
-def _readings(frame: Frame, given: inputs.ModelInput, data: Path | None, confirm_units: bool) -> Measurements | None:
+def _readings(frame: Frame, given: Arm, data: Path | None, confirm_units: bool) -> Measurements | None:
     """The table given, else the bundled one, else none: a first campaign."""
     if data is None:
         try:

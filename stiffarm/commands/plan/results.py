@@ -10,6 +10,7 @@ from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight
 from doe.tables.columns import DISPLACEMENTS
+from fem.arm import Arm
 from robots import Robot
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
@@ -18,7 +19,6 @@ from stiffarm.commands.plan.sheets import SetUp, Sheet
 from stiffarm.commands.plan.step import Planned
 from stiffarm.session.console import say, show_table
 from stiffarm.session.direction_words import direction_words
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-plan/1"
@@ -32,12 +32,12 @@ RULES = (
 )
 
 
-def robot_title(given: ModelInput) -> str:
+def robot_title(given: Arm) -> str:
     """The robot's own title."""
     return given.description.title or given.robot.name
 
 
-def plan_sheet(given: ModelInput, data: Measurements | None, planned: Planned) -> Sheet:
+def plan_sheet(given: Arm, data: Measurements | None, planned: Planned) -> Sheet:
     """The sheet of a plan."""
     protocol = planned.made.protocol
     forces = tuple(float(f) for f in protocol.forces)
@@ -77,7 +77,7 @@ def _hint(planned: Planned, k: int) -> str:
     return f"to expect at {force:g} N, roughly: {', '.join(parts)}".replace("-", "−")
 
 
-def payload(given: ModelInput, data: Measurements | None, planned: Planned) -> dict[str, Any]:
+def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str, Any]:
     """plan.json."""
     made, start = planned.made, planned.start
     protocol, noise = made.protocol, start.noise
@@ -157,7 +157,7 @@ def parameter_payload(f: Foresight, found: ParameterEstimate | None) -> dict[str
     return out
 
 
-def show(given: ModelInput, planned: Planned) -> None:
+def show(given: Arm, planned: Planned) -> None:
     """Set-ups and prospects on the screen."""
     names = given.robot.coordinates
     rows = []

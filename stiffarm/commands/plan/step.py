@@ -26,6 +26,7 @@ from doe.planning.plan import (
 from doe.planning.pose_designs import METHODS, Method, Zone, pose_design
 from doe.planning.tour import short_tour
 from doe.tables.idle_coordinates import idle_coordinates
+from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
 from robots import InputError, Robot
@@ -36,7 +37,6 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
 from stiffarm.session import steps
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.useless_readings import refuse_useless
 
 # Poses in which a coordinate is moved to see whether it matters.
@@ -107,9 +107,7 @@ class Planned:
         return out if self.request.plain else [*out, words.against_chance(self.made)]
 
 
-def make_plan(
-    given: ModelInput, data: Measurements | None, request: Request, progress: Progress | None = None
-) -> Planned:
+def make_plan(given: Arm, data: Measurements | None, request: Request, progress: Progress | None = None) -> Planned:
     """Estimate what the data say, choose the set-ups that tell most beyond it, and order them.
 
     Raises
@@ -147,7 +145,7 @@ def make_plan(
     )  # fmt: skip
 
 
-def _protocol(given: ModelInput, data: Measurements | None, request: Request) -> Protocol:
+def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protocol:
     forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
     directions = usual_directions(data) if request.directions is None else request.directions
     components = usual_components(data) if request.components is None else request.components
@@ -155,7 +153,7 @@ def _protocol(given: ModelInput, data: Measurements | None, request: Request) ->
 
 
 def _free(
-    given: ModelInput, data: Measurements | None, request: Request, protocol: Protocol, probes: Array
+    given: Arm, data: Measurements | None, request: Request, protocol: Protocol, probes: Array
 ) -> tuple[list[Parameter], list[str]]:
     """Parameters to be told: those named, else the springs that the data or the new readings move with."""
     names = request.free
@@ -182,7 +180,7 @@ def _free(
 
 
 def _outset(
-    given: ModelInput, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]
+    given: Arm, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]
 ) -> tuple[Outset, Calibrated | None]:
     """Where the plan starts, and the calibration that it rests on where there are readings enough for one."""
     if data is None:

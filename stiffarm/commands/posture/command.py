@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from fem.arm import Arm
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.cutting import stiffness_uncertainty
 from machining.posture.posing import CHOSEN, Posed, PostureRequest, pose_along
@@ -21,7 +22,7 @@ from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.inputs import ModelInput, model_hash
+from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
@@ -188,7 +189,7 @@ def _gammas(text: str) -> GammaRange:
     return GammaRange(gammas - FIXED_HALF_WIDTH, gammas + FIXED_HALF_WIDTH, 2)
 
 
-def _write(folder: OutputFolder, given: ModelInput, posed: Posed, content: dict[str, Any]) -> None:
+def _write(folder: OutputFolder, given: Arm, posed: Posed, content: dict[str, Any]) -> None:
     from stiffarm.commands.posture.report import write_report
 
     folder.write_json("posture.json", content)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from doe import Measurements, PoseEffects
 from doe.estimation.campaign import Campaign
+from fem.arm import Arm
 from robots.arrays import Array
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained
 
@@ -20,7 +20,7 @@ from surrogate import Surrogate, Trained
 class Findings:
     """Everything the report tells, computed once."""
 
-    given: ModelInput
+    given: Arm
     data: Measurements
     scheme: Campaign
     rigid: RigidJoints

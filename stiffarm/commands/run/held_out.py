@@ -12,10 +12,10 @@ import numpy as np
 from doe import Measurements
 from doe.published.readings import rms_mm
 from doe.tables.checks import refuse_seen
+from fem.arm import Arm
 from stiffarm.commands.calibrate.prediction import prediction_error
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.session.console import say
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.reading_checks import read_held_out
 
@@ -32,7 +32,7 @@ class HeldOut:
     beyond: Mapping[str, tuple[str, ...]]
 
 
-def read(file: Path, given: ModelInput, seen: Measurements, *, confirm_units: bool = False) -> Measurements:
+def read(file: Path, given: Arm, seen: Measurements, *, confirm_units: bool = False) -> Measurements:
     """Read the table held out.
 
     Raises

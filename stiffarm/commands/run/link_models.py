@@ -13,13 +13,13 @@ from doe import Measurements, loaded_points, select_loads
 from doe.estimation.campaign import Campaign, NoiseChoice
 from doe.published.parametric import PoseFit
 from fem import LinkKind
+from fem.arm import Arm
 from fem.statics.budget import compliance_budget
 from robots import LoadPath
 from robots.arrays import Array
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import inputs, steps
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.spring_words import SpringEstimate, at_widest_bound
 
 Agreement = Literal["within", "outside", "unknown"]
@@ -109,7 +109,7 @@ class LinkModels:
         return tuple(Pair(a, b, _spring_pairs(a, b)) for a, b in variants)
 
 
-def by_load_path(given: ModelInput) -> dict[LoadPath, ModelInput]:
+def by_load_path(given: Arm) -> dict[LoadPath, Arm]:
     """The model with its own load path first, then with the other one if the robot has it."""
     own = given.model.load_path
     if given.robot.parallelogram is None:
@@ -119,7 +119,7 @@ def by_load_path(given: ModelInput) -> dict[LoadPath, ModelInput]:
 
 
 def calibrate(
-    models: Mapping[LoadPath, ModelInput],
+    models: Mapping[LoadPath, Arm],
     table: Measurements,
     scheme: Campaign,
     report: Callable[[Calibrated], None] | None = None,

@@ -12,6 +12,7 @@ import numpy as np
 from doe import Measurements, PoseEffects, select_loads
 from doe.estimation.campaign import Campaign
 from fem import ArmModel, deflection_by_part, directional_stiffness
+from fem.arm import Arm
 from robots import save_description
 from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
@@ -27,7 +28,6 @@ from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns, RigidJoints
@@ -79,7 +79,7 @@ def run_all(
 
 
 def _calibrations(
-    given: ModelInput, table: Measurements, scheme: Campaign
+    given: Arm, table: Measurements, scheme: Campaign
 ) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
     used = select_loads(table, scheme.loads_N)
     straight = scheme.beside.sensitivity.poses
@@ -120,7 +120,7 @@ def _say_variant(variant: Calibrated) -> None:
 
 
 def _learned(
-    given: ModelInput,
+    given: Arm,
     table: Measurements,
     scheme: Campaign,
     rigid: RigidJoints,

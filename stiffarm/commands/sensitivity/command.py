@@ -12,6 +12,7 @@ import typer
 from doe import Measurements
 from doe.estimation.campaign import bundled_campaign, load_campaign
 from doe.estimation.study_plan import Comparison
+from fem.arm import Arm
 from robots import InputError
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.commands.sensitivity import screening as screenings
@@ -19,7 +20,6 @@ from stiffarm.commands.sensitivity.screening import Method, Study
 from stiffarm.session import parsing, steps
 from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.options import (
     ConfirmUnits,
     DataArg,
@@ -173,7 +173,7 @@ def _labels(poses: str | None, table: Measurements, scheme: Comparison | None) -
 
 
 def _factorial(
-    given: ModelInput,
+    given: Arm,
     table: Measurements,
     springs: tuple[str, ...],
     labels: tuple[str, ...],
@@ -198,9 +198,7 @@ def _factorial(
     return result, lambda: factorial.show(effects, *levels, given.model.load_path)
 
 
-def _screened(
-    given: ModelInput, found: Study, folder: OutputFolder | None
-) -> tuple[dict[str, Any], Callable[[], None]]:
+def _screened(given: Arm, found: Study, folder: OutputFolder | None) -> tuple[dict[str, Any], Callable[[], None]]:
     head = {"robot": given.robot.name, "load_path": given.model.load_path, "links": given.model.link_kind}
     result = head | screenings.payload(found)
     if folder is not None:

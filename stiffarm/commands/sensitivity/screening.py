@@ -11,6 +11,7 @@ import numpy as np
 from doe import Measurements, loaded_points
 from doe.estimation.campaign import Campaign
 from doe.planning.screening import Screening, screen, variance_shares
+from fem.arm import Arm
 from fem.elements.walls import wall_flexibilities
 from fem.free.laws import FreeLaw
 from fem.free.model import FreeModel
@@ -20,7 +21,6 @@ from robots import InputError
 from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import spoken_unit
 from stiffarm.session.direction_words import direction_words
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 
 Method = Literal["morris", "sobol", "derivative"]
@@ -54,7 +54,7 @@ class Study:
 
 
 def study(
-    given: ModelInput,
+    given: Arm,
     data: Measurements,
     method: Method,
     numbers: Sequence[str] | Campaign,
@@ -90,7 +90,7 @@ def study(
 
 
 def _free(
-    given: ModelInput, numbers: Sequence[str] | Campaign, springs: tuple[float, float]
+    given: Arm, numbers: Sequence[str] | Campaign, springs: tuple[float, float]
 ) -> tuple[tuple[Parameter, ...], tuple[FreeLaw, ...]]:
     if not isinstance(numbers, Campaign):
         return tuple(_ranged(parameter(given.model, name), springs) for name in numbers), ()

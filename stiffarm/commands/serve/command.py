@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from fem.arm import Arm
 from machining.service import Session, serve
 from machining.service.wire import LONGEST_LINE
 from machining.setup import Setup
@@ -17,7 +18,7 @@ from robots import InputError
 from stiffarm import __version__
 from stiffarm.session.console import EXIT_OTHER, say
 from stiffarm.session.frame import command
-from stiffarm.session.inputs import ModelInput, model_hash
+from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import PartOpt, ToolOpt
@@ -56,7 +57,7 @@ def serve_command(
             raise typer.Exit(EXIT_OTHER) from None
 
 
-def open_session(given: ModelInput, setup: Setup) -> Session:
+def open_session(given: Arm, setup: Setup) -> Session:
     """A session, and what it says of itself."""
     facts = {
         "version": __version__,

@@ -9,16 +9,16 @@ import numpy as np
 from doe import Measurements
 from doe.tables.load_history import history_of
 from doe.tables.simulated import simulate
+from fem.arm import Arm
 from robots.arrays import Array
 from stiffarm.commands.simulate.step import NAMES, head
 from stiffarm.session.console import say_notes
 from stiffarm.session.effect_words import history_notes
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.softness import flagged
 
 
-def of_table(given: ModelInput, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
+def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
     """Simulated against measured for every reading."""
     model = given.model.with_rigid_joints() if rigid_joints else given.model
     history = history_of(data)

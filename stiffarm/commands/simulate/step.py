@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from fem import ArmModel, deflection_by_part
+from fem.arm import Arm
 from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import WRENCH_NAMES
@@ -25,7 +25,7 @@ NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 NO_LINKS = "no links described: all bodies rigid"
 
 
-def head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
+def head(given: Arm, model: ArmModel, rigid_joints: bool) -> dict[str, Any]:
     """What the results of a pose and of a table begin with."""
     codes = [table.code for table in given.description.effect]
     effects = {"effects": [] if rigid_joints else codes} if codes else {}
@@ -40,7 +40,7 @@ def head(given: ModelInput, model: ArmModel, rigid_joints: bool) -> dict[str, An
 
 
 def of_pose(
-    given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, unload_from: Array | None = None
+    given: Arm, q: Array, wrench: Array, rigid_joints: bool, unload_from: Array | None = None
 ) -> dict[str, Any]:
     """Displacement and directional stiffness at one pose, split by part.
 
@@ -66,7 +66,7 @@ def of_pose(
     }
 
 
-def _by_effect(given: ModelInput, q: Array, wrench: Array, unload_from: Array | None) -> dict[str, Array]:
+def _by_effect(given: Arm, q: Array, wrench: Array, unload_from: Array | None) -> dict[str, Array]:
     """What each effect beyond the linear arm adds (1, 6), one after the other in the order in which they act."""
     if not given.effects:
         return {}
@@ -148,7 +148,7 @@ def field_links(model: str, links: str | None) -> str:
 
 
 def field_of_pose(
-    given: ModelInput, q: Array, wrench: Array, rigid_joints: bool, scale: float | None, folder: OutputFolder
+    given: Arm, q: Array, wrench: Array, rigid_joints: bool, scale: float | None, folder: OutputFolder
 ) -> dict[str, Any]:
     """Fields and energy budget of one pose: see :func:`stiffarm.commands.simulate.field_results.write`."""
     from stiffarm.commands.simulate import field_results

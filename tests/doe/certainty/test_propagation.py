@@ -27,7 +27,7 @@ from doe.model_file.applied import apply_estimates
 from doe.model_file.origin import with_origin
 from doe.model_file.uncertainty_table import calibration_table
 from fem import ArmModel, build_model
-from fem.free.named_numbers import named_numbers
+from fem.free.parameters import named_numbers
 from fem.springs import LawSpring
 from robots import InputError, ModelDescription, Robot, load_description
 from robots.schema.description import LogFourierLaw

@@ -19,7 +19,7 @@ from doe.model_file.applied import apply_estimates
 from fem import build_model
 from fem.effects import build_arm, with_effects
 from fem.effects.catalogue import effect_of
-from fem.free.named_numbers import named_numbers
+from fem.free.parameters import named_numbers
 from robots import InputError, ModelDescription
 from robots.schema.description import UndeterminedNumber
 

@@ -13,8 +13,7 @@ from doe.joint_twists import identify
 from doe.joint_twists.laws import LawKind, choose_law, fit_law
 from doe.joint_twists.substitute import predict, reachable_poses, stiffness_with
 from doe.joint_twists.synthetic import Campaign
-from fem.free.law_bases import FourierBasis
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring
 from fem.statics.ports import ROWS
 from robots import InputError
 

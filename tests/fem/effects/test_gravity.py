@@ -9,7 +9,7 @@ import pytest
 
 from fem import ArmModel, build_model
 from fem.model import BodyMass
-from fem.statics.gravity import gravity_torque
+from fem.statics.loads import gravity_torque
 from robots import load_description
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY

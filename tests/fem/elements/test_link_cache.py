@@ -15,9 +15,8 @@ from fem.elements.condensation import Superelement
 from fem.elements.couplings import Coupling
 from fem.elements.link_cache import cached_superelement, superelement_key
 from fem.elements.shell import shell_superelement
-from meshes import ShellMesh, formulation
-from meshes.array_cache import ArrayCache
-from meshes.formulation import formulation_hash
+from meshes import ShellMesh, array_cache
+from meshes.array_cache import ArrayCache, formulation_hash
 from robots import InputError, ModelDescription
 from robots.arrays import Array
 
@@ -146,36 +145,35 @@ DECISIVE = {
     "fem.elements.shell",
     "fem.elements.assembly",
     "fem.elements.quad",
-    "fem.elements.quad_bending",
-    "fem.elements.quad_membrane",
+    "fem.elements.facets",
     "fem.elements.triangle",
 }
 
 
 @pytest.mark.usefixtures("_fresh_hash")
 def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    original, read = formulation._source, set()
+    original, read = array_cache._source, set()
 
     def source(name: str) -> str:
         read.add(name)
         return original(name)
 
-    monkeypatch.setattr(formulation, "_source", source)
+    monkeypatch.setattr(array_cache, "_source", source)
     keys = {_key()}
     # At least these; and not the modules that only use superelements.
     assert read >= DECISIVE
     assert not read & {"fem.statics.flexibility", "fem.statics.fields", "fem.model", "fem.elements.link_cache", "fem"}
     for changed in sorted(read):
-        monkeypatch.setattr(formulation, "_source", lambda name: original(name) + "\n" * (name == changed))  # noqa: B023
+        monkeypatch.setattr(array_cache, "_source", lambda name: original(name) + "\n" * (name == changed))  # noqa: B023
         formulation_hash.cache_clear()
         keys.add(_key())
-    monkeypatch.setattr(formulation, "_source", original)
+    monkeypatch.setattr(array_cache, "_source", original)
     for name in ("FORMAT", "version"):
         with monkeypatch.context() as patch:
             if name == "FORMAT":
                 patch.setattr(link_cache, name, "stiffarm-superelement/0")
             else:
-                patch.setattr(formulation, name, lambda _: "0.1")
+                patch.setattr(array_cache, name, lambda _: "0.1")
             formulation_hash.cache_clear()
             keys.add(_key())
     assert len(keys) == 1 + len(read) + 2
@@ -194,7 +192,7 @@ def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> 
     ],
 )
 def test_imports_are_found_however_they_are_written(text: str, found: set[str]) -> None:
-    assert set(formulation._imported(text, "fem")) == found
+    assert set(array_cache._imported(text, "fem")) == found
 
 
 @pytest.mark.usefixtures("_fresh_hash")
@@ -202,7 +200,7 @@ def test_without_source_nothing_is_kept(store: ArrayCache, monkeypatch: pytest.M
     def refuse(name: str) -> str:
         raise OSError(name)
 
-    monkeypatch.setattr(formulation, "_source", refuse)
+    monkeypatch.setattr(array_cache, "_source", refuse)
     element = cached_superelement(tube(), POINTS, RIGID, store)
     assert agree(element, shell_superelement(tube(), POINTS, RIGID))
     assert store.folder is not None

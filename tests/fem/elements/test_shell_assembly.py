@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem.elements import quad as shell_quad
-from fem.elements import triangle as shell_triangle
+from fem.elements import facets
 from fem.elements.assembly import assemble_shell, element_stiffness, freedoms
 from meshes.shell_mesh import ShellMesh
 
@@ -38,11 +37,10 @@ def test_sparse_assembly_adds_every_element_in_its_place(kind: str, rng: np.rand
     np.testing.assert_allclose(found.toarray(), expected, rtol=0, atol=1e-14 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("module", [shell_quad, shell_triangle], ids=["quads", "triangles"])
-def test_batches_do_not_show(module: object, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+def test_batches_do_not_show(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     mesh = sheet("mixed", rng)
     whole = element_stiffness(mesh)
-    monkeypatch.setattr(module, "BATCH", 3)
+    monkeypatch.setattr(facets, "BATCH", 3)
     # The kernels may group their sums by the number of elements: round-off.
     for one, other in zip(whole, element_stiffness(mesh), strict=True):
         np.testing.assert_allclose(other, one, rtol=0, atol=1e-14 * np.abs(one).max())

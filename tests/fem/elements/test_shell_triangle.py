@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem.elements import triangle as shell_triangle
+from fem.elements.facets import plane_stress
 from fem.elements.shell import assemble_shell, freedoms, rigid_motion
-from fem.elements.triangle import plane_stress, triangle_stiffness
+from fem.elements.triangle import triangle_stiffness
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
 from robots.arrays import Array
@@ -198,7 +199,7 @@ GOOD = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], dtype=float)
     [
         (GOOD[0], E, NU, np.full(1, T), "corners"),
         (GOOD, E, NU, np.full(2, T), "thickness"),
-        (GOOD * [1, 0, 0], E, NU, np.full(1, T), "no area"),
+        (GOOD * [1, 0, 0], E, NU, np.full(1, T), "without area"),
         (GOOD * np.nan, E, NU, np.full(1, T), "not finite"),
         (GOOD, E, NU, np.zeros(1), "thickness"),
         (GOOD, E, NU, np.full(1, np.nan), "thickness"),

@@ -12,8 +12,7 @@ from fem import ArmModel, build_model, deflection
 from fem.free.kinds import KINDS
 from fem.free.laws import FourierBasis, FreeLaw, TableBasis, law_parameters, polynomial_basis
 from fem.free.model import FreeModel, LoadedPoses
-from fem.free.named_numbers import named_numbers
-from fem.free.parameters import Parameter, parameter
+from fem.free.parameters import Parameter, named_numbers, parameter
 from fem.springs import LawSpring
 from robots import InputError, ModelDescription, forward_kinematics, load_description
 

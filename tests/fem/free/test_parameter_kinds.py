@@ -6,17 +6,15 @@ import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from fem import ArmModel, build_model, deflection
 from fem.free import parameters as names
-from fem.free.base import Flexibility, Kind, Parameter
+from fem.free.base import Figure, Flexibility, Kind, Parameter, Tables
 from fem.free.kinds import KINDS
 from fem.free.model import FreeModel, LoadedPoses
-from fem.free.model_tables import Figure, Tables
 from fem.free.parameters import known_parameters, parameter
 from fem.statics.ports import Port
 from robots import load_description
@@ -54,9 +52,6 @@ def test_no_other_file_asks_for_a_kind_by_name() -> None:
 class _Softness(Kind):
     """By what share a joint's spring is softer than the model has it: a kind made up here."""
 
-    name: ClassVar[str] = "softness"
-    is_linear = True
-
     def made(self, model: ArmModel, place: str, what: str) -> Parameter | None:
         if place not in model.robot.joint_names or what != self.name:
             return None
@@ -80,7 +75,7 @@ class _Softness(Kind):
 
 def test_a_kind_made_up_here_needs_no_other_file(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     """Named, evaluated with its derivative, and written, by what it says itself."""
-    monkeypatch.setattr(names, "KINDS", (*KINDS, _Softness()))
+    monkeypatch.setattr(names, "KINDS", (*KINDS, _Softness("softness", is_linear=True)))
     springs = dict.fromkeys(("j1", "j2", "j3", "j4", "j5", "j6"), 1e6)
     model = build_model(load_description("kr60-3"), links="rigid").with_springs(springs)
     free = parameter(model, "j2.softness")

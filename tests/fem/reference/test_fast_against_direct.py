@@ -11,9 +11,9 @@ import pytest
 import fem.elements.beam
 import fem.statics.transfers
 from fem import ArmModel, build_model, compliance, deflection
-from fem.effects.acting import act
 from fem.effects.base import PlacedEffect
 from fem.effects.catalogue import catalogue
+from fem.effects.observed import act
 from fem.model import LinkKind
 from fem.reference import direct
 from fem.reference.direct import CHUNK

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from fem import ArmModel, build_model, compliance, compliance_factor
-from fem.free.law_bases import FourierBasis
 from fem.model import LinkKind
-from fem.springs import LawSpring
+from fem.springs import FourierBasis, LawSpring
 from fem.statics.factor import _square_root
 from robots import InputError, LoadPath, load_description
 from robots.arrays import Array

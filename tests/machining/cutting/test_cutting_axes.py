@@ -10,7 +10,7 @@ from cutting_cases import wall_task
 from posture_cases import dome_task, part, spindle
 
 from machining.cutting import ConstantForce, process_axes
-from machining.cutting.process_axes import arc_length, weights
+from machining.cutting.process_axes import weights
 from machining.task import Task, tool_path
 from robots import InputError
 from robots.arrays import Array
@@ -89,7 +89,7 @@ def test_a_constant_force_is_expressed_in_its_axes(rotation: Array) -> None:
 
 def test_weights_are_the_trapezoidal_rule() -> None:
     path = tool_path([[0, 0, 0], [0.1, 0, 0], [0.4, 0, 0]], [0, 0, 1])
-    np.testing.assert_allclose(arc_length(path), [0.0, 0.1, 0.4])
+    np.testing.assert_allclose(path.arc_length, [0.0, 0.1, 0.4])
     np.testing.assert_allclose(weights(path), [0.125, 0.5, 0.375])
 
 

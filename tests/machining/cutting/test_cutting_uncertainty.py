@@ -13,11 +13,11 @@ import robots
 from machining import translational
 from machining.cutting import (
     ConstantForce,
-    PartShares,
     SurfaceError,
     ToolBending,
     assumed_uncertainty,
     compare,
+    part_shares,
     surface_error,
 )
 from machining.cutting.spread import covariance
@@ -151,7 +151,7 @@ def test_no_change_cannot_be_told(kr60: fem.ArmModel, rng: np.random.Generator) 
 def test_a_rigid_arm_has_no_error(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
     task = wall_task()
     q = postures(kr60, task, SOFT)
-    none = PartShares((), np.zeros(0), "nothing gives way")
+    none = part_shares((), np.zeros(0), "nothing gives way")
     e = surface_error(kr60.with_rigid_joints(), task, q, ConstantForce(F), stiffness=none)
     change = compare(e, e, rng).changes["rms"]
     assert change.verdict == "no error"

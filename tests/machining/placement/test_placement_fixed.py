@@ -12,9 +12,8 @@ from posture_cases import dome, part
 import fem
 from machining.cell import Body, Fixture, Turntable, arm_of, box, scene_of
 from machining.placement import How, find_fixed, follow, on_axes, place
-from machining.placement.reach import shortfalls, wrist_lack
 from machining.placement.search import Looker
-from machining.placement.sweeping import merits, sweep_sites
+from machining.placement.sweeping import merits, shortfalls, sweep_sites, wrist_lack
 from machining.posture.drive import limit_distance
 from machining.posture.points import GammaRange, sweep_gamma
 from machining.stiffness.cartesian import translational
@@ -123,7 +122,7 @@ def test_many_positions_in_one_sweep_are_each_by_itself(kr60: fem.ArmModel) -> N
     e = np.array([[0.0, 0.0], [0.2, 0.0], [0.4, 0.0], [0.1, 0.1], [-0.9, 0.0]])
     together = sweep_sites(problem, e, np.zeros(5), np.arange(5), problem.angles)
     for i in range(5):
-        task, objective = problem.looked_at(problem.task_at(e[i], 0.0), problem.forces(0.0))
+        task, objective = problem.looked_at(e[i], 0.0, np.arange(5))
         alone = sweep_gamma(kr60, task, objective, problem.angles)
         np.testing.assert_array_equal(together.valid[i], np.moveaxis(alone.valid, 0, 2))
         np.testing.assert_allclose(together.value[i], np.moveaxis(alone.value, 0, 2), rtol=1e-9)
@@ -215,7 +214,7 @@ def test_the_lack_is_the_distance_to_the_reach(kr60: fem.ArmModel) -> None:
     def lack(x: float) -> float:
         problem = problem_of(arm, cell_of(rail(), part=part(x, 0.0, 0.6)), path, gamma=0.0)
         sites = sweep_sites(problem, np.zeros((1, 1)), np.zeros(1), np.arange(2), problem.angles)
-        return float(shortfalls(problem, sites)[0][0])
+        return shortfalls(problem, sites)[0].lack
 
     far = next(x for x in np.arange(1.5, 3.0, 0.01) if lack(float(x)) > 0.0)
     low, high = far - 0.01, far

@@ -10,9 +10,10 @@ from posture_cases import ALONG_Y, dome, dome_task, part, spindle
 
 import fem
 from machining.posture.drive import Drive
-from machining.posture.long_path import follow_gamma, optimise_long_path
-from machining.posture.path import course_at, optimise_path
+from machining.posture.long_path import optimise_long_path
+from machining.posture.path import optimise_path
 from machining.posture.points import GammaRange
+from machining.posture.problem import course_at
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
 from robots import InputError, forward_kinematics
@@ -60,10 +61,9 @@ def test_knots_crowd_where_the_tool_turns(kr60: fem.ArmModel) -> None:
 
 def test_gamma_given_is_followed(kr60: fem.ArmModel) -> None:
     task = dome_task(50, 0.3)
-    followed = follow_gamma(kr60, task, 0.3, drive=Drive(speed=SPEED))
+    followed = course_at(kr60, task, 0.3, drive=Drive(speed=SPEED))
     np.testing.assert_array_equal(followed.gamma, 0.3)
-    np.testing.assert_allclose(followed.q, course_at(kr60, task, 0.3, drive=Drive(speed=SPEED)).q, atol=1e-12)
-    varied = follow_gamma(kr60, task, np.linspace(0.0, 0.4, 50))
+    varied = course_at(kr60, task, np.linspace(0.0, 0.4, 50))
     np.testing.assert_allclose(varied.gamma, np.linspace(0.0, 0.4, 50))
 
 
@@ -116,13 +116,13 @@ def test_a_force_at_each_point_goes_with_its_point(kr60: fem.ArmModel) -> None:
 def test_branch_and_turns_near_given_postures_are_taken(kr60: fem.ArmModel) -> None:
     """The wrist flipped all along: as stiff to rounding, but asked for."""
     task = dome_task(30, 0.2)
-    plain = follow_gamma(kr60, task, 0.3)
+    plain = course_at(kr60, task, 0.3)
     flipped = plain.q.copy()
     flipped[:, 3] += -np.pi if flipped[0, 3] > 0.0 else np.pi
     flipped[:, 4] *= -1.0
     # One turn for all points: the angle passes zero.
     flipped[:, 5] += -np.pi if flipped[0, 5] > 0.0 else np.pi
-    found = follow_gamma(kr60, task, 0.3, near=flipped + 0.01)
+    found = course_at(kr60, task, 0.3, near=flipped + 0.01)
     np.testing.assert_allclose(found.q, flipped, atol=1e-9)
     assert (found.branch != plain.branch).all()
 

@@ -15,7 +15,8 @@ from machining import Drive, GammaRange, Objective, Task, ToolPath, best_posture
 from machining.cell import clearance
 from machining.cutting import ConstantForce
 from machining.placement import Goal, Problem, find_fixed, space_of
-from machining.posture.long_path import follow_gamma, optimise_long_path
+from machining.posture.long_path import optimise_long_path
+from machining.posture.problem import course_at
 from machining.service import Session
 from robots import forward_kinematics
 
@@ -134,7 +135,7 @@ def test_best_path_at_one_gamma_and_with_rapid_moves(session: Session, kr60: fem
     task = Task(path, spindle(), turned_part(), X)
     fixed = ask(session, "best_path", gamma_deg=-60, **block(path))
     limits = Drive(limit_least=np.radians(0.5))
-    assert_allclose(fixed["q_deg"], np.degrees(follow_gamma(kr60, task, np.radians(-60.0), None, limits).q), atol=1e-6)
+    assert_allclose(fixed["q_deg"], np.degrees(course_at(kr60, task, np.radians(-60.0), None, limits).q), atol=1e-6)
     jump = 0.5 * max(fixed["largest_step_deg"])
     rapid = {"rapid": [True] * 6}
     assert "point" in refused(session, "best_path", gamma_deg=-60, jump_deg=jump, **block(path))

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from fem import directional_stiffness
+from fem.arm import Arm
 from stiffarm.commands.fit import learning
 from stiffarm.commands.maps import sweep
 from stiffarm.session import inputs, steps
 from surrogate import Surrogate, train
 
 
-def learned(given: inputs.ModelInput, direction: tuple[float, float, float]) -> Surrogate:
+def learned(given: Arm, direction: tuple[float, float, float]) -> Surrogate:
     names = steps.default_inputs(given.model)
     options = {"basis": "polynomial", "degree": 2, "runs": 300}
     rng = np.random.default_rng(0)

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from fem.arm import Arm
 from machining import Task
 from machining.stiffness.distribution import (
     Distribution,
@@ -27,7 +28,6 @@ from stiffarm.commands.maps.index.request import IndexRequest, map_request
 from stiffarm.commands.maps.planes import layer_of
 from stiffarm.commands.maps.request import MapRequest
 from stiffarm.commands.maps.step import evaluated
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
@@ -86,7 +86,7 @@ class IndexMap:
 
 
 def make_index_map(
-    given: ModelInput,
+    given: Arm,
     asked: IndexRequest,
     folder: OutputFolder,
     files: Files,
@@ -126,7 +126,7 @@ def make_index_map(
             return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files)
 
 
-def _metadata(given: ModelInput, asked: IndexRequest, request: MapRequest, task: Task) -> dict[str, str]:
+def _metadata(given: Arm, asked: IndexRequest, request: MapRequest, task: Task) -> dict[str, str]:
     """What the map is of, words by name."""
     frame, force = task.T_base_part, asked.objective.force
     return {
@@ -160,7 +160,7 @@ def angle_name(gamma: float) -> str:
     return f"gamma_{round(float(np.degrees(gamma)), 6) + 0.0:g}_deg"
 
 
-def write(made: IndexMap, given: ModelInput, folder: OutputFolder, files: Files) -> dict[str, Any]:
+def write(made: IndexMap, given: Arm, folder: OutputFolder, files: Files) -> dict[str, Any]:
     """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json`` and the pictures.
 
     Returns what the JSON file holds, with the names of all files.

@@ -8,6 +8,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from fem.arm import Arm
 from machining import INDICES, GammaRange, Objective
 from machining.stiffness.grid import in_box, in_polygon
 from machining.stiffness.objective import DISPLACEMENTS
@@ -15,7 +16,6 @@ from machining.sweep_parts import MOST, TARGETS
 from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.commands.maps.request import MapRequest, grid_table, model_text
-from stiffarm.session.inputs import ModelInput
 from stiffarm.session.parsing import parse_frame, parse_numbers, parse_vector, parse_word, tool_of
 from stiffarm.session.task_options import parse_gammas, parse_values
 from surrogate.maps.data import Layout
@@ -82,7 +82,7 @@ def read_request(options: Mapping[str, str | None]) -> IndexRequest:
     )
 
 
-def map_request(given: ModelInput, asked: IndexRequest, seed: int) -> MapRequest:
+def map_request(given: Arm, asked: IndexRequest, seed: int) -> MapRequest:
     """The request of the maps' engine: the best gamma's pose at each point, and the objective at every gamma."""
     text, model_hash = model_text(given)
     objective = asked.objective

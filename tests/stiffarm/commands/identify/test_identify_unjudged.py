@@ -19,11 +19,11 @@ from doe.joint_twists import LawKind, TwistReadings, identify, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from doe.joint_twists.unjudged import unjudged
 from fem import build_model
+from fem.arm import Arm
 from robots import ModelDescription, load_description, save_description
 from stiffarm.commands.identify import step as joint_twist_run
 from stiffarm.commands.identify.payload import direction, identification
 from stiffarm.commands.identify.step import Request
-from stiffarm.session.inputs import ModelInput
 
 # Degrees; pairs of them are whole turns apart.
 ANGLES = (-340.0, -100.0, -50.0, 10.0, 20.0, 70.0, 260.0, 310.0, 370.0)
@@ -31,14 +31,14 @@ NEEDED: dict[LawKind, int] = {"constant": 1, "fourier-1": 3, "fourier-2": 5, "ta
 
 
 @cache
-def wide() -> ModelInput:
+def wide() -> Arm:
     """The TX200 with joints that turn more than once."""
     data = load_description("tx200").model_dump(by_alias=True)
     for joint in data["joint"]:
         joint["limits"] = {**joint["limits"], "value": (-400.0, 400.0), "unit": "deg"}
     description = ModelDescription.model_validate({**data, "coupling": ()})
     model = build_model(description, "rigid")
-    return ModelInput(description, model.robot, model)
+    return Arm(description, model.robot, model)
 
 
 def readings(angles_deg: Sequence[float], poses: int = 2, seed: int = 0, **campaign: Any) -> TwistReadings:

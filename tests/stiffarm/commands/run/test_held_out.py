@@ -13,6 +13,7 @@ from cli_runs import Command
 from doe import Measurements, read_measurements, write_measurements
 from doe.estimation.campaign import campaign_of
 from fem import deflection
+from fem.arm import Arm
 from robots import InputError
 from stiffarm.commands.calibrate.step import Request, calibrate
 from stiffarm.commands.run import held_out
@@ -21,7 +22,7 @@ from stiffarm.session import inputs
 POSES = ((12.0, 60.0, 30.0, 40.0), (-20.0, 75.0, -60.0, -50.0))
 
 
-def _made_up(given: inputs.ModelInput, like: Measurements, springs: dict[str, float]) -> Measurements:
+def _made_up(given: Arm, like: Measurements, springs: dict[str, float]) -> Measurements:
     """Readings of dz at two other poses under 650 N, by the robot with these springs."""
     q = np.zeros((2, 6))
     q[:, 1:5] = np.radians(POSES)
@@ -33,11 +34,11 @@ def _made_up(given: inputs.ModelInput, like: Measurements, springs: dict[str, fl
 
 
 @pytest.fixture(scope="module")
-def given() -> inputs.ModelInput:
+def given() -> Arm:
     return inputs.read_model("xr701", None, None)
 
 
-def test_a_variant_predicts_what_it_would_do_itself(given: inputs.ModelInput, data_file: Path) -> None:
+def test_a_variant_predicts_what_it_would_do_itself(given: Arm, data_file: Path) -> None:
     table = read_measurements(data_file, given.robot)
     springs_free = campaign_of("xr701", ("j2.stiffness", "j3.stiffness", "j4.stiffness", "j5.stiffness"))
     variant = calibrate(given, table, Request(springs_free, (650.0,)))
@@ -51,16 +52,14 @@ def test_a_variant_predicts_what_it_would_do_itself(given: inputs.ModelInput, da
     assert "constant, parallelogram predicts them best" in held_out.sentences(softer)[0]
 
 
-def test_poses_that_were_seen_are_refused(given: inputs.ModelInput, data_file: Path) -> None:
+def test_poses_that_were_seen_are_refused(given: Arm, data_file: Path) -> None:
     table = read_measurements(data_file, given.robot)
     with pytest.raises(InputError, match="poses that are in"):
         held_out.read(data_file, given, table)
 
 
 @pytest.mark.slow
-def test_the_whole_chain_judges_by_readings_held_out(
-    cli: Command, given: inputs.ModelInput, data_file: Path, tmp_path: Path
-) -> None:
+def test_the_whole_chain_judges_by_readings_held_out(cli: Command, given: Arm, data_file: Path, tmp_path: Path) -> None:
     table = read_measurements(data_file, given.robot)
     held = _made_up(given, table, {"j2": 1.4e6, "j3": 8e5, "j4": 8e5, "j5": 1e9})
     write_measurements(held, tmp_path / "held.csv", given.robot)

@@ -1,4 +1,4 @@
-"""The load is another than the sheet says, or acts elsewhere, or the arm stands elsewhere."""
+"""The set-up is another than the sheet says: load, where it acts, where the arm stands; gauge's zero, scale, drift."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.effects.base import NEARLY_STRAIGHT, Effect, EffectParameter
+from fem.effects.base import ASSUMED_LAW, NEARLY_STRAIGHT, Effect, EffectParameter
 from fem.effects.situation import Situation
 from fem.effects.structure import ASSUMED
 from fem.model import ArmModel
@@ -18,7 +18,7 @@ from robots.arrays import Array
 ZERO_OFF_BY = float(np.radians(0.04))
 
 
-def load_effects(model: ArmModel) -> Iterator[Effect]:
+def set_up_effects(model: ArmModel) -> Iterator[Effect]:
     """Effects of this kind that the model can have."""
     force = EffectParameter("force", "force", "N", 10.0, 80.0, ASSUMED, meaning="force that acts with every load")
     yield Effect("payload", "a load that the sheet does not count acts with every load", "load", (force,), _payload,
@@ -38,7 +38,26 @@ def load_effects(model: ArmModel) -> Iterator[Effect]:
     ]  # fmt: skip
     yield Effect("load-misalignment", "the load's direction is off", "load", tuple(tilt), _tilt, "load-misalignment")
     for index, name in enumerate(model.robot.joint_names):
-        yield _zero(index, name)
+        yield _joint_zero(index, name)
+    zeros = tuple(
+        EffectParameter(a, "length", "um", 5e-6, 60e-6, ASSUMED, signed=True, meaning=f"reading along {a} without load")
+        for a in AXES
+    )
+    yield Effect("gauge-zero", "the gauge does not read zero without load", "gauge", zeros, _gauge_zero, "gauge-zero")
+    scale = EffectParameter(
+        "share", "ratio", "%", 0.005, 0.1, ASSUMED, signed=True, meaning="share by which it reads too much"
+    )
+    yield Effect("gauge-scale", "the gauge's scale is off", "gauge", (scale,), _scale, "gauge-scale")
+    drifts = tuple(
+        EffectParameter(
+            a, "length", "um", 10e-6, 120e-6, ASSUMED, signed=True, meaning=f"drift along {a} over the whole campaign"
+        )
+        for a in AXES
+    )
+    settling = EffectParameter("settling", "ratio", "1", 0.05, 10.0, ASSUMED, role="shape", grid=(0.1, 0.3, 10.0),
+                               meaning="time to settle over the campaign's; large: nearly straight")  # fmt: skip
+    yield Effect("drift", "readings drift with time", "gauge", (*drifts, settling), _drift, "drift",
+                 depends_on="clock", doubt=ASSUMED_LAW)  # fmt: skip
 
 
 def _payload(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
@@ -57,7 +76,7 @@ def _tilt(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
     return placed(s.model.robot, at, np.zeros(3), np.array([v[0], v[1], 0.0]))
 
 
-def _zero(index: int, name: str) -> Effect:
+def _joint_zero(index: int, name: str) -> Effect:
     def law(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
         q = at.q.copy()
         q[:, index] += v[0]
@@ -69,3 +88,24 @@ def _zero(index: int, name: str) -> Effect:
         f"joint-zero-offset:{name}", f"joint {name} stands at another angle than the controller says", "load", (angle,),
         law, "joint-zero-offset", usual=ZERO_OFF_BY,
     )  # fmt: skip
+
+
+AXES = ("x", "y", "z")
+
+
+def _gauge_zero(d: Array, s: Situation, v: Array) -> Array:
+    out = d.copy()
+    out[:, :3] += v
+    return out
+
+
+def _scale(d: Array, s: Situation, v: Array) -> Array:
+    return np.asarray(d * (1.0 + v[0]))
+
+
+def _drift(d: Array, s: Situation, v: Array) -> Array:
+    """``d (1 - exp(-t/T)) / (1 - exp(-1/T))``, t from 0 to 1 over the campaign: nearly straight for large T."""
+    t = np.nan_to_num(s.history.clock)
+    out = d.copy()
+    out[:, :3] += ((1.0 - np.exp(-t / v[3])) / (1.0 - np.exp(-1.0 / v[3])))[:, None] * v[:3]
+    return out
