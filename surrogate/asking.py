@@ -122,7 +122,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     near = (
         np.full(len(poses), np.nan)
         if surrogate.kinematics is None
-        else _smallest_singular_value(surrogate, surrogate.kinematics, poses)
+        else singularity_distance(surrogate.kinematics, full_poses(surrogate.kinematics, surrogate, poses)).sigma_min
     )
     faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
     return QueryResult(
@@ -181,10 +181,6 @@ def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tupl
         own = 1.0 / value[good] if surrogate.quantity.name == COMPLIANCE else value[good]
         parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
     return model, parameters
-
-
-def _smallest_singular_value(surrogate: Surrogate, robot: Robot, poses: Array) -> Array:
-    return singularity_distance(robot, full_poses(robot, surrogate, poses)).sigma_min
 
 
 def _left_open(surrogate: Surrogate, poses: Array, good: Bools) -> dict[int, tuple[str, ...]]:

@@ -11,7 +11,6 @@ two ways may differ by as much.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -23,8 +22,8 @@ import fem
 from fem.springs import ConstantSpring
 from machining.inputs import as_units
 from machining.task import Task
-from robots import InputError, Reason, Robot
-from robots.arrays import Array, Bools
+from robots import InputError, Robot
+from robots.arrays import Array
 from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
 from robots.inverse.wrist import BOUNDARY
@@ -55,25 +54,13 @@ _QUANTITIES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class FastSweep:
-    """Of k targets: ``q`` (k, 8, 6) rad, ``reason`` (k, 8), and ``value`` (k, 8), NaN where not valid.
+def fast_sweep(
+    model: fem.ArmModel, task: Task, quantity: str, force: Array | None, gamma: Array
+) -> tuple[Array, NDArray[np.int8], Array | None] | None:
+    """Sweep path points and gamma (n, m) rad; k targets in the order of ``gamma.ravel()``. None: take the other way.
 
-    ``value`` is None where the model or the quantity is none of those compiled.
-    """
-
-    q: Array
-    reason: NDArray[np.int8]
-    value: Array | None
-
-    @property
-    def valid(self) -> Bools:
-        """Which postures can be taken (k, 8)."""
-        return np.asarray(self.reason == Reason.FOUND)
-
-
-def fast_sweep(model: fem.ArmModel, task: Task, quantity: str, force: Array | None, gamma: Array) -> FastSweep | None:
-    """Sweep path points and gamma (n, m) rad; targets in the order of ``gamma.ravel()``. None: take the other way.
+    Returns q (k, 8, 6) rad, reason (k, 8), and value (k, 8), NaN where not valid; None instead of the value where the
+    model or the quantity is none of those compiled.
 
     ``force`` (n, 3) N at the points where the quantity needs one.
     """
@@ -94,11 +81,11 @@ def fast_sweep(model: fem.ArmModel, task: Task, quantity: str, force: Array | No
     points = _points(arm, task, frames, _load(what, task, force))
     q, reason, value = _run(compiled, figures, points, along, gamma)
     if compliance is None:
-        return FastSweep(q, reason, None)
+        return q, reason, None
     if stiffness:
         with np.errstate(divide="ignore"):
             np.divide(1.0, value, out=value)
-    return FastSweep(q, reason, value)
+    return q, reason, value
 
 
 def axial_compliance(model: fem.ArmModel) -> Array | None:

@@ -74,7 +74,7 @@ def test_error_figures_are_those_of_the_held_out_runs(best):
 def test_held_out_runs_are_the_models_own_and_none_was_fitted(best):
     given = task()
     exact = 1.0 / directional_stiffness(given.model, given.full(best.held_out.Q))
-    np.testing.assert_allclose(best.held_out.compliance, exact, rtol=1e-12)
+    np.testing.assert_allclose(best.held_out.value, exact, rtol=1e-12)
     seen = {row.tobytes() for row in best.training.Q}
     assert not any(row.tobytes() in seen for row in best.held_out.Q)
     # The boundary ones come last and count once each.

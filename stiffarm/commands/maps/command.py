@@ -14,7 +14,7 @@ from machining import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
 from robots.library.models import bundled_names
-from stiffarm.commands.maps import surrogate_input, words
+from stiffarm.commands.maps import words
 from stiffarm.commands.maps.options import FORMATS, POSES
 from stiffarm.commands.maps.request import MERITS, SHORTS
 from stiffarm.session.console import progress, say, say_notes, user_errors
@@ -425,10 +425,10 @@ def _surrogate_map(
     from stiffarm.commands.maps import sweep
 
     given = frame.model(model, links, load_path, without="the map")
-    learned = surrogate_input.read_surrogate_for_map(given, file)
+    learned = sweep.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-    wanted = surrogate_input.parse_layers(given.robot, layers)
+    wanted = sweep.parse_layers(given.robot, layers)
     frame.reads(surrogate=file)
     with frame.folder() as folder, progress("map poses") as bar:
         made = sweep.learned_map(given, learned, points, wanted, bar)

@@ -20,15 +20,6 @@ from surrogate.maps.quantities import STIFFNESS_ARRAY
 CSV_UP_TO = 200_000
 # Points up to which pictures are drawn: they hold all points and cells in memory.
 DRAWN_UP_TO = 1_000_000
-# Fields that are for programs, or say the same as another: no picture of each.
-NOT_DRAWN = (
-    "worst_direction_x",
-    "worst_direction_y",
-    "worst_direction_z",
-    "jacobian_smallest_singular_value",
-    "near_singular",
-    "softest_part_share",
-)
 ROWS = 1 << 15
 WRITERS: Mapping[str, Callable[[MapData, Path], None]] = {
     "vtu": vtk_stream.write_vtu,
@@ -81,7 +72,9 @@ def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -
     if formats and data.layout.n > DRAWN_UP_TO:
         messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")
     elif formats and (not joints or files.figures):
-        names += _figures(given, data, folder, formats, messages)
+        from stiffarm.commands.maps.figures.whole import draw_map_figures
+
+        names += draw_map_figures(data, given.description, given.robot, folder, formats=formats, notes=messages)
     return names, messages
 
 
@@ -116,22 +109,3 @@ def _cells(values: Array, categories: Sequence[str] = ()) -> list[str]:
         return [categories[int(v)] if v >= 0.0 else "" for v in values]
     # Poses on a limit are rounded to it; -0 is 0.
     return ["" if np.isnan(v) else f"{v + 0.0:.9g}" for v in values]
-
-
-def _figures(
-    given: Arm, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
-) -> list[str]:
-    from stiffarm.commands.maps.figures.whole import draw_map_figures
-
-    reached = np.asarray(data.reached)
-    drawn = [
-        name
-        for name, field in data.fields.items()
-        if name not in NOT_DRAWN
-        and not name.startswith("compliance_")
-        and np.isfinite(np.asarray(field.values)[reached]).any()
-    ]
-    facts = "; ".join(words for key in ("pose", "load") if (words := data.metadata.get(key)))
-    return draw_map_figures(
-        data, given.description, given.robot, folder, quantities=drawn, formats=formats, notes=messages, facts=facts
-    )

@@ -21,7 +21,7 @@ from stiffarm.commands.maps.request import (
     table_of,
     uncertainty_of,
 )
-from stiffarm.commands.maps.surrogate_input import parse_layers
+from stiffarm.commands.maps.sweep import parse_layers
 from stiffarm.session.parsing import parse_direction, parse_names, parse_numbers, parse_vector, parse_word, tool_of
 from stiffarm.session.task_options import parse_gammas, parse_values
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
@@ -202,25 +202,19 @@ def _pose(options: Mapping[str, str | None]) -> tuple[dict[str, Any], str]:
     axis = parse_vector(options.get("--tool-axis") or "0,0,1", "--tool-axis", "a direction in base axes")
     words = "tool axis " + " ".join(f"{v + 0.0:.6g}" for v in axis)
     gammas = parse_gammas(options.get("--gamma") or ("0" if rule == "fixed" else GAMMA))
-    if rule == "fixed":
-        if isinstance(gammas, GammaRange):
-            raise InputError(
-                "--gamma with --pose fixed", value=options.get("--gamma"), allowed="one angle in deg",
-                remedy="choose --pose best-gamma for a range",
-            )  # fmt: skip
-        return (
-            {"rule": rule, "axis": axis.tolist(), "gammas": [gammas]},
-            f"{words}, gamma {np.degrees(gammas):g} deg, best branch by {by}",
-        )
-    if not isinstance(gammas, GammaRange):
+    angles = gammas.angles.tolist() if isinstance(gammas, GammaRange) else [gammas]
+    if (rule == "fixed") != (len(angles) == 1):
+        allowed, other = "FROM:TO:STEP", "fixed for one angle"
+        if rule == "fixed":
+            allowed, other = "one angle", "best-gamma for a range"
         raise InputError(
-            "--gamma with --pose best-gamma", value=options.get("--gamma"), allowed="FROM:TO:STEP in deg",
-            remedy="choose --pose fixed for one angle",
-        )  # fmt: skip
-    return (
-        {"rule": rule, "axis": axis.tolist(), "gammas": gammas.angles.tolist()},
-        f"{words}, best gamma and branch by {by}",
-    )
+            f"--gamma with --pose {rule}",
+            value=options.get("--gamma"),
+            allowed=f"{allowed} in deg",
+            remedy=f"choose --pose {other}",
+        )
+    chosen = f"gamma {np.degrees(angles[0]):g} deg, best branch" if rule == "fixed" else "best gamma and branch"
+    return {"rule": rule, "axis": axis.tolist(), "gammas": angles}, f"{words}, {chosen} by {by}"
 
 
 def _step(options: Mapping[str, str | None], names: tuple[str, ...], length: float, count: int) -> float:

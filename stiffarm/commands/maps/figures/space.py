@@ -146,11 +146,8 @@ def iso_figure(
     InputError
         Nothing is reached, or the map is no box or cylinder.
     """
+    data.require_reached("move the grid to where the robot reaches")
     reached = np.flatnonzero(np.asarray(data.reached))
-    if not len(reached):
-        raise InputError(
-            f"map: {look.name}", value="no point reached", remedy="move the grid to where the robot reaches"
-        )
     # Ten million points would say the same about the frame, the levels and the best place for the robot.
     reached = reached[:: max(1, len(reached) // MOST_POINTS)]
     points = np.asarray(data.points)[reached]
@@ -190,11 +187,8 @@ def cloud_figure(
         raise InputError("view of the map", value=view, allowed=", ".join(VIEWS))
     values = np.asarray(data.fields[look.name].values)
     known = np.asarray(data.reached) & np.isfinite(values) & (values >= 0.0 if look.kind == "category" else True)
+    data.require_reached("move the grid to where the robot reaches")
     rows = np.flatnonzero(known)
-    if not len(rows):
-        raise InputError(
-            f"map: {look.name}", value="no point reached", remedy="move the grid to where the robot reaches"
-        )
     poses = len(rows)
     rows = rows[:: max(1, poses // MOST_POINTS)]
     points = np.asarray(data.points)[rows] * M_TO_MM
