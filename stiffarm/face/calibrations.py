@@ -106,7 +106,7 @@ class Calibration(Shown):
 
         if not self.found.stages:
             raise InputError("plot of springs pose by pose", allowed="a calibration with intervals: scheme='global'")
-        return picture_of(intervals_figure(self.found.stages[-1].result.certainty.estimates)).kept(file)
+        return picture_of(intervals_figure({"": self.found.stages[-1].result.certainty.estimates})).kept(file)
 
 
 def calibrate(

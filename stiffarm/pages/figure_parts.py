@@ -1,9 +1,10 @@
-"""What the figures have in common: colours and markers of series, notes, legends, titles, axes."""
+"""What the figures have in common: paper, colours and markers of series, notes, legends, titles, axes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
@@ -11,17 +12,67 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.style import OKABE_ITO
+from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
 
 SERIES: Final = tuple(OKABE_ITO[c] for c in ("blue", "vermillion", "green", "purple", "orange", "sky"))
 MARKERS: Final = "osD^vP"
 # Values after a jump by more than this factor leave a linear axis; their number is written instead.
 _JUMP = 3.0
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# More names than this do not fit below an axis; from this many characters on they stand upright.
+_MOST_NAMES, _NAMES_UPRIGHT = 28, 100
+
+
+@contextmanager
+def drawing(
+    heading: str, size: tuple[float, float], rows: int = 1, cols: int = 1, **subplots: Any
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of ``size`` (inches) with its title and its axes, row by row; within, the house style holds.
+
+    ``subplots``: further arguments of ``Figure.subplots``.
+    """
+    with house_style():
+        figure, axes = new_figure(size, rows, cols, **subplots)
+        if heading:
+            title(figure, heading)
+        yield figure, axes
+
+
+@contextmanager
+def panels(
+    heading: str, count: int, columns: int, width: float, height: float, room: float, **subplots: Any
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of ``count`` like panels in so many columns at most; each is ``height`` inches high.
+
+    ``room``: height in inches of what stands around them.
+    """
+    columns = min(count, columns)
+    rows = -(-count // columns)
+    with drawing(heading, (width, room + height * rows), rows, columns, **subplots) as (figure, axes):
+        for empty in axes[count:]:
+            empty.set_axis_off()
+        yield figure, axes[:count]
+
+
+def named_rows(ax: Axes, names: Sequence[str], **look: Any) -> None:
+    """Name the rows 0, 1, ... of a chart of lying bars or intervals, the first at the top."""
+    ax.set_yticks(range(len(names)), names, **look)
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False, axis="y")
+
+
+def named_columns(ax: Axes, names: Sequence[str]) -> None:
+    """Name the columns 0, 1, ... of a chart; of many names only some are written, of long ones upright."""
+    shown = range(0, len(names), -(-len(names) // _MOST_NAMES))
+    upright = sum(len(names[k]) for k in shown) > _NAMES_UPRIGHT
+    ax.set_xticks(list(shown), [names[k] for k in shown], rotation=90 if upright else 0)
+    ax.set_xlim(-0.6, len(names) - 0.4)
+    ax.grid(visible=False, axis="x")
 
 
 def joint_colour(name: str, position: int = 0) -> str:
@@ -82,11 +133,12 @@ def power_of_ten(value: float) -> str:
 
 
 def log_ticks(axis: Axis, write: Callable[[float], str] = power_of_ten) -> None:
-    """Label a logarithmic axis whose limits are set: powers of ten, with 2 and 5 between them if these are few.
+    """Label a logarithmic axis whose limits are set: powers of ten, with more between them the fewer these are.
 
     Matplotlib's own labels are mathtext.
     """
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 300.0 * low else (1.0, 2.0, 5.0)))
+    few = (1.0, 2.0, 5.0) if high > 6.0 * low else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 300.0 * low else few))
     axis.set_major_formatter(FuncFormatter(lambda v, _: write(float(v))))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())

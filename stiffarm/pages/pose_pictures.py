@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import base64
 import io
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 
 from robots import ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
 from robots.progress import Progress
 from stiffarm.pages import style
-from stiffarm.pages.robot_drawing import DrawnBody, draw_robot
+from stiffarm.pages.robot_drawing import draw_robot
 from stiffarm.pages.scenes import Scene, Window, z_buffer_image
 
 # Width and height in pixels: some 300 dpi at the size on the page.
@@ -25,8 +23,6 @@ _SIZE_IN = (3.2, 2.6)
 FINENESS = 3
 # Share of the frame that stays free around arm and arrow.
 _MARGIN = 0.04
-# Thickness of a rod over the arm's size.
-_ROD = 0.03
 _ARROW = style.OKABE_ITO["vermillion"]
 _CAMERA = style.Camera(np.array([0.55, -1.0, 0.42]))
 
@@ -37,7 +33,7 @@ def pose_pictures(
     """A base64 PNG for each pose q (n, dof) rad under a load along direction (n, 3); all at the same scale."""
     tool = tool_position(robot, forward_kinematics(robot, q)) * M_TO_MM
     nothing = np.zeros((0, 3))
-    scenes = [Scene(_CAMERA, nothing, nothing, tuple(_bodies(description, robot, one))) for one in q]
+    scenes = [Scene(_CAMERA, nothing, nothing, tuple(draw_robot(description, robot, one))) for one in q]
     reach = max(float(np.linalg.norm(body.mesh.bounds, axis=1).max()) for scene in scenes for body in scene.bodies)
     arrows = [np.stack([end, end + 0.22 * reach * d]) for end, d in zip(tool, direction, strict=True)]
     extent = _extent(scenes, arrows)
@@ -47,21 +43,6 @@ def pose_pictures(
         if progress is not None:
             progress(len(out), len(scenes))
     return out
-
-
-def _bodies(description: ModelDescription, robot: Robot, q: Array) -> list[DrawnBody]:
-    """The robot; one whose links have no sections (from a URDF) gets rods from joint to joint."""
-    bodies = draw_robot(description, robot, q)
-    if description.link:
-        return bodies
-    frames = forward_kinematics(robot, q[None])
-    line = M_TO_MM * np.vstack([frames.p[0], frames.p_flange, tool_position(robot, frames)])
-    radius = _ROD * float(np.ptp(line, axis=0).max())
-    for start, end in itertools.pairwise(line):
-        if np.linalg.norm(end - start) > radius:
-            rod = trimesh.creation.cylinder(radius, sections=24, segment=np.stack([start, end]))
-            bodies.append(DrawnBody("rod", rod, "link"))
-    return bodies
 
 
 def _extent(scenes: Sequence[Scene], arrows: Sequence[Array]) -> tuple[float, float, float, float]:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from stiffarm.pages.parts import rendered
-from stiffarm.pages.style import png_base64
+from stiffarm import __version__
+from stiffarm.session.console import show_table
+from stiffarm.session.outputs import OutputFolder
+
+if TYPE_CHECKING:
+    from doe import Measurements
+    from doe.joint_twists.readings import TwistReadings
 
 
 @dataclass(frozen=True)
@@ -46,7 +54,7 @@ class Picture:
     @property
     def data(self) -> str:
         """The picture as base64."""
-        return png_base64(self.path)
+        return base64.b64encode(self.path.read_bytes()).decode("ascii")
 
 
 @dataclass(frozen=True)
@@ -64,6 +72,10 @@ class Table:
     folded: bool = False
     code_columns: tuple[int, ...] = ()
     kind: str = "table"
+
+    def show(self) -> None:
+        """The same on the screen."""
+        show_table(self.caption, list(self.columns), [list(row) for row in self.rows])
 
 
 Block = Text | Note | Bullets | Picture | Table
@@ -85,15 +97,41 @@ class KeyFigure:
     label: str
 
 
+QUESTION = "how stiff is it, and how well do we know?"
+
+
 def render(
     title: str,
     lede: str,
     key: Sequence[KeyFigure],
     sections: Sequence[Section],
     footer: str,
-    question: str = "how stiff is it, and how well do we know?",
+    question: str = QUESTION,
 ) -> str:
     """The page as HTML text; all content is escaped. ``question``: what the page answers about its title."""
+    # Tables are for screens too, which need no templates.
+    from stiffarm.pages.parts import rendered
+
     return rendered(
         "report.html.j2", title=title, question=question, lede=lede, key=key, sections=sections, footer=footer
     )
+
+
+def data_words(data: Measurements | TwistReadings) -> str:
+    """Which readings a page was made of."""
+    return f"data {data.source} (SHA-256 {data.sha256[:12]}...)"
+
+
+def write_page(
+    folder: OutputFolder,
+    title: str,
+    lede: str,
+    key: Sequence[KeyFigure],
+    sections: Sequence[Section],
+    question: str = QUESTION,
+    made_of: str = "",
+) -> None:
+    """Write report.html; below it stand version, time and what it was ``made_of``."""
+    version = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC"
+    footer = f"{', '.join(filter(None, (version, made_of)))}. Versions, command and timings: run.json."
+    folder.write_text("report.html", render(title, lede, key, sections, footer, question))

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 
 from meshes.beams import body_index
-from robots import ModelDescription, Robot, forward_kinematics, tool_position
+from robots import ModelDescription, Robot, forward_kinematics
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
 from robots.kinematics import BodyFrames
 from robots.robot import middle_pose
 from stiffarm.pages.robot_drawing import DrawnBody, Role, draw_robot
-
-# Thickness of a rod over the arm's size, where the links have no sections.
-_ROD = 0.03
-_ROD_SIDES = 20
 
 
 class FramedBody(NamedTuple):
@@ -51,18 +45,16 @@ def frame_transforms(robot: Robot, frames: BodyFrames, pose: int = 0) -> Array:
 
 
 def framed_bodies(description: ModelDescription, robot: Robot) -> list[FramedBody]:
-    """The bodies of :func:`stiffarm.pages.robot_drawing.draw_robot` in the middle pose; rods where there are no links.
+    """The bodies of :func:`stiffarm.pages.robot_drawing.draw_robot` in the middle pose.
 
     That drawing turns the hub of the last wrist joint by how far the wrist is bent; here it stays as it is.
     """
     pose = middle_pose(robot)
     frames = forward_kinematics(robot, pose[None])
     transforms = frame_transforms(robot, frames)
-    drawn = [(body, _frame(description, robot, body)) for body in draw_robot(description, robot, pose)]
-    if not description.link:
-        drawn += _rods(robot, frames)
     out = []
-    for body, frame in drawn:
+    for body in draw_robot(description, robot, pose):
+        frame = _frame(description, robot, body)
         T = transforms[frame]
         vertices = (np.asarray(body.mesh.vertices) / M_TO_MM - T[:3, 3]) @ T[:3, :3]
         out.append(FramedBody(body.name, body.role, frame, vertices, np.asarray(body.mesh.faces, dtype=np.int64)))
@@ -82,17 +74,8 @@ def _frame(description: ModelDescription, robot: Robot, body: DrawnBody) -> int:
         return special[body.name]
     if body.role == "joint":
         return robot.joint_names.index(body.name) + 1
+    if not description.link:
+        return int(body.name.removeprefix("rod "))
     links = {link.name: body_index(robot, link.body) for link in description.link}
     # A link with bends is drawn in pieces: "forearm 1", "forearm 2".
     return links[body.name] if body.name in links else links[body.name.rpartition(" ")[0]]
-
-
-def _rods(robot: Robot, frames: BodyFrames) -> list[tuple[DrawnBody, int]]:
-    line = M_TO_MM * np.vstack([frames.p[0], frames.p_flange, tool_position(robot, frames)])
-    radius = _ROD * float(np.ptp(line, axis=0).max())
-    out = []
-    for i, ends in enumerate(pairwise(line)):
-        if np.linalg.norm(ends[1] - ends[0]) > 1e-3 * radius:
-            rod = trimesh.creation.cylinder(radius=radius, sections=_ROD_SIDES, segment=np.stack(ends))
-            out.append((DrawnBody("rod", rod, "link"), i))
-    return out

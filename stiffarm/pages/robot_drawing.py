@@ -6,6 +6,7 @@ the base plate and the hubs are drawing only and enter no computation.
 
 from __future__ import annotations
 
+import itertools
 from types import MappingProxyType
 from typing import Final, Literal, NamedTuple
 
@@ -36,6 +37,7 @@ ROBOT_COLOURS: Final = MappingProxyType(
 )
 _COINCIDENT_M = 1e-6
 _ROUND = 32  # sides of a circle
+_ROD = 0.03  # radius of a rod over the arm's size
 _TRANSVERSE = 0.6  # below this cosine a joint axis counts as across the centre line
 
 
@@ -56,7 +58,7 @@ class _Outline(NamedTuple):
 
 
 def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> list[DrawnBody]:
-    """Surfaces of the robot in one pose.
+    """Surfaces of the robot in one pose; rods from joint to joint where its links have no sections (from a URDF).
 
     Parameters
     ----------
@@ -83,6 +85,8 @@ def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> 
     bodies += _joints(description, robot, frames)
     bodies += _parallelogram(description, robot, frames)
     bodies += _flange_and_tool(description, robot, frames)
+    if not description.link:
+        bodies += _rods(robot, frames)
     for body in bodies:
         body.mesh.vertices *= M_TO_MM
     return bodies
@@ -181,6 +185,18 @@ def _base_plate(description: ModelDescription) -> list[DrawnBody]:
     thickness = 0.04
     plate = _cylinder(np.array([0.0, 0.0, 0.5 * thickness]), np.array([0.0, 0.0, 1.0]), radius, thickness)
     return [DrawnBody("base plate", plate, "joint")]
+
+
+def _rods(robot: Robot, frames: BodyFrames) -> list[DrawnBody]:
+    """A rod from each joint that is not where the next one is: ``rod 0`` moves with the base, ``rod 1`` with body 1."""
+    line = np.vstack([frames.p[0], frames.p_flange, tool_position(robot, frames)])
+    radius = _ROD * float(np.ptp(line, axis=0).max())
+    rods = []
+    for i, ends in enumerate(itertools.pairwise(line)):
+        if np.linalg.norm(ends[1] - ends[0]) > 1e-3 * radius:
+            rod = trimesh.creation.cylinder(radius=radius, sections=_ROUND, segment=np.stack(ends))
+            rods.append(DrawnBody(f"rod {i}", rod, "link"))
+    return rods
 
 
 def _size_at(description: ModelDescription, robot: Robot, frames: BodyFrames, joint: int) -> _Outline:

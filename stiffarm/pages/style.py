@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import itertools
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -148,11 +147,6 @@ def require_folder(path: Path) -> None:
         raise InputError("picture folder", value=str(path.parent), allowed="an existing folder")
 
 
-def png_base64(path: Path) -> str:
-    """Return a picture's bytes as base64 text, for ``src="data:image/png;base64,..."`` in a report."""
-    return base64.b64encode(path.read_bytes()).decode("ascii")
-
-
 @dataclass(frozen=True)
 class Camera:
     """Parallel projection; ``towards`` points from the scene to the eye, z stays upright."""
@@ -227,22 +221,19 @@ def _log_ticks(low: float, high: float, *, exact: bool) -> Array:
     return np.array([low, *inner, high])
 
 
-def colour_bar(figure: Figure, norm: Normalize, ticks: Array, values: Array) -> None:
-    """Draw the bar of structural stiffness (N/mm); ends that cut values off say so ("≥ 700")."""
-    below, above = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get((below, above), "both")
+def colour_bar(figure: Figure, colours: Colormap, norm: Normalize, ticks: Array, values: Array, label: str) -> None:
+    """Draw the colour bar of a picture at its right; ends that cut values off say so ("≥ 700")."""
+    cut = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
+    extend: Any = {(True, False): "min", (False, True): "max", (True, True): "both"}.get(cut, "neither")
     axes = figure.add_axes((0.872, 0.20, 0.022, 0.56))
-    bar = figure.colorbar(ScalarMappable(norm, STIFFNESS_COLOURS), cax=axes, extend=extend, ticks=ticks)
+    bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, extend=extend, ticks=ticks)
     labels = [f"{t:.6g}" for t in ticks]
-    labels[0] = f"≤ {labels[0]}" if below else labels[0]
-    labels[-1] = f"≥ {labels[-1]}" if above else labels[-1]
+    labels[0] = "≤ " * cut[0] + labels[0]
+    labels[-1] = "≥ " * cut[1] + labels[-1]
     bar.ax.minorticks_off()
     bar.ax.set_yticklabels(labels)
     bar.outline.set_linewidth(0.6)
-    scale = ", log scale" if isinstance(norm, LogNorm) else ""
-    bar.set_label(f"structural stiffness (N/mm){scale}", size=11, labelpad=10)
-    for y, text, side in ((1.065, "stiff", "bottom"), (-0.065, "soft", "top")):
-        axes.text(0.5, y, text, transform=axes.transAxes, ha="center", va=side, size=10, color="#555555")
+    bar.set_label(label + ", log scale" * isinstance(norm, LogNorm), size=11, labelpad=10)
 
 
 def box_ticks(points: Array) -> list[Array]:

@@ -1,7 +1,8 @@
-"""Estimated laws for the report and the results: springs over their own angles, where the readings stood."""
+"""Laws for the report and the results: springs over their own angles, where they were read or calibrated."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,19 +10,24 @@ import numpy as np
 
 from doe.certainty.law_band import LawBand, law_band
 from doe.estimation.calibration import StageResult
+from doe.published.pose_studies import PoseStudies
 from fem.free.laws import FourierBasis, FreeLaw, PolynomialBasis, TableBasis
+from fem.springs import spring_from
+from robots import Robot
 from robots.arrays import Array
 from stiffarm.session.json_text import number
 
-_POINTS = 181
+# Points of a grid along each of one, or of two angles.
+_POINTS = {1: 181, 2: 61}
+READ = "angles read"
 
 
 @dataclass(frozen=True)
 class LawCurve:
-    """A law for drawing: the spring over one angle, and at the poses read.
+    """A law for drawing: the spring over its angles, and at the poses it was read or calibrated at.
 
-    ``inputs``: coordinates it hangs on; ``angle_deg`` (n,) with ``band``: over the first of them if there is no
-    other, else empty; ``read_deg`` (r,) with ``read``: at the angles read.
+    ``inputs``: the k coordinates it depends on; ``angle_deg`` (n, k) with ``band``: a grid, empty for more than two;
+    ``read_deg`` (r, k) with ``read``, and what each of these points is (``origin``). Bands are NaN where none is known.
     """
 
     joint: str
@@ -31,43 +37,70 @@ class LawCurve:
     band: LawBand
     read_deg: Array
     read: LawBand
+    origin: tuple[str, ...]
 
 
 def curves(s: StageResult) -> list[LawCurve]:
-    """Every law of a stage."""
-    return [_curve(s, law) for law in s.laws]
+    """Every law that a stage has estimated, over the joints' limits."""
+    return [_estimated(s, law) for law in s.laws]
 
 
-def _curve(s: StageResult, law: FreeLaw) -> LawCurve:
+def _estimated(s: StageResult, law: FreeLaw) -> LawCurve:
     e, robot = s.estimate, s.estimate.problem.free.model.robot
     columns, kind = _inputs(law)
-    read = np.unique(np.round(e.problem.free.at.q[:, list(columns)], 9), axis=0)
-    poses = np.zeros((len(read), robot.dof))
-    poses[:, list(columns)] = read
-    first = columns[0]
-    q = np.zeros((_POINTS if len(columns) == 1 else 0, robot.dof))
-    low, high = robot.limits[first]
-    q[:, first] = np.linspace(low, high, len(q))
-    return LawCurve(
-        law.joint, kind, tuple(robot.coordinates[c] for c in columns),
-        np.degrees(q[:, first]), law_band(e, s.certainty, law, q),
-        np.degrees(read[:, 0]), law_band(e, s.certainty, law, poses),
-    )  # fmt: skip
+    read = np.unique(np.round(e.problem.free.at.q[:, columns], 9), axis=0)
+    angles = _grid(np.degrees(robot.limits[columns]))
+    band, at_read = (law_band(e, s.certainty, law, _poses(robot, columns, one)) for one in (np.radians(angles), read))
+    inputs = tuple(robot.coordinates[c] for c in columns)
+    return LawCurve(law.joint, kind, inputs, angles, band, np.degrees(read), at_read, (READ,) * len(read))
 
 
-def _inputs(law: FreeLaw) -> tuple[tuple[int, ...], str]:
+def study_curves(studies: Sequence[PoseStudies], robot: Robot) -> list[LawCurve]:
+    """Every law put through springs calibrated pose by pose, over the angles that it holds for."""
+    out = []
+    for joint, law, points in ((j, law, s.points[j]) for s in studies for j, law in s.laws.items()):
+        centre, half = np.array(law.centre_deg), np.array(law.half_range_deg)
+        angles = _grid(np.stack([centre - half, centre + half], axis=1))
+        columns = [robot.coordinate_index(name) for name in law.inputs]
+        stiffness = 1.0 / spring_from(robot, law).compliance(_poses(robot, columns, np.radians(angles)))
+        known, read = _exact(stiffness), _exact(points.stiffness)
+        kind = f"polynomial of degree {max(map(sum, law.exponents), default=0)}"
+        out.append(LawCurve(joint, kind, law.inputs, angles, known, np.degrees(points.angles), read, points.origin))
+    return sorted(out, key=lambda curve: robot.joint_names.index(curve.joint))
+
+
+def _grid(ends: Array) -> Array:
+    """Angles (n, k) between the ends (k, 2) of each; none for more than two."""
+    count = _POINTS.get(len(ends), 0)
+    sides = [np.linspace(low, high, count) for low, high in ends]
+    return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, len(ends))
+
+
+def _poses(robot: Robot, columns: Sequence[int], angles: Array) -> Array:
+    """Poses (n, dof) rad with these angles (n, k), all others 0."""
+    q = np.zeros((len(angles), robot.dof))
+    q[:, columns] = angles
+    return q
+
+
+def _exact(stiffness: Array) -> LawBand:
+    nothing = np.full(len(stiffness), np.nan)
+    return LawBand(np.asarray(stiffness), nothing, nothing)
+
+
+def _inputs(law: FreeLaw) -> tuple[list[int], str]:
     basis = law.basis
     if isinstance(basis, PolynomialBasis):
-        return basis.columns, f"polynomial of degree {int(basis.exponents.sum(axis=1).max(initial=0))}"
+        return list(basis.columns), f"polynomial of degree {int(basis.exponents.sum(axis=1).max(initial=0))}"
     if isinstance(basis, FourierBasis):
-        return (basis.column,), f"Fourier series of order {basis.order}"
+        return [basis.column], f"Fourier series of order {basis.order}"
     assert isinstance(basis, TableBasis)  # noqa: S101 - the only other one
-    return (basis.column,), f"table of {basis.size} nodes"
+    return [basis.column], f"table of {basis.size} nodes"
 
 
 def payload(curve: LawCurve) -> dict[str, Any]:
     """A law as JSON: the spring at the angles read, null where it is not determined."""
-    rows = zip(curve.read_deg, curve.read.stiffness, curve.read.low, curve.read.high, strict=True)
+    rows = zip(curve.read_deg[:, 0], curve.read.stiffness, curve.read.low, curve.read.high, strict=True)
     return {
         "joint": curve.joint,
         "law": curve.kind,

@@ -20,7 +20,6 @@ from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.session.json_text import number
-from stiffarm.session.spring_words import SpringEstimate, bound_of
 
 COMPONENT_KEYS = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 QUANTILES = (0.025, 0.5, 0.975)
@@ -50,8 +49,8 @@ def calibration(c: Calibrated) -> dict[str, Any]:
         last = found.stages[-1]
         out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
         out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
-        out["springs"] = {s.joint: spring(s) for s in c.springs}
-        out |= {spring_key(s.joint): spring(s)["k_Nm_per_rad"] for s in c.springs}
+        out["springs"] = springs(c)
+        out |= {spring_key(joint): one["k_Nm_per_rad"] for joint, one in springs(c).items()}
     if found.studies:
         out["studies"] = {s.stage.name: [pose_fit(fit) for fit in s.fits] for s in found.studies}
         out["laws"] = {joint: law.model_dump(mode="json") for s in found.studies for joint, law in s.laws.items()}
@@ -66,16 +65,20 @@ def spring_key(joint: str) -> str:
     return f"k{short if short.isdigit() else '_' + joint}_Nm_per_rad"
 
 
-def spring(s: SpringEstimate) -> dict[str, Any]:
+def springs(c: Calibrated) -> dict[str, Any]:
+    """Constant springs with their intervals by joint."""
+    return {e.parameter.place: spring(e) for e in c.springs}
+
+
+def spring(e: ParameterEstimate) -> dict[str, Any]:
     """A constant spring with its interval; no plain number where it stands at a bound or is not determined."""
-    known = s.status in ("determined", "one-sided")
     out = {
-        "k_Nm_per_rad": number(s.stiffness) if known else None,
-        "interval95_Nm_per_rad": [number(v) for v in s.interval],
-        "status": s.status,
+        "k_Nm_per_rad": number(e.value) if words.known(e) else None,
+        "interval95_Nm_per_rad": [number(v) for v in e.interval],
+        "status": e.status,
     }
-    bound = bound_of(s)
-    return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": number(s.stiffness)})
+    bound = words.bound_of(e)
+    return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": number(e.value)})
 
 
 def parameters(n: ParameterCount) -> dict[str, int]:
@@ -107,7 +110,7 @@ def answer(c: Calibrated) -> dict[str, Any]:
         "parameters": parameters(c.found.count),
         "rms_mm": number(c.rms_mm),
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
-        "springs": {s.joint: spring(s) for s in c.springs},
+        "springs": springs(c),
         "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],
     }
 

@@ -20,14 +20,16 @@ from robots.arrays import Array
 from robots.progress import Progress
 
 Count = Progress
+# Angles this far (deg) beyond a law's range are beyond it, less is rounding.
+_ROUNDING_DEG = 1e-6
 
 
 @dataclass(frozen=True)
 class Holdout:
     """Readings kept out of the calibration: ``error`` (m,) read minus predicted, NaN at poses in ``blind``.
 
-    ``expected`` (m,): standard deviation by the noise found; ``blind``: why the calibrated model cannot predict a
-    pose.
+    ``expected`` (m,): standard deviation by the noise found, NaN where studies pose by pose found none; ``blind``: why
+    the calibrated model cannot predict a pose; ``beyond``: poses outside the angles that its laws were made for.
     """
 
     data: Measurements
@@ -35,6 +37,7 @@ class Holdout:
     error: Array
     expected: Array
     blind: dict[str, str]
+    beyond: tuple[str, ...]
 
     @property
     def rms_mm(self) -> float:
@@ -111,6 +114,17 @@ def held_out(found: Calibration, data: Measurements) -> Holdout:
         if names:
             blind[label] = f"the calibration does not determine {', '.join(names)}"
             error[system.pose == k] = np.nan
-    noise = found.stages[-1].estimate.noise
-    f = system.evaluate(np.zeros(0))[0]
-    return Holdout(data, system, error, noise.spread(system, f), blind)
+    expected = np.full(len(system), np.nan)
+    if found.stages:
+        expected = found.stages[-1].estimate.noise.spread(system, system.evaluate(np.zeros(0))[0])
+    return Holdout(data, system, error, expected, blind, _beyond(found, data))
+
+
+def _beyond(found: Calibration, data: Measurements) -> tuple[str, ...]:
+    """Poses with angles that a law put through springs pose by pose was not made for."""
+    out = np.zeros(data.n, dtype=np.bool_)
+    for law in (law for s in found.studies for law in s.laws.values()):
+        columns = [found.model.robot.coordinate_index(name) for name in law.inputs]
+        off = np.abs(np.degrees(data.q[:, columns]) - np.array(law.centre_deg))
+        out |= (off > np.array(law.half_range_deg) + _ROUNDING_DEG).any(axis=1)
+    return tuple(dict.fromkeys(label for label, far in zip(data.pose, out, strict=True) if far))

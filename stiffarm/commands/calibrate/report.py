@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 import numpy as np
 
 from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
 from robots.arrays import Array, Integers
-from stiffarm import __version__
-from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.figures.residuals import predictions_figure
-from stiffarm.commands.calibrate.sections import stage_section
+from stiffarm.commands.calibrate.sections import stage_section, study_blocks
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.commands.calibrate.study_section import study_section
-from stiffarm.commands.calibrate.tables import holdout_rows
+from stiffarm.commands.calibrate.tables import holdout_table
+from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.noise_words import scatter_name
 from stiffarm.session.outputs import OutputFolder
 
@@ -25,21 +20,19 @@ from stiffarm.session.outputs import OutputFolder
 def write_report(c: Calibrated, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [_readings(c), *([study_section(c, pictures)] if c.found.studies else [])]
+    sections = [_readings(c)]
+    if c.found.studies:
+        sections.append(Section("Level studies pose by pose", tuple(study_blocks(c, pictures))))
     for number, s in enumerate(c.stages):
         sections += stage_section(c, s, pictures, "" if len(c.stages) == 1 else f"_{number + 1}")
-    sections += [_predictions(c, pictures), _origin(c)]
+    sections += [_predictions(c, pictures), _ORIGIN]
     title = c.description.title.split(" (")[0]
     named = f"{c.request.campaign.title}: " if c.request.campaign.stage or len(c.request.campaign.law) else ""
     lede = (
         f"{named}{c.found.count}, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
         f"{c.found.model.link_kind} links, {c.found.model.load_path} load path."
     )
-    footer = (
-        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {c.data.source} "
-        f"(SHA-256 {c.data.sha256[:12]}...). Versions, command and timings: run.json."
-    )
-    folder.write_text("report.html", render(title, lede, _key_figures(c), sections, footer))
+    write_page(folder, title, lede, _key_figures(c), sections, made_of=data_words(c.data))
 
 
 def _key_figures(c: Calibrated) -> list[KeyFigure]:
@@ -103,13 +96,14 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
                 f"The scatter found ({scatter}) would give {_mm(expected)} by itself."
             )
         )
-        heads = ("pose", "RMS (mm)", f"expected from {scatter} (mm)")
-        blocks.append(Table("Poses held out", heads, tuple(holdout_rows(h))))
+        blocks.append(holdout_table(h, scatter))
     if any(np.isfinite(v) for one in errors.values() for v in one.values()):
-        noise = None if last is None or not (system.component < 3).any() else last.noise.white[0] * 1e3
+        noise = None
+        if last is not None and (system.component < 3).any():
+            noise = f"{scatter}, a reading", last.noise.white[0] * 1e3
         blocks.append(
             pictures.add(
-                predictions_figure(errors, noise, f"{scatter}, a reading"),
+                bars_figure("", errors, "RMS error (mm)", "pose", noise),
                 "predictions",
                 "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
                 "has bent itself to these readings.",
@@ -133,25 +127,14 @@ def _by_pose(error: Array, pose: Integers, component: Integers, labels: tuple[st
     return out
 
 
-def _origin(c: Calibrated) -> Section:
-    rows = tuple(
-        (s.stage.name, e.parameter.name, words.value_text(e), words.interval_text(e), words.shown_unit(e.parameter)[1],
-         "-" if not np.isfinite(e.parameter.value) else f"{e.parameter.value * words.shown_unit(e.parameter)[0]:.3g}",
-         words.prior_text(e.parameter))
-        for s in c.found.stages
-        for e in s.certainty.estimates
-    )  # fmt: skip
-    text = (
-        "Compliances enter deflections linearly, so for given noise the optimum over stiffnesses is global. Intervals "
-        "are those of the profile likelihood where the parabola would not do; the scatter is estimated by restricted "
-        "likelihood, and without repeats it is what the model leaves, noise or not. The calibrated model is "
-        "model.toml; every number there says where it came from."
-    )
-    return Section(
-        "How it was done",
-        (
-            Text(text),
-            Table("Numbers set free", ("stage", "number", "found", "95 % interval", "unit", "model had", "prior"), rows,
-                  text_columns=(0, 1, 2, 6), folded=True),
+_ORIGIN = Section(
+    "How it was done",
+    (
+        Text(
+            "Compliances enter deflections linearly, so for given noise the optimum over stiffnesses is global. "
+            "Intervals are those of the profile likelihood where the parabola would not do; the scatter is estimated "
+            "by restricted likelihood, and without repeats it is what the model leaves, noise or not. The calibrated "
+            "model is model.toml; every number there says where it came from."
         ),
-    )  # fmt: skip
+    ),
+)

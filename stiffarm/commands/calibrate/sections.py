@@ -1,4 +1,4 @@
-"""The report's sections on one stage of a calibration: its numbers, what is told, noise, residuals, outliers."""
+"""The report's sections on studies pose by pose, and on a stage: its numbers, what is told, noise, residuals."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.figures.identifiability import determination_figure, intervals_figure
 from stiffarm.commands.calibrate.figures.laws import laws_figure
 from stiffarm.commands.calibrate.figures.residuals import checks_figure, residuals_figure
-from stiffarm.commands.calibrate.laws import curves
+from stiffarm.commands.calibrate.laws import curves, study_curves
 from stiffarm.commands.calibrate.payload import QUANTILES, bootstrap
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.commands.calibrate.tables import outlier_lines
+from stiffarm.commands.calibrate.tables import numbers_table, outlier_lines, studies_table
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
 from stiffarm.session.direction_words import direction_words
@@ -36,16 +36,23 @@ def stage_section(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: s
     ]
 
 
-def _numbers(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
-    estimates = s.result.certainty.estimates
-    rows = tuple(
-        (e.parameter.name, words.value_text(e), words.interval_text(e), words.shown_unit(e.parameter)[1], e.status)
-        for e in estimates
+def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
+    """Table, laws and remarks of the studies pose by pose of a calibration."""
+    path = c.model.load_path
+    caption = (
+        f"{path.capitalize()} load path: regression of each spring over its angles. Filled points were calibrated, "
+        "hollow ones mirrored, grey ones held at the start value during an earlier stage."
     )
+    figure = laws_figure(study_curves(c.found.studies, c.model.robot))
+    blocks: list[Block] = [studies_table(c), pictures.add(figure, f"springs_against_angle_{path}", caption)]
+    return [*blocks, Bullets(c.remarks)] if c.remarks else blocks
+
+
+def _numbers(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
     blocks: list[Block] = [
-        Table("Numbers found", ("number", "value", "95 % interval", "unit", "status"), rows, text_columns=(0, 1, 4)),
+        numbers_table(s),
         pictures.add(
-            intervals_figure(estimates), f"intervals{suffix}",
+            intervals_figure({"": s.result.certainty.estimates}), f"intervals{suffix}",
             "95 % intervals. A number without a marker stands at its bound or is not determined: it has no value.",
         ),
     ]  # fmt: skip
@@ -83,6 +90,13 @@ def _bootstrap(s: StageFindings) -> Table:
 
 
 def _told(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
+    picture = _determination(s, pictures, suffix)
+    blocks = [*told_blocks(c, s), *([] if picture is None else [picture])]
+    return Section(f"What these readings can and cannot tell{of}", tuple(blocks))
+
+
+def told_blocks(c: Calibrated, s: StageFindings) -> list[Block]:
+    """Which parameters the readings of a stage determine, which not, and what would help."""
     r = s.result
     blocks: list[Block] = [Bullets((*words.told_and_untold(r.certainty.estimates), *_held(c)))]
     if r.trade_offs:
@@ -91,10 +105,7 @@ def _told(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: 
         blocks.append(Text(f"No reading moves with {', '.join(r.unseen)}: other loads, directions or poses would."))
     if any(e.status != "determined" for e in r.certainty.estimates):
         blocks.append(Text("`stiffarm plan` names the poses, loads and directions that would tell the rest best."))
-    picture = _determination(s, pictures, suffix)
-    if picture is not None:
-        blocks.append(picture)
-    return Section(f"What these readings can and cannot tell{of}", tuple(blocks))
+    return blocks
 
 
 def _held(c: Calibrated) -> list[str]:

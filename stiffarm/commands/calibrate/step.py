@@ -10,7 +10,7 @@ import numpy as np
 from doe import Measurements, select_loads
 from doe.certainty.lack_of_fit import downweighted
 from doe.certainty.left_out import leave_one_pose_out
-from doe.certainty.uncertainty import Certainty, bootstrap, certainty
+from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, certainty
 from doe.estimation.calibration import (
     Calibration,
     StageResult,
@@ -35,7 +35,6 @@ from robots import InputError, ModelDescription
 from robots.arrays import Array, Integers
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
-from stiffarm.session.spring_words import SpringEstimate
 from stiffarm.session.useless_readings import refuse_useless
 
 
@@ -108,10 +107,10 @@ class Calibrated:
         return self.found.model
 
     @property
-    def springs(self) -> tuple[SpringEstimate, ...]:
+    def springs(self) -> tuple[ParameterEstimate, ...]:
         """Constant springs of the joints set free, in all stages."""
         every = (e for s in self.found.stages for e in s.certainty.estimates)
-        return tuple(SpringEstimate.of(e) for e in every if e.parameter.spring_of is not None)
+        return tuple(e for e in every if e.parameter.spring_of is not None)
 
     @property
     def pose(self) -> tuple[str, ...]:

@@ -1,24 +1,27 @@
-"""What `calibrate` shows on stderr."""
+"""Tables of a calibration, for its page and for the screen, and what `calibrate` shows there."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from doe.certainty.lack_of_fit import outliers
+from doe.published.parametric import PoseFit
 from doe.published.readings import COMPONENTS, rms_mm
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.session.console import say, show_table
+from stiffarm.pages.report import Table
+from stiffarm.session.console import say
 from stiffarm.session.noise_words import scatter_name
+from stiffarm.session.spring_words import mega
 
 
 def show(c: Calibrated) -> None:
-    """Numbers of each stage, noise, outliers, remarks and how good the result predicts."""
+    """Parameters of each stage, noise, outliers, remarks and how good the result predicts."""
     if c.found.studies:
-        _studies(c)
+        studies_table(c).show()
     for s in c.stages:
-        _numbers(s)
+        numbers_table(s).show()
         for name, size in words.noise_parts(s.result.estimate.noise, s.result.estimate.problem):
             say(f"{scatter_name(s.result.estimate.problem)}, {name}: {size}")
         for text in outlier_lines(s):
@@ -27,13 +30,13 @@ def show(c: Calibrated) -> None:
         say(f"note: {remark}")
     say_errors(c)
     if c.holdout is not None:
-        _holdout(c)
+        _show_holdout(c.holdout, c)
 
 
 def show_answer(c: Calibrated) -> None:
     """Parameters of each stage, and how good the result fits and predicts: what every command says of it."""
     for s in c.stages:
-        _numbers(s)
+        numbers_table(s).show()
     say_errors(c)
 
 
@@ -48,29 +51,37 @@ def say_errors(c: Calibrated) -> None:
     )
 
 
-def _studies(c: Calibrated) -> None:
-    show_table(
-        f"Level studies pose by pose, {c.model.load_path} load path",
-        ["stage", "pose", "springs (N m/rad)", "error (mm)", "runs"],
-        [
-            [s.stage.name, fit.pose, ", ".join(f"{j} {k:.3g}" for j, k in zip(fit.joints, fit.stiffness, strict=True)),
-             f"{fit.error_mm:+.3f}", str(fit.runs)]
-            for s in c.found.studies
-            for fit in s.fits
-        ],
-    )  # fmt: skip
+def studies_table(c: Calibrated) -> Table:
+    """The springs of every pose that was studied by itself."""
+    return Table(
+        f"Level studies pose by pose, {c.model.load_path} load path: {c.found.count}, RMS {c.found.rms_mm:.3f} mm",
+        ("stage", "pose", "springs (1e6 N m/rad)", "error (mm)", "runs", "would match as well (1e6 N m/rad)"),
+        tuple(_study_row(s.stage.name, fit) for s in c.found.studies for fit in s.fits),
+        text_columns=(0, 2, 5),
+    )
 
 
-def _numbers(s: StageFindings) -> None:
+def _study_row(stage: str, fit: PoseFit) -> tuple[str, ...]:
+    springs = ", ".join(f"{j} {mega(k)}" for j, k in zip(fit.joints, fit.stiffness, strict=True))
+    ranges = ", ".join(
+        f"{j} {mega(a)} to {mega(b)}" if np.isfinite(a) else f"{j}: nothing matches"
+        for j, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
+    )
+    return stage, fit.pose, springs, f"{fit.error_mm:+.3f}", str(fit.runs), ranges
+
+
+def numbers_table(s: StageFindings) -> Table:
+    """The parameters of a stage: what was found, how sure, and what was known before."""
     estimates = s.result.certainty.estimates
-    show_table(
+    return Table(
         f"Stage {s.result.stage.name}: {len(estimates)} parameters on {len(s.result.estimate.problem)} readings",
-        ["parameter", "value", "95 % interval", "unit", "status"],
-        [
-            [e.parameter.name, words.value_text(e) if words.known(e) else "-", words.interval_text(e),
-             words.shown_unit(e.parameter)[1], e.status if (b := words.bound_of(e)) is None else f"at bound ({b})"]
+        ("parameter", "value", "95 % interval", "unit", "status", "model had", "prior"),
+        tuple(
+            (e.parameter.name, words.value_text(e), words.interval_text(e), words.shown_unit(e.parameter)[1], e.status,
+             words.before_text(e.parameter), words.prior_text(e.parameter))
             for e in estimates
-        ],
+        ),
+        text_columns=(0, 1, 4, 6),
     )  # fmt: skip
 
 
@@ -91,28 +102,23 @@ def _line(s: StageFindings, k: int) -> str:
     return f"{s.lines[k]}" if s.files is None else f"{s.lines[k]} of {s.files[k]}"
 
 
-def _holdout(c: Calibrated) -> None:
-    h, fitted_mm = c.holdout, c.found.rms_mm
-    assert h is not None  # noqa: S101 - asked before
-    show_table(
-        f"Poses held out ({h.data.source})",
-        ["pose", "RMS (mm)", f"expected from {scatter_name(c.found.stages[-1].estimate.problem)} (mm)"],
-        [list(row) for row in holdout_rows(h)],
-    )
+def _show_holdout(h: Holdout, c: Calibrated) -> None:
+    holdout_table(h, scatter_name(c.found.stages[-1].estimate.problem)).show()
     for label, reason in h.blind.items():
         say(f"note: pose {label} held out is not predicted: {reason}")
     if np.isfinite(h.rms_mm):
-        say(f"held out: RMS {h.rms_mm:.3f} mm, against {fitted_mm:.3f} mm in the fit")
+        say(f"held out: RMS {h.rms_mm:.3f} mm, against {c.found.rms_mm:.3f} mm in the fit")
 
 
-def holdout_rows(h: Holdout) -> list[tuple[str, str, str]]:
-    """Pose, RMS error and what the scatter found would give, in mm."""
-    out = []
+def holdout_table(h: Holdout, scatter: str) -> Table:
+    """RMS error at each pose held out, and what the scatter found, by its name, would give."""
+    rows = []
     for k, label in enumerate(h.system.poses):
         mine = (h.system.pose == k) & (h.system.component < 3)
         if not mine.any():
             continue
         error = rms_mm(h.error[mine], h.system.component[mine])
         expected = float(np.sqrt(np.mean(h.expected[mine] ** 2))) * 1e3
-        out.append((label, f"{error:.3f}" if np.isfinite(error) else "not predicted", f"{expected:.3f}"))
-    return out
+        rows.append((label, f"{error:.3f}" if np.isfinite(error) else "not predicted", f"{expected:.3f}"))
+    heads = ("pose", "RMS (mm)", f"expected from {scatter} (mm)")
+    return Table(f"Poses held out ({h.data.source})", heads, tuple(rows))

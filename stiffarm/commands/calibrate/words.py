@@ -18,7 +18,7 @@ from doe.published.pose_studies import PoseStudies
 from doe.published.readings import PointOf
 from doe.tables.telling import NOISY
 from fem.free.parameters import TURN, Parameter
-from stiffarm.session.spring_words import SpringEstimate, bound_remark
+from stiffarm.session.spring_words import bound_remark
 
 # Below this probability a test's outcome is no chance.
 REFUTED = 0.01
@@ -99,6 +99,14 @@ def interval_text(e: ParameterEstimate, factor: float | None = None) -> str:
     return f"<= {high:.3g}" if low <= floor else f"{low:.3g} to {high:.3g}"
 
 
+def estimate_text(e: ParameterEstimate) -> str:
+    """The value with its 95 % interval in the shown unit, or why there is none."""
+    if e.status == "not identified":
+        return value_text(e)
+    interval = interval_text(e)
+    return f"{value_text(e)} ({'no spare reading' if interval == '-' else interval})"
+
+
 def remarks(stages: Sequence[StageResult], expected: tuple[float, float] | None) -> tuple[str, ...]:
     """What a reader must not overlook: bounds, what is not seen, what trades off, what did not settle."""
     out: list[str] = []
@@ -122,12 +130,11 @@ def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str,
 def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list[str]:
     out: list[str] = []
     for e in s.certainty.estimates:
-        spring = SpringEstimate.of(e) if e.parameter.spring_of is not None else None
         if e.parameter.name in s.unseen:
             out.append(f"{e.parameter.name}: no reading moves with it; it stays as the model has it")
-        elif spring is not None and expected is not None and e.status != "not identified":
+        elif e.parameter.spring_of is not None and expected is not None and e.status != "not identified":
             widest = min(TURN[0], expected[0]), max(TURN[1], expected[1])
-            out += bound_remark(spring, expected, widest)
+            out += bound_remark(e, expected, widest)
         elif e.status == "at bound":
             out.append(f"{e.parameter.name}: stands at the {bound_of(e)} end of its range, {_range(e.parameter)}")
     out += [t.words for t in s.trade_offs]
@@ -313,6 +320,11 @@ def prior_text(p: Parameter) -> str:
     if p.scale == "linear":
         return f"{mean * factor:.3g} +- {sd * factor:.2g} {unit}"
     return f"{math.exp(mean) * factor:.3g} {unit} within a factor {math.exp(sd):.3g}"
+
+
+def before_text(p: Parameter) -> str:
+    """What the model had before, in the shown unit."""
+    return "-" if not math.isfinite(p.value) else f"{p.value * shown_unit(p)[0]:.3g}"
 
 
 def full_weight_text(robust: StageResult, full: StageResult | None) -> str:

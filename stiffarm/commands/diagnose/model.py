@@ -20,9 +20,9 @@ from robots.constants import NORMAL_95
 from robots.schema.description import Calibration as Origin
 from robots.schema.description import CalibrationUncertainty
 from robots.schema.quantities import RotationalStiffness
+from stiffarm.commands.calibrate.words import bound_of
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.session.spring_words import bound_of
 
 SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
 
@@ -76,8 +76,8 @@ def _calibrated_springs(d: Diagnosed) -> tuple[FittedSpring, ...] | None:
         rigid = bound_of(s) == "rigid"
         if s.status == "not identified" or (s.status == "at bound" and not rigid):
             return None
-        stiffness, status = (math.inf, "rigid") if rigid else (s.stiffness, s.status)
-        out.append(FittedSpring(s.joint, stiffness, *s.interval, status))
+        stiffness, status = (math.inf, "rigid") if rigid else (s.value, s.status)
+        out.append(FittedSpring(s.parameter.place, stiffness, *s.interval, status))
     return tuple(out)
 
 

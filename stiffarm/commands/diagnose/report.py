@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 from doe.diagnosis.where import noise_floor_mm
-from stiffarm import __version__
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.sections import (
     explained,
@@ -19,7 +16,7 @@ from stiffarm.commands.diagnose.sections import (
 )
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import KeyFigure, render
+from stiffarm.pages.report import KeyFigure, data_words, write_page
 from stiffarm.session.noise_words import floor_name
 from stiffarm.session.outputs import OutputFolder
 
@@ -45,11 +42,7 @@ def write_report(d: Diagnosed, folder: OutputFolder) -> None:
         f"{d.given.model.link_kind} links, {d.given.model.load_path} load path; springs of "
         f"{', '.join(d.found.before.setting.free)} fitted."
     )
-    footer = (
-        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {d.used.source} "
-        f"(SHA-256 {d.used.sha256[:12]}...). Versions, command and timings: run.json."
-    )
-    folder.write_text("report.html", render(title, lede, _key_figures(d), sections, footer))
+    write_page(folder, title, lede, _key_figures(d), sections, made_of=data_words(d.used))
 
 
 def _key_figures(d: Diagnosed) -> list[KeyFigure]:

@@ -158,12 +158,13 @@ def fit(
             )
             save_surrogate(trained.best, folder.path("surrogate.json"))
             content = payload.trained(trained)
-            content["files"] = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
+            files = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
             with folder.timed("report"):
                 title = given.description.title.split(" (")[0]
-                content["files"] += surrogate_report.write_report(trained, content, folder, title=title, model=model)
+                surrogate_report.write_report(trained, files, folder, title=title, model=model)
+            content["files"] = [*files, "report.html"]
             folder.write_json("surrogate_errors.json", content)
-        frame.answer(content, lambda: tables.show(content))
+        frame.answer(content, lambda: tables.show(trained))
 
 
 def _refuse_conflicts(

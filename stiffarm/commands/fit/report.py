@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import datetime as dt
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from robots.arrays import Array
-from stiffarm import __version__
 from stiffarm.commands.fit.figures.bars import (
     LEVEL,
     MOST_SHOWN,
@@ -20,37 +18,35 @@ from stiffarm.commands.fit.figures.bars import (
 )
 from stiffarm.commands.fit.figures.effects import HeldOut, surrogate_quality_figure
 from stiffarm.commands.fit.sections import answer_section, known_by, usage_section
-from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words, size_words
+from stiffarm.commands.fit.tables import errors_table
+from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.training import NOTHING
 
 
-def write_report(
-    trained: Trained, content: dict[str, Any], folder: OutputFolder, *, title: str, model: str, stem: str = "surrogate"
-) -> list[str]:
-    """Draw the figures and write report.html; the names of the files that a reader opens.
+def write_report(trained: Trained, files: Sequence[str], folder: OutputFolder, *, title: str, model: str) -> None:
+    """Draw the figures and write report.html.
 
     Parameters
     ----------
-    content : what ``surrogate_errors.json`` says (`payload.trained`, with ``files``)
+    files : that a reader opens; they and the surrogates' ``surrogate_<basis>.json`` are in the folder already
     title, model : of the robot, and as the command was given it
-    stem : of the surrogates' files ``<stem>_<basis>.json``, which are in the folder already
     """
     pictures = Pictures(folder)
     bars = _judged(trained)
     known = known_by(trained)
     sections = [
-        _choice(trained, content, folder, stem),
-        _quality(trained, pictures),
+        _choice(trained),
+        Section("Predicted against true", (quality_picture(trained, pictures),)),
         _honesty(trained, bars, pictures),
         _where(trained, bars, pictures),
         answer_section(trained, known),
-        usage_section(trained, content["files"], model),
+        usage_section(trained, files, model, folder),
     ]
     best = trained.best
     lede = (
@@ -66,10 +62,8 @@ def write_report(
     ]
     if known is not None:
         key.append(KeyFigure(f"± {relative(known.median)}", "95 % interval by the calibration, median pose"))
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
     question = "which surrogate, and how far to trust it?"
-    folder.write_text("report.html", render(title, lede, key, sections, footer, question))
-    return ["report.html"]
+    write_page(folder, title, lede, key, sections, question)
 
 
 def _judged(trained: Trained) -> list[JudgedBars]:
@@ -83,18 +77,12 @@ def _judged(trained: Trained) -> list[JudgedBars]:
     return out
 
 
-def _choice(trained: Trained, content: dict[str, Any], folder: OutputFolder, stem: str) -> Section:
-    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst inside", "worst, limits too", "6 x 6 worst",
-               "inside bars", "condition", "file")  # fmt: skip
-    rows = tuple(_row(s, folder.path(f"{stem}_{s['basis']}.json").stat().st_size) for s in content["surrogates"])
-    rows += tuple((name, "not\u00a0fitted", *("–",) * (len(columns) - 2)) for name in content["not_fitted"])
+def _choice(trained: Trained) -> Section:
     n, edge = trained.uniform, len(trained.held_out.Q) - trained.uniform
     blocks: list[Block] = [
         Text(choice_words(trained)),
         *(Note(f"{text}.") for text in doubts(trained)),
-        Table(
-            f"Relative errors of the {content['quantity']} on runs kept out", columns, rows, text_columns=(0,), best=0
-        ),
+        errors_table(trained),
         Text(
             f"RMS and “95 % below” are over {n} uniform poses and {edge} poses on the limits of the joints together; "
             f"“worst inside” is over the uniform ones alone. “6 x 6 worst”: largest error of the whole compliance "
@@ -102,34 +90,18 @@ def _choice(trained: Trained, content: dict[str, Any], folder: OutputFolder, ste
         ),
         Bullets(tuple(f"{s.basis}: {basis_words(s)}" for s in trained.surrogates)),
     ]
-    if content["not_fitted"]:
-        blocks.append(Bullets(tuple(f"{name} was not fitted: {why}" for name, why in content["not_fitted"].items())))
-    if content["refinement"]:
+    if trained.refused:
+        blocks.append(Bullets(tuple(f"{name} was not fitted: {why}" for name, why in trained.refused.items())))
+    if trained.rounds:
         blocks += [
             Text("Runs were added, half of them where the error bars are widest, half all over:"),
-            Bullets(tuple(content["refinement"])),
+            Bullets(trained.rounds),
         ]
     return Section("Which basis, and why", tuple(blocks))
 
 
-def _row(s: dict[str, Any], size: int) -> tuple[str, ...]:
-    matrix = s["matrix_max_relative_error"]
-    return (
-        s["basis"],
-        str(s["terms"]),
-        str(s["runs_fitted"]),
-        relative(s["rms_relative_error"]),
-        relative(s["p95_relative_error"]),
-        relative(s["interior_max_relative_error"]),
-        relative(s["max_relative_error"]),
-        "–" if matrix is None else relative(matrix),
-        share_words(s["coverage_of_95_percent_bars"]),
-        f"{s['condition_number']:.0e}",
-        size_words(size),
-    )
-
-
-def _quality(trained: Trained, pictures: Pictures) -> Section:
+def quality_picture(trained: Trained, pictures: Pictures) -> Picture:
+    """What every surrogate predicts against what is true, and how large the errors are."""
     best, true = trained.best, trained.held_out.value
     name, factor = value_name(best)
     of_compliance = best.quantity.name == COMPLIANCE
@@ -148,7 +120,7 @@ def _quality(trained: Trained, pictures: Pictures) -> Section:
         "error than a given one: further left is better." + "".join(remarks)
     )
     figure = surrogate_quality_figure(rows, what, best.quantity.name)
-    return Section("Predicted against true", (pictures.add(figure, "predicted_and_true", caption),))
+    return pictures.add(figure, "predicted_and_true", caption)
 
 
 def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Section:

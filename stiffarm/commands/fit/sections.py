@@ -10,9 +10,10 @@ import numpy as np
 
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from stiffarm.commands.fit.words import relative
+from stiffarm.commands.fit.words import relative, size_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
+from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained, predict, query
 from surrogate.asking import full_poses
 from surrogate.error_bars import MATTERS
@@ -160,12 +161,8 @@ def _flags(trained: Trained) -> str:
     return f"{text}, and where it is near singular: {relative(near)} of the uniform poses."
 
 
-def _share(value: float | None) -> str:
-    return "–" if value is None else relative(value)
-
-
-def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section:
-    """Commands, an example with its answer, the files."""
+def usage_section(trained: Trained, files: Sequence[str], model: str, folder: OutputFolder) -> Section:
+    """Commands, an example with its answer, the files with their sizes."""
     best = trained.best
     named = shlex.quote(model)
     pose, answer = _example(trained)
@@ -191,10 +188,11 @@ def usage_section(trained: Trained, files: Sequence[str], model: str) -> Section
     ]
     if answer:
         blocks.append(Text(answer))
-    listed = tuple((name, _FILES.get(name, "")) for name in files)
-    others = tuple((f"surrogate_{s.basis}.json", f"the {s.basis} basis, judged alike") for s in trained.surrogates)
-    tables = (*listed, *others, ("surrogate_errors.json", "the figures of this page"))
-    blocks.append(Table("Files", ("file", "what it is"), tables, text_columns=(0, 1)))
+    what = {name: _FILES[name] for name in files}
+    what |= {f"surrogate_{s.basis}.json": f"the {s.basis} basis, judged alike" for s in trained.surrogates}
+    rows = [(name, words, size_words(folder.path(name).stat().st_size)) for name, words in what.items()]
+    rows.append(("surrogate_errors.json", "the figures of this page", ""))
+    blocks.append(Table("Files", ("file", "what it is", "size"), tuple(rows), text_columns=(0, 1)))
     return Section("How to ask it", tuple(blocks))
 
 

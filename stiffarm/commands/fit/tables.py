@@ -1,27 +1,43 @@
-"""A table for people: the surrogates of a training."""
+"""The table of the surrogates of a training, for pages and for the screen."""
 
 from __future__ import annotations
 
-from typing import Any
+from stiffarm.commands.fit.words import relative, share_words
+from stiffarm.pages.report import Table
+from stiffarm.session.console import say
+from surrogate import Surrogate, Trained
 
-from stiffarm.session.console import say, show_table
+
+def errors_table(trained: Trained, of: str = "") -> Table:
+    """Errors of every surrogate on runs kept out, the best first, and those that could not be fitted; ``of``: a model.
+
+    "95 % below" and "worst" are over all these runs, "worst inside" over those that are not on the domain's boundary.
+    """
+    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst inside", "worst, limits too", "6 x 6 worst",
+               "inside bars", "condition")  # fmt: skip
+    rows = [_row(s) for s in trained.surrogates]
+    rows += [(name, "not\u00a0fitted", *("–",) * (len(columns) - 2)) for name in trained.refused]
+    name = f"{of}: relative" if of else "Relative"
+    return Table(f"{name} errors of the {trained.best.quantity.name} on runs kept out", columns, tuple(rows), best=0)
 
 
-def show(content: dict[str, Any]) -> None:
-    """Held-out errors of the surrogates of a training, and which one is best."""
-    show_table(
-        f"Relative error of {content['quantity']} on runs kept out",
-        ["basis", "terms", "RMS", "worst", "in 95 % bars", "cond."],
-        [
-            [
-                f"{s['basis']} {s['degree_or_order']}",
-                str(s["terms"]),
-                f"{s['rms_relative_error']:.1e}",
-                f"{s['max_relative_error']:.1e}",
-                f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %",
-                f"{s['condition_number']:.0e}",
-            ]
-            for s in content["surrogates"]
-        ],
+def _row(s: Surrogate) -> tuple[str, ...]:
+    e = s.errors
+    return (
+        s.basis,
+        str(e.n_terms),
+        str(e.n_train),
+        relative(e.rms_relative),
+        relative(e.p95_relative),
+        relative(e.max_interior),
+        relative(e.max_relative),
+        "–" if e.matrix_max is None else relative(e.matrix_max),
+        share_words(e.coverage95),
+        f"{e.condition_number:.0e}",
     )
-    say(f"best: {content['best']}")
+
+
+def show(trained: Trained) -> None:
+    """Held-out errors of the surrogates of a training, and which one is best."""
+    errors_table(trained).show()
+    say(f"best: {trained.best.basis}")

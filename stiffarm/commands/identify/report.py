@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 import numpy as np
 
 from doe.joint_twists import Direction
 from doe.joint_twists.model_file import held_constant
 from fem.statics.ports import ROWS
 from robots.arrays import Array
-from stiffarm import __version__
 from stiffarm.commands.identify import figures, sections
 from stiffarm.commands.identify.step import JointTwists
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.outputs import OutputFolder
 
 
@@ -32,11 +29,7 @@ def write_report(d: JointTwists, folder: OutputFolder) -> None:
         f"from {data.n} {kind} in {d.found.cycles.m} load cycles of {len(d.found.cycles.setups)} set-ups."
     )
     title = d.given.description.title.split(" (")[0] + (" - synthetic data" if d.synthetic else "")
-    footer = (
-        f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC, data {data.source} "
-        f"(SHA-256 {data.sha256[:12]}...). Versions, command and timings: run.json."
-    )
-    folder.write_text("report.html", render(title, lede, _key(d), parts, footer))
+    write_page(folder, title, lede, _key(d), parts, made_of=data_words(data))
 
 
 def _key(d: JointTwists) -> list[KeyFigure]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 import typer
@@ -14,7 +14,7 @@ from robots.urdf.reading import read_urdf
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json
-from stiffarm.session.parsing import parse_pairs
+from stiffarm.session.parsing import parse_pairs, parse_word
 
 
 def import_command(
@@ -105,6 +105,7 @@ def import_command(
     A URDF with its meshes becomes a model with shell links; a surface file becomes one shell link of an existing model.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
+        from meshes.surfaces.routes import Repair
         from stiffarm.commands.importing import results as import_results
         from stiffarm.commands.importing import step as importing
 
@@ -113,7 +114,6 @@ def import_command(
             raise InputError("SOURCE", value=str(source), allowed=f".urdf, {', '.join(SUFFIXES)}")
         if not source.is_file():
             raise InputError("SOURCE", value=str(source), allowed="an existing file", remedy="check the path")
-        _check_choices({"--repair": repair, "--wrap": wrap, "--meshes": meshes})
         lengths = {"--wall-mm": wall_mm, "--size-mm": size_mm, "--close-mm": close_mm, "--scale": scale}
         for option, value in lengths.items():
             if value is not None and not 0.0 < value < np.inf:
@@ -127,9 +127,9 @@ def import_command(
             radius=_by_link(radius, "--radius"),
             size=_metres(size_mm),
             opening=_metres(close_mm),
-            meshes="collision" if meshes == "collision" else "visual",
-            repair="none" if repair == "none" else "wrap" if repair == "wrap" else "auto",
-            wrap="grid" if wrap == "grid" else "alpha" if wrap == "alpha" else "auto",
+            meshes=parse_word(meshes, get_args(importing.Meshes), "--meshes"),
+            repair=parse_word(repair, get_args(Repair), "--repair"),
+            wrap=parse_word(wrap, get_args(importing.Wrap), "--wrap"),
         )
         if suffix == ".urdf":
             _refuse({"--model": model, "--link": link, "--scale": scale}, "a URDF names its links and scales itself")
@@ -162,17 +162,6 @@ def import_command(
 
 def _metres(value_mm: float | None) -> float | None:
     return None if value_mm is None else 1e-3 * value_mm
-
-
-def _check_choices(given: dict[str, str]) -> None:
-    allowed = {
-        "--repair": ("auto", "none", "wrap"),
-        "--wrap": ("auto", "grid", "alpha"),
-        "--meshes": ("visual", "collision"),
-    }
-    for option, value in given.items():
-        if value not in allowed[option]:
-            raise InputError(option, value=value, allowed=", ".join(allowed[option]), remedy="choose one of them")
 
 
 def _by_link(text: str | None, option: str) -> dict[str, float]:

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from meshes import ShellMesh
 from robots.arrays import Array
 from stiffarm.pages import style
+from stiffarm.pages.figure_parts import panels
 
 SHELL: Final = "#C9CDD2"
 RING_COLOURS: Final = (style.OKABE_ITO["blue"], style.OKABE_ITO["vermillion"], style.OKABE_ITO["green"])
@@ -41,14 +42,11 @@ def contact_sheet(links: Sequence[ShownLink], title: str) -> Figure:
     """Draw each link twice, from above and from opposite below, so that all rings show; dots are interface points."""
     views = [(link, side) for link in links for side in (1.0, -1.0)]
     columns = 2 if len(links) == 1 else 2 * min(_COLUMNS, -(-len(links) // 2))
-    rows = -(-len(views) // columns)
-    width, height = columns * _CELL_IN[0] * 0.75, rows * _CELL_IN[1] + 1.0
-    figure, axes = style.new_figure((width, height), rows=rows, cols=columns)
-    with style.house_style():
-        for place, (link, side) in zip(axes, views, strict=False):
+    width = columns * _CELL_IN[0] * 0.75
+    heading = textwrap.fill(title, max(int(width / _LETTER_IN), 20))
+    with panels(heading, len(views), columns, width, _CELL_IN[1], 1.0) as (figure, axes):
+        for place, (link, side) in zip(axes, views, strict=True):
             _draw(place, link, side)
-        for place in axes[len(views) :]:
-            place.set_axis_off()
         names = list(dict.fromkeys(name for link in links for name in link.mesh.interfaces))
         marks = [
             Line2D([], [], color=_ring_colour(i), marker="s", linestyle="none", label=f"ring: {name}")
@@ -58,9 +56,6 @@ def contact_sheet(links: Sequence[ShownLink], title: str) -> Figure:
             Line2D([], [], color=style.INK, marker="o", markerfacecolor="white", linestyle="none", label="joint")
         )
         figure.legend(handles=marks, loc="outside lower center", ncols=len(marks))
-        figure.suptitle(
-            textwrap.fill(title, max(int(width / _LETTER_IN), 20)), x=0.02, ha="left", weight="bold", size=13
-        )
     return figure
 
 

@@ -15,7 +15,7 @@ from meshes.link_sections import EquivalentSection, equivalent_section
 from meshes.surfaces.bodies import BodySurface, body_surface, link_interfaces, surface_samples
 from meshes.surfaces.link import ImportedLink, prepare_link
 from meshes.surfaces.reading import check_scale, read_surface
-from meshes.surfaces.routes import ImportSettings
+from meshes.surfaces.routes import ImportSettings, Repair
 from robots import InputError, InputErrors, ModelDescription, Robot
 from robots.arrays import Array
 from robots.progress import Progress
@@ -35,6 +35,8 @@ LEAST_COVER = 0.3
 SPAN_RATIO = (0.1, 12.0)
 # How the reading of a URDF says so (robots.urdf.shapes).
 _NOT_FOUND = ": mesh not found: "
+Meshes = Literal["visual", "collision"]
+Wrap = Literal["auto", "alpha", "grid"]
 NAMES_OF_PARTS = ("base", "tool", "bar", "crank")
 
 
@@ -54,9 +56,9 @@ class ImportOptions:
     radius: Mapping[str, float] = field(default_factory=dict)
     size: float | None = None
     opening: float | None = None
-    meshes: Literal["visual", "collision"] = "visual"
-    repair: Literal["auto", "none", "wrap"] = "auto"
-    wrap: Literal["auto", "alpha", "grid"] = "auto"
+    meshes: Meshes = "visual"
+    repair: Repair = "auto"
+    wrap: Wrap = "auto"
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 import numpy as np
 
 from machining.placement import Along, Look
 from machining.placement.study import PlacedStep
-from stiffarm import __version__
 from stiffarm.commands.place.figures import along_figure, axes_figure, curve_figure, map_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 
 # Words and factor of the merit that the map shows.
@@ -46,9 +43,7 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
         f"Path of {request.given.path.n} points, {step.arc_mm[-1]:.4g} mm, in cell {request.cell.name}; aim: "
         f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {request.how.mode}."
     )
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
-    page = render(title, lede, _key_figures(step), sections, footer, "where should the robot stand?")
-    folder.write_text("report.html", page)
+    write_page(folder, title, lede, _key_figures(step), sections, "where should the robot stand?")
 
 
 def _key_figures(step: PlacedStep) -> list[KeyFigure]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,11 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.units import shown
 from robots.arrays import Array
-from stiffarm import __version__
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import SERIES, title
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.pages.style import house_style, new_figure
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
@@ -117,9 +115,8 @@ def write_report(run: PostRun, heading: str, folder: OutputFolder) -> None:
         f"({int(program.inserted.sum()):,} points put in so that joint motion stays within "
         f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line)."
     )
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
     question = "from tool path to program"
-    folder.write_text("report.html", render(heading, lede, _key(run), sections, footer, question))
+    write_page(folder, heading, lede, _key(run), sections, question)
 
 
 def _key(run: PostRun) -> list[KeyFigure]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 import numpy as np
 
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
-from stiffarm import __version__
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.commands.posture.figures.courses import joints_figure
 from stiffarm.commands.posture.figures.milling_error import milling_error_figure
@@ -15,7 +12,7 @@ from stiffarm.commands.posture.payload import quantity
 from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 
@@ -37,9 +34,8 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
         f"Posture along a path of {request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm; tool on the flange "
         f"{frame_words(request.task.T_flange_tool)}; part in the base frame {frame_words(request.task.T_base_part)}."
     )
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
     question = "which posture along the path?"
-    folder.write_text("report.html", render(title, lede, _key_figures(posed), sections, footer, question))
+    write_page(folder, title, lede, _key_figures(posed), sections, question)
 
 
 def _key_figures(posed: Posed) -> list[KeyFigure]:

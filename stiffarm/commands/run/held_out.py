@@ -2,91 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from doe import Measurements
-from doe.published.readings import rms_mm
-from doe.tables.checks import refuse_seen
-from fem.arm import Arm
-from stiffarm.commands.calibrate.prediction import prediction_error
+from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.session.console import say
 from stiffarm.session.json_text import number
-from stiffarm.session.reading_checks import read_held_out
-
-# Angles this far (deg) beyond a law's range are beyond it, less is rounding.
-_ROUNDING_DEG = 1e-6
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """``rms_mm``: of the translations, by the variant's name; ``beyond``: poses outside the range of its laws."""
-
-    data: Measurements
-    rms_mm: Mapping[str, float]
-    beyond: Mapping[str, tuple[str, ...]]
+def of_variants(variants: Sequence[Calibrated]) -> dict[str, Holdout]:
+    """What each variant, by its name, makes of the readings held out; empty where none were."""
+    return {v.name: v.holdout for v in variants if v.holdout is not None}
 
 
-def read(file: Path, given: Arm, seen: Measurements, *, confirm_units: bool = False) -> Measurements:
-    """Read the table held out.
-
-    Raises
-    ------
-    InputError
-        It does not fit the robot, looks like other units, or has poses that are among those ``seen``.
-    """
-    data = read_held_out(given, file, confirm_units=confirm_units)
-    refuse_seen(seen, data, "the calibration")
-    return data
-
-
-def judge(variants: Sequence[Calibrated], data: Measurements) -> HeldOut:
-    """Predict the readings held out with every variant, and say how well."""
-    rms, beyond = {}, {}
-    for v in variants:
-        error, system = prediction_error(v.model, data)
-        rms[v.name], beyond[v.name] = rms_mm(error, system.component), _beyond(v, data)
-        more = f"; poses {', '.join(beyond[v.name])} are beyond the angles of its laws" if beyond[v.name] else ""
-        say(f"held out, {v.name}: RMS {rms[v.name]:.3f} mm{more}")
-    return HeldOut(data, rms, beyond)
-
-
-def _beyond(v: Calibrated, data: Measurements) -> tuple[str, ...]:
-    """Poses whose angles a law of the variant was not made for."""
-    out = np.zeros(data.n, dtype=np.bool_)
-    for law in (law for s in v.found.studies for law in s.laws.values()):
-        for name, centre, half in zip(law.inputs, law.centre_deg, law.half_range_deg, strict=True):
-            angle = np.degrees(data.q[:, v.model.robot.coordinate_index(name)])
-            out |= np.abs(angle - centre) > half + _ROUNDING_DEG
-    return tuple(dict.fromkeys(label for label, far in zip(data.pose, out, strict=True) if far))
-
-
-def payload(h: HeldOut) -> dict[str, Any]:
-    """As JSON."""
+def payload(found: dict[str, Holdout]) -> dict[str, Any]:
+    """As JSON; there is at least one variant."""
+    data = next(iter(found.values())).data
     return {
-        "data": h.data.source,
-        "data_sha256": h.data.sha256,
-        "readings": int(h.data.used.sum()),
-        "rms_mm": {name: number(v) for name, v in h.rms_mm.items()},
-        "beyond_the_laws": {name: list(poses) for name, poses in h.beyond.items() if poses},
+        "data": data.source,
+        "data_sha256": data.sha256,
+        "readings": int(data.used.sum()),
+        "rms_mm": {name: number(h.rms_mm) for name, h in found.items()},
+        "beyond_the_laws": {name: list(h.beyond) for name, h in found.items() if h.beyond},
     }
 
 
-def sentences(h: HeldOut) -> tuple[str, ...]:
-    """What the report says about it."""
-    best = min(h.rms_mm, key=lambda name: h.rms_mm[name] if np.isfinite(h.rms_mm[name]) else np.inf)
+def sentences(found: dict[str, Holdout]) -> tuple[str, ...]:
+    """What the report and the screen say about it."""
+    if not found:
+        return ()
+    data = next(iter(found.values())).data
+    best = min(found, key=lambda name: found[name].rms_mm if np.isfinite(found[name].rms_mm) else np.inf)
     out = [
-        f"Held out: {int(h.data.used.sum())} readings of {h.data.source}, at poses that no calibration has seen. "
-        f"{best} predicts them best, to {h.rms_mm[best]:.3f} mm RMS."
+        f"Held out: {int(data.used.sum())} readings of {data.source}, at poses that no calibration has seen. "
+        f"{best} predicts them best, to {found[best].rms_mm:.3f} mm RMS."
     ]
     out += [
-        f"{name}: poses {', '.join(poses)} are beyond the angles its laws were fitted on; polynomials run away there."
-        for name, poses in h.beyond.items()
-        if poses
+        f"{name}: poses {', '.join(h.beyond)} are beyond the angles its laws hold for; polynomials run away there."
+        for name, h in found.items()
+        if h.beyond
     ]
     return tuple(out)

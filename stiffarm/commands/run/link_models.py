@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from doe import Measurements, loaded_points, select_loads
+from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.campaign import Campaign, NoiseChoice
 from doe.published.parametric import PoseFit
 from fem import LinkKind
@@ -20,7 +21,7 @@ from robots.arrays import Array
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import inputs, steps
-from stiffarm.session.spring_words import SpringEstimate, at_widest_bound
+from stiffarm.session.spring_words import at_widest_bound
 
 Agreement = Literal["within", "outside", "unknown"]
 
@@ -123,8 +124,12 @@ def calibrate(
     table: Measurements,
     scheme: Campaign,
     report: Callable[[Calibrated], None] | None = None,
+    holdout: Measurements | None = None,
 ) -> LinkCalibrations:
-    """Calibrate one kind of links with every load path (:func:`by_load_path`), by stages and with constant springs."""
+    """Calibrate one kind of links with every load path (:func:`by_load_path`), by stages and with constant springs.
+
+    ``holdout``: readings that every calibration predicts.
+    """
     used = select_loads(table, scheme.loads_N)
     joints, noise = scheme.beside.constant.joints, NoiseChoice(gauge_mm=scheme.noise.gauge_mm)
     constant = calibrating.springs_campaign(scheme.robot, joints, None, scheme.springs.ends, noise)
@@ -135,7 +140,7 @@ def calibrate(
     variants: list[Calibrated] = []
     alone: dict[LoadPath, Array] = {}
     for path, one in models.items():
-        made = tuple(calibrating.calibrate(one, table, request) for request in requests)
+        made = tuple(calibrating.calibrate(one, table, request, holdout=holdout) for request in requests)
         alone[path] = steps.readings_with_rigid_joints(one, used).rest * 1e3
         variants += made
         if report is not None:
@@ -155,7 +160,7 @@ def _structure_share(variant: Calibrated, used: Measurements) -> Array:
 def _spring_pairs(own: Calibrated, other: Calibrated) -> tuple[SpringPair, ...]:
     if not own.found.studies:
         springs = zip(own.springs, other.springs, strict=True)
-        return tuple(SpringPair(a.joint, _of_estimate(a), _of_estimate(b)) for a, b in springs)
+        return tuple(SpringPair(a.parameter.place, _of_estimate(a), _of_estimate(b)) for a, b in springs)
     return tuple(
         SpringPair(joint, _of_fit(a, k), _of_fit(b, k), (mine.stage.name, a.pose))
         for mine, theirs in zip(own.found.studies, other.found.studies, strict=True)
@@ -164,8 +169,8 @@ def _spring_pairs(own: Calibrated, other: Calibrated) -> tuple[SpringPair, ...]:
     )
 
 
-def _of_estimate(spring: SpringEstimate) -> tuple[float, float, float]:
-    value = float("nan") if spring.status == "not identified" else spring.stiffness
+def _of_estimate(spring: ParameterEstimate) -> tuple[float, float, float]:
+    value = float("nan") if spring.status == "not identified" else spring.value
     return (value, *spring.interval)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from doe import Measurements, PoseEffects, select_loads
 from doe.estimation.campaign import Campaign
-from fem import ArmModel, deflection_by_part, directional_stiffness
+from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import save_description
 from robots.arrays import Array
@@ -22,7 +22,6 @@ from stiffarm.commands.fit.payload import trained as trained_payload
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
 from stiffarm.commands.run.findings import Findings, slug
-from stiffarm.commands.run.held_out import HeldOut
 from stiffarm.commands.run.link_models import LinkModels
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
@@ -30,6 +29,7 @@ from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.reading_checks import read_held_out
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
 from surrogate.model import predict_compliance
@@ -58,12 +58,11 @@ def run_all(
     inputs.refuse_effects(given, "the whole chain", remedy)
     scheme = readings.read_scheme(given.robot, scheme_file)
     frame.reads(scheme_file=scheme_file, holdout=holdout)
-    kept = None if holdout is None else held_out.read(holdout, given, table, confirm_units=confirm_units)
+    kept = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
     with frame.folder(seed) as folder:
         with folder.timed("calibration"):
-            rigid, effects, compared = _calibrations(given, table, scheme)
-        judged = None if kept is None else held_out.judge(compared.own.variants, kept)
-        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder, judged)
+            rigid, effects, compared = _calibrations(given, table, scheme, kept)
+        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
             arm = replace(given, description=findings.best.description, model=findings.best.model)
             drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, points, progress=bar), arm, folder)
@@ -79,7 +78,7 @@ def run_all(
 
 
 def _calibrations(
-    given: Arm, table: Measurements, scheme: Campaign
+    given: Arm, table: Measurements, scheme: Campaign, kept: Measurements | None
 ) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
     used = select_loads(table, scheme.loads_N)
     straight = scheme.beside.sensitivity.poses
@@ -101,7 +100,9 @@ def _calibrations(
         )
         for path, one in models.items()
     }
-    own = link_models.calibrate(models, table, scheme, _say_variant)
+    own = link_models.calibrate(models, table, scheme, _say_variant, kept)
+    for line in held_out.sentences(held_out.of_variants(own.variants)):
+        say(line)
     say(f"the same with {beside.model.link_kind} links, to compare")
     other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
     return rigid, effects, LinkModels(own, other)
@@ -128,7 +129,6 @@ def _learned(
     compared: LinkModels,
     seed: int,
     folder: OutputFolder,
-    judged: HeldOut | None,
 ) -> Findings:
     variants = compared.own.variants
     best = recommended(variants)
@@ -150,7 +150,6 @@ def _learned(
                 degree=max((law.degree for law in scheme.regressions), default=6),
             )
     used = select_loads(table, scheme.loads_N)
-    parts = deflection_by_part(best.model, used.q, used.wrench)
     return Findings(
         given=given,
         data=table,
@@ -162,11 +161,9 @@ def _learned(
         published=published,
         factorial=factorial,
         trained=trained,
-        budget_mm={name: d[:, 2] * 1e3 for name, d in parts.items()},
-        budget_poses=used.pose,
+        used=used,
         pose_check=_nine_pose_check(trained[best.name].best, best.model, used),
         seed=seed,
-        held_out=judged,
     )
 
 
@@ -198,7 +195,7 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
         ],
         "map": drawn,
     }
-    if findings.held_out is not None:
+    if findings.held_out:
         content["holdout"] = held_out.payload(findings.held_out)
     folder.write_json("results.json", content)
     return content

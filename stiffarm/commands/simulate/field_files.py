@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -157,15 +156,22 @@ def write_field(
     InputError
         The name does not end in .vtu, or the folder does not exist or cannot be written.
     """
+    import pyvista as pv
+
     springs = {} if springs is None else springs
-    out = _vtk_grid(grid, scale)
-    points = {
-        "displacement_mm": grid.displacement[:, :3] * M_TO_MM,
-        "rotation_mrad": grid.displacement[:, 3:] * 1e3,
-        "undeformed_mm": grid.nodes * M_TO_MM,
-    }
+    sizes = np.diff(grid.starts)
+    kinds = np.where(sizes == 3, pv.CellType.TRIANGLE, pv.CellType.QUAD).astype(np.uint8)
+    # Each cell's corners stand behind their count.
+    out = pv.UnstructuredGrid(np.insert(grid.cells, grid.starts[:-1], sizes), kinds, grid.deformed(scale) * M_TO_MM)
+    out.point_data.update(
+        {
+            "displacement_mm": grid.displacement[:, :3] * M_TO_MM,
+            "rotation_mrad": grid.displacement[:, 3:] * 1e3,
+            "undeformed_mm": grid.nodes * M_TO_MM,
+        }
+    )
     stress = grid.von_mises * 1e-6
-    cells = {
+    cells: dict[str, Any] = {
         "von_mises_MPa": stress.max(axis=1),
         "von_mises_front_MPa": stress[:, 0],
         "von_mises_back_MPa": stress[:, 1],
@@ -174,20 +180,20 @@ def write_field(
         "thickness_mm": grid.thickness * M_TO_MM,
         "part": grid.part,
     }
-    numbers = {
-        "scale_factor": np.array([scale]),
-        "energy_total_mJ": np.array([grid.energy.sum() + sum(springs.values())]) * 1e3,
-        "spring_energy_mJ": np.array(list(springs.values()), dtype=np.float64) * 1e3,
-    }
-    for data, arrays in ((out.GetPointData(), points), (out.GetCellData(), cells), (out.GetFieldData(), numbers)):
-        for name, values in arrays.items():
-            data.AddArray(_numbers(name, values))
-    out.GetPointData().SetActiveVectors("displacement_mm")
-    out.GetCellData().SetActiveScalars("energy_density_J_per_m3")
-    texts: dict[str, Sequence[str]] = {"part_names": grid.parts, "spring_names": tuple(springs), "units": (UNITS,)}
-    texts |= {name: (text,) for name, text in (metadata or {}).items()}
-    for name, lines in texts.items():
-        out.GetFieldData().AddArray(_texts(name, lines))
+    out.cell_data.update(cells)
+    out.field_data.update(
+        {
+            "scale_factor": np.array([scale]),
+            "energy_total_mJ": np.array([grid.energy.sum() + sum(springs.values())]) * 1e3,
+            "spring_energy_mJ": np.array(list(springs.values()), dtype=np.float64) * 1e3,
+            "part_names": np.array(grid.parts, dtype=str),
+            "spring_names": np.array(list(springs), dtype=str),
+            "units": np.array([UNITS]),
+            **{name: np.array([text]) for name, text in (metadata or {}).items()},
+        }
+    )
+    out.point_data.active_vectors_name = "displacement_mm"
+    out.cell_data.active_scalars_name = "energy_density_J_per_m3"
     _write(out, path)
 
 
@@ -203,41 +209,3 @@ def _write(grid: Any, path: Path) -> None:
         writer.SetCompressorTypeToZLib()
         if writer.Write() != 1 or writer.GetErrorCode() != 0:
             raise InputError(f"file {path} could not be written", remedy="check the free space of the disk")
-
-
-def _vtk_grid(grid: FieldGrid, scale: float) -> Any:
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import VTK_QUAD, VTK_TRIANGLE, vtkCellArray, vtkUnstructuredGrid
-
-    support = _numpy_support()
-    points = vtkPoints()
-    points.SetData(support.numpy_to_vtk(grid.deformed(scale) * M_TO_MM, deep=True))
-    cells = vtkCellArray()
-    cells.SetData(
-        support.numpy_to_vtkIdTypeArray(grid.starts, deep=True), support.numpy_to_vtkIdTypeArray(grid.cells, deep=True)
-    )
-    kinds = np.where(np.diff(grid.starts) == 3, VTK_TRIANGLE, VTK_QUAD).astype(np.uint8)
-    out = vtkUnstructuredGrid()
-    out.SetPoints(points)
-    out.SetCells(support.numpy_to_vtk(kinds, deep=True), cells)
-    return out
-
-
-def _numbers(name: str, values: Array | Integers) -> Any:
-    array = _numpy_support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-    array.SetName(name)
-    return array
-
-
-def _texts(name: str, lines: Sequence[str]) -> Any:
-    from vtkmodules.vtkCommonCore import vtkStringArray
-
-    array = vtkStringArray()
-    array.SetName(name)
-    for line in lines:
-        array.InsertNextValue(line)
-    return array
-
-
-def _numpy_support() -> Any:
-    return importlib.import_module("vtkmodules.util.numpy_support")  # has no type hints

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.patheffects import withStroke
@@ -50,12 +49,6 @@ def _energy_colours() -> Colormap:
 
 
 ENERGY_COLOURS: Final = _energy_colours()
-_EXTEND: Final[dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]]] = {
-    (False, False): "neither",
-    (True, False): "min",
-    (False, True): "max",
-    (True, True): "both",
-}
 
 
 @dataclass(frozen=True)
@@ -113,7 +106,7 @@ def render_field(
     corners = np.vstack(
         [vertices, *[b.mesh.bounds for s in (unloaded, loaded) for b in s.bodies], start, *arrows.values()]
     )
-    norm = _density_scale(arm.grid.density)
+    norm, ticks = _density_scale(arm.grid.density)
     figure, _ = style.new_figure("picture", rows=0)
     with style.house_style():
         axes = style.frame_axes(figure, loaded.camera, style.box_ticks(corners), flat=view == "side")
@@ -123,7 +116,7 @@ def render_field(
         _share_labels(axes, loaded.camera, arm, loaded.bodies, taken)
         _draw_load(axes, loaded.camera, arrows)
         style.headings(figure, heading, subtitle)
-        _colour_bar(figure, norm, arm.grid.density)
+        style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, arm.grid.density, "strain energy density (J/m³)")
     style.save_png(figure, path)
     return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
 
@@ -131,17 +124,17 @@ def render_field(
 def _scene(arm: DeformedArm, camera: style.Camera, scale: float) -> Scene:
     """Shells in their colours and, in grey, what has no shell, moved with the shells' ends."""
     triangles, cell = arm.grid.triangles()
-    norm = _density_scale(arm.grid.density)
+    norm, _ = _density_scale(arm.grid.density)
     colours = ENERGY_COLOURS(norm(arm.grid.density[cell]))[:, :3]
     surface = Surface(arm.grid.deformed(scale) * M_TO_MM, triangles, colours)
     bodies = _moved_bodies(arm, scale)
     return Scene(camera, np.zeros((0, 3)), np.zeros((0, 3)), tuple(bodies), (surface,))
 
 
-def _density_scale(density: Array) -> LogNorm:
+def _density_scale(density: Array) -> tuple[Normalize, Array]:
     top = float(np.percentile(density, _TOP_PERCENTILE))
-    top = top if top > 0.0 else 1.0
-    return LogNorm(top / 10.0**_DECADES, top, clip=True)
+    top = float(f"{top:.1g}") if top > 0.0 else 1.0
+    return style.colour_scale(density, (top / 10.0**_DECADES, top))
 
 
 def _moved_bodies(arm: DeformedArm, scale: float) -> list[DrawnBody]:
@@ -241,26 +234,3 @@ def _load_arrows(wrench: Array, at: Array, length: float) -> dict[str, Array]:
 def load_text(wrench: Array) -> str:
     """Size of the force and of the moment, as in ``650 N, 40 N m``."""
     return ", ".join(_load_arrows(wrench, np.zeros(3), 1.0))
-
-
-def _colour_bar(figure: Figure, norm: LogNorm, density: Array) -> None:
-    low, high = _ends(norm)
-    axes = figure.add_axes((0.872, 0.20, 0.022, 0.56))
-    extend = _EXTEND[bool((density < low).any()), bool((density > high).any())]
-    bar = figure.colorbar(ScalarMappable(norm, ENERGY_COLOURS), cax=axes, extend=extend)
-    bar.outline.set_linewidth(0.6)
-    ticks = _ticks(low, high)
-    bar.set_ticks(ticks, labels=[f"{t:g}" for t in ticks])
-    bar.ax.minorticks_off()
-    bar.set_label("strain energy density (J/m³), log scale", size=11, labelpad=10)
-
-
-def _ends(norm: LogNorm) -> tuple[float, float]:
-    assert norm.vmin is not None and norm.vmax is not None  # noqa: S101, PT018 - we gave both
-    return float(norm.vmin), float(norm.vmax)
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    steps = (1, 3) if high / low > 50.0 else (1, 2, 5)
-    return [t for d in decades for m in steps if low <= (t := float(f"{m}e{d}")) <= high]

@@ -1,4 +1,4 @@
-"""Figures of the strain energy's shares: of one pose, and over the whole workspace. Data in, Figure out."""
+"""Figures of the strain energy's shares: of one pose, of several, over the whole workspace. Data in, Figure out."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from fem import PartKind
+from fem import Budget, PartKind
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget
-from stiffarm.pages.figure_parts import above, joint_colour, note, paler, title
-from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.bars import part_colours, share_bands
+from stiffarm.pages.figure_parts import above, drawing, named_columns, named_rows, note, title
+from stiffarm.pages.style import INK, OKABE_ITO
 
 # Structure is grey in these figures, so that joints and links are told apart; the hatch is for those who cannot.
 _KIND_LOOKS: Final[dict[PartKind, tuple[str, str, str]]] = {
@@ -25,9 +25,6 @@ _KIND_LOOKS: Final[dict[PartKind, tuple[str, str, str]]] = {
     "parallelogram": ("#C4C8CD", "////", "bar and crank"),
     "other": ("#C4C8CD", "....", "base and tool"),
 }
-_GREYS: Final = ("#4E545B", "#DADDE1")
-# Bands of the workspace figure below this mean share everywhere are drawn together.
-_LEAST_BAND = 0.03
 # Per cent below which a share is round-off of a torque that is zero.
 _NOTHING = 1e-9
 # mm or mrad: no gauge sees less.
@@ -51,17 +48,13 @@ def energy_share_figure(budget: PoseBudget, heading: str, subtitle: str = "") ->
         raise InputError("energy share figure: no parts to draw")
     order = budget.order
     share = 100.0 * budget.share[order]
-    with house_style():
-        figure, (ax,) = new_figure((10.0, 1.75 + 0.3 * len(order)))
+    with drawing("", (10.0, 1.75 + 0.3 * len(order))) as (figure, (ax,)):
         for row, i in enumerate(order):
             colour, hatch, _ = _KIND_LOOKS[budget.kinds[i]]
             ax.barh(row, share[row], 0.72, color=colour, hatch=hatch, edgecolor="white", linewidth=0.0)
             note(ax, _share_text(budget, i), (share[row], row), (6, 0), ha="left", size=9.5)
-        ax.set_yticks(range(len(order)), [budget.parts[i] for i in order], size=10)
-        ax.set_ylim(len(order) - 0.4, -0.6)
+        named_rows(ax, [budget.parts[i] for i in order], size=10)
         ax.set_xlim(0.0, 1.24 * share[0])
-        ax.tick_params(axis="y", length=0)
-        ax.grid(visible=False, axis="y")
         motion = "" if budget.along is None else f"; beside the bars: tool motion along the load ({budget.along_unit})"
         ax.set_xlabel(f"share in the strain energy (%){motion}")
         kinds = [k for k in _KIND_LOOKS if k in budget.kinds]
@@ -101,11 +94,36 @@ def workspace_budget_figure(found: WorkspaceBudget, heading: str, subtitle: str 
     colours = part_colours(budget.parts, budget.kinds)
     levels = 100.0 * found.quantiles((0.05, 0.25, 0.5, 0.75, 0.95))
     order = [int(i) for i in np.argsort(-levels[2], kind="stable")]
-    with house_style():
-        figure, axes = new_figure((10.0, max(4.4, 1.6 + 0.3 * len(order))), 1, 2, width_ratios=[1.0, 1.25])
-        _spreads(axes[0], levels[:, order], [budget.parts[i] for i in order], [colours[budget.parts[i]] for i in order])
-        _bands(axes[1], found, edges, 100.0 * mean, colours)
+    size = (10.0, max(4.4, 1.6 + 0.3 * len(order)))
+    with drawing("", size, 1, 2, width_ratios=[1.0, 1.25]) as (figure, (left, right)):
+        _spreads(left, levels[:, order], [budget.parts[i] for i in order], [colours[budget.parts[i]] for i in order])
+        share_bands(right, edges, mean, budget.parts, budget.kinds)
+        right.set_xlabel("horizontal reach of the tool (mm)")
+        right.set_ylabel("mean share in the strain energy (%)")
         _headed(figure, heading, subtitle)
+    return figure
+
+
+def pose_shares_figure(budget: Budget, names: Sequence[str], motion_mm: Array | None = None) -> Figure:
+    """Draw each part's share in the strain energy of n poses (%), a column for each.
+
+    ``names`` (n,) stand below, and where it is known the motion of the tool along the load (n,).
+
+    Raises
+    ------
+    InputError
+        No poses, or names of another number.
+    """
+    if not names or len(names) != len(budget.share):
+        raise InputError("shares by pose: names", value=len(names), allowed=f"{len(budget.share)}, one a pose, n >= 1")
+    with drawing("Where the deflection comes from, pose by pose", (10.0, 4.6)) as (figure, (ax,)):
+        share_bands(ax, np.linspace(-0.5, len(names) - 0.5, len(names) + 1), budget.share, budget.parts, budget.kinds)
+        ax.set_xlabel("pose")
+        if motion_mm is not None:
+            names = [f"{name}\n{motion:.2f}" for name, motion in zip(names, motion_mm, strict=True)]
+            ax.set_xlabel("pose, and below it the tool's motion along the load (mm)")
+        named_columns(ax, names)
+        ax.set_ylabel("share in the strain energy (%)")
     return figure
 
 
@@ -124,73 +142,6 @@ def _spreads(ax: Axes, levels: Array, names: Sequence[str], colours: Sequence[st
         ax.hlines(row, low, high, color=colour, linewidth=2.0)
         ax.hlines(row, lower, upper, color=colour, linewidth=7.0)
         ax.plot(middle, row, "o", color="white", markeredgecolor=INK, markersize=6.5, markeredgewidth=1.4, **on_top)
-    ax.set_yticks(range(len(names)), names)
-    ax.set_ylim(len(names) - 0.4, -0.6)
+    named_rows(ax, names)
     ax.set_xlim(left=0.0)
-    ax.tick_params(axis="y", length=0)
-    ax.grid(visible=False, axis="y")
     ax.set_xlabel("share in the strain energy (%): dot median,\nthick half of the poses, thin nine in ten")
-
-
-def _bands(ax: Axes, found: WorkspaceBudget, edges: Array, mean: Array, colours: dict[str, str]) -> None:
-    budget = found.budget
-    most = np.nanmax(mean, axis=0)
-    shown = [i for i in np.argsort(-np.nanmean(mean, axis=0), kind="stable") if most[i] >= 100.0 * _LEAST_BAND]
-    bands = [(budget.parts[i], mean[:, i], colours[budget.parts[i]], budget.kinds[i]) for i in shown]
-    small = [i for i in range(len(most)) if i not in shown and most[i] > 0.0]
-    if small:
-        name = budget.parts[small[0]] if len(small) == 1 else f"{len(small)} others"
-        bands.append((name, mean[:, small].sum(axis=1), "white", "other"))
-    wide, bottom = np.diff(edges), np.zeros(len(mean))
-    right: list[tuple[float, str]] = []
-    for name, height, colour, kind in bands:
-        look: dict[str, Any] = {"color": colour, "edgecolor": "white", "linewidth": 1.0}
-        look |= {"hatch": "////"} if kind == "parallelogram" else {}
-        look |= {"edgecolor": "#B8BCC2", "linewidth": 0.6} if colour == "white" else {}
-        ax.bar(edges[:-1], np.nan_to_num(height), wide, bottom=bottom, align="edge", **look)
-        _inside(ax, edges, bottom, height, colour)
-        last = int(np.flatnonzero(~np.isnan(height))[-1])
-        right.append((float(bottom[last] + 0.5 * height[last]), name))
-        bottom = bottom + np.nan_to_num(height)
-    end, span = float(edges[-1]), float(np.ptp(edges))
-    for at, (middle, name) in zip(_apart([m for m, _ in right], 4.6), right, strict=True):
-        ax.plot([end, end + 0.035 * span], [middle, at], color="#777777", linewidth=0.7, clip_on=False)
-        ax.annotate(name, (end + 0.045 * span, at), va="center", size=9.5, annotation_clip=False)
-    ax.set_xlim(edges[0], end)
-    ax.set_ylim(0.0, 100.0)
-    ax.grid(visible=False)
-    ax.set_xlabel("horizontal reach of the tool (mm)")
-    ax.set_ylabel("mean share in the strain energy (%)")
-
-
-def _inside(ax: Axes, edges: Array, bottom: Array, height: Array, colour: str) -> None:
-    """Write the percentage into the segments that are high enough."""
-    dark = np.dot(to_rgb(colour), (0.3, 0.59, 0.11)) < 0.5
-    for i in np.flatnonzero(np.nan_to_num(height) >= 7.0):
-        middle = (float(0.5 * (edges[i] + edges[i + 1])), float(bottom[i] + 0.5 * height[i]))
-        note(ax, f"{height[i]:.0f}", middle, color="white" if dark else INK, size=8.5)
-
-
-def _apart(values: Sequence[float], gap: float) -> list[float]:
-    """Heights for labels at ascending values, at least ``gap`` apart, within 0 to 100 where they fit."""
-    out: list[float] = []
-    for value in values:
-        out.append(max(value, out[-1] + gap) if out else max(value, 0.5 * gap))
-    top = 100.0 - 0.4 * gap
-    for i in range(len(out) - 1, -1, -1):
-        out[i] = min(out[i], top)
-        top = out[i] - gap
-    return out
-
-
-def part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, str]:
-    """Joints in their colours of the other figures; structure in greys that get lighter along the chain."""
-    structure = [name for name, kind in zip(parts, kinds, strict=True) if kind != "joint"]
-    dark, light = (np.array(to_rgb(grey)) for grey in _GREYS)
-    steps = np.linspace(0.0, 1.0, max(len(structure), 2))
-    out = {name: to_hex(tuple(dark + t * (light - dark))) for name, t in zip(structure, steps, strict=False)}
-    joints = [name for name, kind in zip(parts, kinds, strict=True) if kind == "joint"]
-    for position, name in enumerate(joints):
-        colour = joint_colour(name.split(" ")[0], position)
-        out[name] = paler(colour) if " " in name else colour
-    return out

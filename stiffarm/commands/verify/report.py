@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from collections import Counter
 
 import numpy as np
 
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
 from robots.arrays import Array
-from stiffarm import __version__
 from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, straightness_figure
 from stiffarm.commands.verify.picture import offence_picture
 from stiffarm.commands.verify.words import offence_words, place_words, sentence, shown, value_words, verdict
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.console import say
 from stiffarm.session.outputs import OutputFolder
 
@@ -40,9 +38,8 @@ def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
     program = found.program
     source = program.motions.source or "program"
     lede = f"{verdict(found)} {source}, {program.n} moves, cell {program.cell.name}. replay.html shows it in motion."
-    footer = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC. Versions and command: run.json."
     question = "may this program run?"
-    folder.write_text("report.html", render(title, lede, _key_figures(found), sections, footer, question))
+    write_page(folder, title, lede, _key_figures(found), sections, question)
 
 
 def _key_figures(found: Verification) -> list[KeyFigure]:

@@ -18,19 +18,22 @@ from mpl_toolkits.mplot3d import Axes3D
 
 import robots
 from doe import Measurements, PoseEffects, SpringPoints, bundled_data, fit_law, read_measurements
+from doe.estimation.campaign import Stage
+from doe.published.pose_studies import PoseStudies
 from robots import InputError
-from stiffarm.commands.calibrate.figures import springs as figures_springs
+from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
+from stiffarm.commands.calibrate.figures.laws import laws_figure
+from stiffarm.commands.calibrate.laws import study_curves
 from stiffarm.commands.fit.figures import effects as figures_surrogate
 from stiffarm.commands.fit.figures.effects import HeldOut
 from stiffarm.commands.run.figures import match as figures_match
 from stiffarm.commands.run.figures import readings as figures_data
-from stiffarm.commands.run.figures.budget import budget_figure
-from stiffarm.commands.run.figures.match import VariantRow
 from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.figure_parts import MARKERS, SERIES, joint_colour, paler, power_of_ten
 from stiffarm.pages.style import save_png
-from stiffarm.session.spring_words import SpringEstimate
 from surrogate.main_effects import main_effects
+from tests.stiffarm.made_estimates import made_spring
 
 # Some fifty pictures are drawn.
 pytestmark = pytest.mark.slow
@@ -82,29 +85,38 @@ def match(worst_mm: float = 0.1) -> Figure:
     return figures_match.match_figure(POSES, MEASURED, {"one": MEASURED + wave, "two": off})
 
 
-ROWS = (VariantRow("constant", 4, 0.054, 0.074), VariantRow("staged", 12, 0.050, 1.049))
+ERRORS = {"fit": {"constant": 0.054, "staged": 0.05}, "left out": {"constant": 0.074, "staged": 1.049}}
 
 
-def comparison() -> Figure:
-    return figures_match.comparison_figure(ROWS)
+def bars() -> Figure:
+    return bars_figure("Fit and prediction", ERRORS, "RMS error (mm)")
+
+
+def many_bars() -> Figure:
+    """As a calibration draws them: more names than can be written, one of them without a value."""
+    one = {f"corner {i}": 0.05 + 1e-4 * i for i in range(60)} | {"corner 7": NAN}
+    return bars_figure("", {"fitted": one, "held out": {"far": 0.1}}, "RMS error (mm)", "pose", ("noise", 0.06))
 
 
 SPRINGS = (
-    SpringEstimate("j2", 1.45e6, (0.94e6, 3.19e6), "determined"),
-    SpringEstimate("j3", 0.84e6, (0.05e6, INF), "one-sided"),
-    SpringEstimate("j4", 1e9, (0.36e6, INF), "at bound"),
-    SpringEstimate("j5", NAN, (NAN, NAN), "not identified"),
+    made_spring("j2", 1.45e6, (0.94e6, 3.19e6), "determined"),
+    made_spring("j3", 0.84e6, (0.05e6, INF), "one-sided"),
+    made_spring("j4", 1e9, (0.36e6, INF), "at bound"),
+    made_spring("j5", NAN, (NAN, NAN), "not identified"),
 )
 
 
 def springs() -> Figure:
-    spare = (SpringEstimate("j2", 1.5e6, (NAN, NAN), "determined"),)
-    return figures_springs.springs_figure({"parallelogram": SPRINGS, "serial": spare}, (1e5, 1e6))
+    spare = (made_spring("j2", 1.5e6, (NAN, NAN), "determined"),)
+    return intervals_figure({"parallelogram": SPRINGS, "serial": spare}, expected=(1e5, 1e6))
 
 
 def rigid_joints() -> Figure:
-    poses, measured = ("5", "41", "77"), np.array([-2.05, -1.88, -2.14])
-    return figures_match.rigid_joint_figure(poses, measured, {"beam": measured / 20.0, "published": measured / 9300.0})
+    measured = {"5": 2.05, "41": 1.88, "77": 2.14}
+    series = {"measured": measured} | {
+        name: {pose: dz / by for pose, dz in measured.items()} for name, by in (("beam", 20.0), ("published", 9300.0))
+    }
+    return bars_figure("Rigid joints", series, "deflection |dz| (mm)", "pose", log=True)
 
 
 def response_surfaces() -> Figure:
@@ -118,7 +130,8 @@ def response_surfaces() -> Figure:
         stiffness = np.array([2e3, 2e4, 2e3, 2e4, 1e6])
         points[joint] = SpringPoints(joint, (name, "q2_deg"), np.radians(angles_deg), stiffness, origin)
     laws = {joint: fit_law(ROBOT, p, 6, "test") for joint, p in points.items()}
-    return figures_springs.response_surface_figure(laws, points, ROBOT)
+    study = PoseStudies(Stage(name="one", parameters=("j2.stiffness",)), (), points, laws)
+    return laws_figure(study_curves([study], ROBOT))
 
 
 def effects_of_angles() -> Figure:
@@ -145,30 +158,20 @@ def surrogate_quality_of_one() -> Figure:
     return figures_surrogate.surrogate_quality_figure([held_out("polynomial", 0.07)])
 
 
-PARTS = {
-    "forearm": -0.05 * np.ones(9), "wrist": -1e-4 * np.ones(9), "j2": -np.linspace(0.5, 0.0, 9), "j4": np.zeros(9),
-    "j3": -np.linspace(0.9, 1.7, 9), "bar": -0.02 * np.ones(9), "j3 other directions": -0.06 * np.ones(9),
-}  # fmt: skip
-
-
-def budget() -> Figure:
-    return budget_figure(PARTS, POSES, MEASURED)
-
-
 FIGURES: dict[Callable[[], Figure], tuple[str, ...]] = {
     data: ("(mm)", "(N)"),
     data_with_long_labels: ("(mm)", "(N)"),
     match_with_long_labels: ("(mm)",),
     sensitivity: ("(mm)", "N m/rad"),
     match: ("deflection |dz| (mm)", "measured (mm)"),
-    comparison: ("(mm)",),
-    springs: ("(N m/rad)", "10⁶ N m/rad"),
+    bars: ("(mm)",),
+    many_bars: ("(mm)",),
+    springs: ("1e6 N m/rad",),
     rigid_joints: ("(mm)",),
     response_surfaces: ("stiffness (N m/rad)", "q2 (deg)", "q5 (deg)"),
     effects_of_angles: ("q2 (deg)", "q3real (deg)", "(–)"),
     surrogate_quality: ("true stiffness (N/mm)", "predicted stiffness (N/mm)", "(%)"),
     surrogate_quality_of_one: ("true stiffness (N/mm)", "(%)"),
-    budget: ("(mm)", "(%)"),
 }
 every_figure = pytest.mark.parametrize("make", FIGURES, ids=lambda make: make.__name__)
 
@@ -286,31 +289,30 @@ def test_match_residual_is_positive_where_the_model_is_too_soft() -> None:
     assert "none: not predicted" in words(figure)
 
 
-def test_a_bar_far_longer_than_the_others_is_broken() -> None:
-    ax = comparison().axes[0]
-    assert ax.get_xlim()[1] < 0.1
-    assert "broken bars" in label_of(ax)
-    assert "1.049" in words(comparison())
-    even = figures_match.comparison_figure([ROWS[0], VariantRow("staged", 12, 0.05, NAN)])
-    assert "broken" not in label_of(even.axes[0])
-    assert "not predicted" in words(even)
+def test_a_bar_far_longer_than_the_others_is_cut_and_says_so() -> None:
+    ax = bars().axes[0]
+    assert ax.get_ylim()[1] < 0.1
+    assert "leaves the axis" in ax.get_ylabel()
+    assert "1.05 ↑" in words(bars())
+    even = bars_figure("", {"fit": {"a": 0.05, "b": 0.06}, "left out": {"a": 0.07, "b": NAN}}, "RMS error (mm)")
+    assert "axis" not in even.axes[0].get_ylabel()
+    assert "–" in words(even), "not predicted"
 
 
 def test_what_a_spring_estimate_says() -> None:
     seen = words(springs())
     for text in (
-        "1.45 (0.940 to 3.19)", "0.840 (at least 0.0500)", "at least 0.360, rigid fits best", "not identified",
-        "1.50 (no spare reading)",
+        "1.45 (0.94 to 3.19)", "0.84 (>= 0.05)", "at its bound: rigid fits best (>= 0.36)", "not identified",
+        "1.5 (no spare reading)",
     ):  # fmt: skip
         assert text in seen
-    # A spring at its bound (1e9) must not stretch the axis: its value means nothing.
-    assert springs().axes[0].get_xlim()[1] < 1e7
+    # A spring at its bound (1000) must not stretch the axis: its value means nothing.
+    assert springs().axes[0].get_xlim()[1] < 10.0
 
 
-def test_factor_between_rigid_joints_and_measurement() -> None:
+def test_bars_over_four_decades_are_all_written() -> None:
     seen = words(rigid_joints())
-    assert seen.count("× 20") == 3
-    assert seen.count("× 9 300") == 3
+    assert {"2.05", "0.102", "0.00022"} <= set(seen.split())
 
 
 def test_surfaces_pass_through_their_points() -> None:
@@ -335,23 +337,6 @@ def test_a_surrogate_exact_to_round_off_is_named_not_drawn() -> None:
     assert "exact: RMS" in seen
 
 
-def test_budget_adds_up() -> None:
-    ax = budget().axes[0]
-    length = sum(bar.get_width() for bar in ax.patches if abs(bar.get_y() + 0.37) < 1e-9)
-    assert length == pytest.approx(-sum(values[0] for values in PARTS.values()), rel=1e-12)  # round-off
-    seen = words(budget())
-    assert "2 other parts, each below 2 %" in seen
-    assert "j4" not in seen  # it does not bend at all
-    assert f"{-sum(values[0] for values in PARTS.values()):.2f} mm" in seen
-
-
-def test_parts_that_work_against_the_sum_stand_left_of_zero() -> None:
-    ax = budget_figure({"j2": np.array([-1.2]), "j3": np.array([0.2])}, ["5"]).axes[0]
-    spans = np.array([(bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches])
-    assert spans == pytest.approx(np.array([(0.0, 1.2), (0.0, -0.2)]), abs=1e-15)  # round-off
-    assert ax.get_xlim()[0] < -0.2
-
-
 # Even numbers of dollars would be taken for mathematics; "_x}" is none that matplotlib could read.
 SIGNS = ("$x_$", "_y}$ & <b>$", "$10")
 
@@ -371,12 +356,10 @@ HOSTILE: dict[str, Callable[[], Figure]] = {
     "match": lambda: figures_match.match_figure(
         SIGNS, MEASURED[:3], dict.fromkeys(SIGNS, MEASURED[:3] + 0.1), heading=" ".join(SIGNS)
     ),
-    "comparison": lambda: figures_match.comparison_figure([VariantRow(sign, 1, 0.1, 0.2) for sign in SIGNS]),
-    "springs": lambda: figures_springs.springs_figure({"a": [replace(SPRINGS[0], joint=sign) for sign in SIGNS]}),
-    "rigid joints": lambda: figures_match.rigid_joint_figure(SIGNS, MEASURED[:3], {SIGNS[0]: MEASURED[:3] / 20.0}),
+    "bars": lambda: bars_figure(SIGNS[0], {SIGNS[1]: dict.fromkeys(SIGNS, 0.1)}, SIGNS[2]),
+    "springs": lambda: intervals_figure({"a": [made_spring(sign, 1e6, (9e5, 2e6), "determined") for sign in SIGNS]}),
     "surrogate": lambda: figures_surrogate.surrogate_quality_figure([held_out(sign, 0.07) for sign in SIGNS]),
     "main effects": lambda: figures_surrogate.main_effects_figure({s: (np.arange(3.0),) + (ONES,) * 3 for s in SIGNS}),
-    "budget": lambda: budget_figure({sign: np.arange(1.0, 4.0) for sign in SIGNS}, SIGNS),
 }
 ONES = np.ones(3)
 
@@ -415,12 +398,11 @@ nan9 = np.full(9, NAN)
         (lambda: figures_match.match_figure(POSES, MEASURED[:3], {}), "measured_mm"),
         (lambda: figures_match.match_figure(POSES, MEASURED, {"short": MEASURED[:3]}), "short"),
         (lambda: figures_match.match_figure(POSES, nan9, {}), "finite"),
-        (lambda: figures_match.comparison_figure([]), "no finite RMS"),
-        (lambda: figures_match.comparison_figure([VariantRow("x", 1, NAN, NAN)]), "no finite RMS"),
-        (lambda: figures_springs.springs_figure({}), "no springs"),
-        (lambda: figures_match.rigid_joint_figure(POSES, MEASURED, {}), "no model"),
-        (lambda: figures_match.rigid_joint_figure(POSES, MEASURED, {"rigid": np.zeros(9)}), "rigid"),
-        (lambda: figures_springs.response_surface_figure({}, {}, ROBOT), "no laws"),
+        (lambda: bars_figure("", {}, "RMS error (mm)"), "finite value"),
+        (lambda: bars_figure("", {"x": {"a": NAN}}, "RMS error (mm)"), "finite value"),
+        (lambda: bars_figure("", {"x": {"a": 1.0, "b": 0.0}}, "RMS error (mm)", log=True), "above 0"),
+        (lambda: intervals_figure({}), "no estimates"),
+        (lambda: laws_figure([]), "no laws"),
         (lambda: figures_surrogate.main_effects_figure({}), "no effects"),
         (lambda: figures_surrogate.surrogate_quality_figure([]), "no surrogates"),
         (lambda: figures_surrogate.surrogate_quality_figure([HeldOut("x", np.ones(2), np.ones(3))]), "one length"),
@@ -428,9 +410,6 @@ nan9 = np.full(9, NAN)
             lambda: figures_surrogate.surrogate_quality_figure([HeldOut("x", np.ones(2), np.array([1.0, -1.0]))]),
             "above 0",
         ),
-        (lambda: budget_figure({}, POSES), "budget"),
-        (lambda: budget_figure({"j2": nan9}, POSES), "finite"),
-        (lambda: budget_figure({"j2": np.array([1.0]), "j3": np.array([-1.0])}, ["5"]), "does not deflect"),
     ],
 )
 def test_bad_input_is_refused(make: Callable[[], Figure], names: str) -> None:

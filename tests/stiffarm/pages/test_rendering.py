@@ -10,8 +10,9 @@ from stiffarm.commands.maps.figures.space import cloud_figure
 from stiffarm.commands.maps.looks import look_of
 from stiffarm.pages import rendering
 from stiffarm.pages.rendering import gl_available
+from stiffarm.pages.report import Picture
 from stiffarm.pages.robot_drawing import draw_robot
-from stiffarm.pages.style import STIFFNESS_COLOURS, colour_scale, new_figure, png_base64, save_png
+from stiffarm.pages.style import STIFFNESS_COLOURS, colour_scale, new_figure, save_png
 from surrogate.maps.data import Axis, Field, Layout, MapData
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 
@@ -214,7 +215,7 @@ def test_figures_are_written_whole_and_embed(tmp_path):
     save_png(figure, tmp_path / "a.png")
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
     assert imread(tmp_path / "a.png").shape[:2] == (660, 1500)
-    assert base64.b64decode(png_base64(tmp_path / "a.png")) == (tmp_path / "a.png").read_bytes()
+    assert base64.b64decode(Picture(tmp_path / "a.png", "", "").data) == (tmp_path / "a.png").read_bytes()
     with pytest.raises(InputError, match="single, wide"):
         new_figure("huge")
 

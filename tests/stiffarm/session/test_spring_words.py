@@ -6,35 +6,36 @@ import numpy as np
 import pytest
 from matplotlib.text import Annotation
 
-from doe.certainty.uncertainty import certainty
+from doe.certainty.uncertainty import ParameterEstimate, certainty
 from doe.estimation.estimate import estimate as estimated
 from fem.free.kinds import KINDS
 from fem.free.parameters import Parameter
-from stiffarm.commands.calibrate.figures.springs import springs_figure
+from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.payload import spring as estimate
-from stiffarm.session.spring_words import SpringEstimate, bound_of, mega, spring_text
+from stiffarm.commands.calibrate.words import bound_of, estimate_text
+from stiffarm.session.spring_words import mega
 from tests.doe.plain_problems import PlainModel, problem_of
+from tests.stiffarm.made_estimates import INF, NAN, made_spring
 
-INF, NAN = float("inf"), float("nan")
-RIGID = SpringEstimate("j4", 1e9, (0.36e6, INF), "at bound")
-SOFT = SpringEstimate("j3", 1e3, (0.0, 0.02e6), "at bound")
+RIGID = made_spring("j4", 1e9, (0.36e6, INF), "at bound")
+SOFT = made_spring("j3", 1e3, (0.0, 0.02e6), "at bound")
 
 
 @pytest.mark.parametrize(
     ("spring", "text"),
     [
-        (SpringEstimate("j2", 1.45e6, (0.94e6, 3.19e6), "determined"), "1.45 (0.940 to 3.19)"),
-        (SpringEstimate("j2", 0.84e6, (0.05e6, INF), "one-sided"), "0.840 (at least 0.0500)"),
-        (RIGID, "at least 0.360, rigid fits best"),
-        (SOFT, "at most 0.0200, the soft bound (0.001) fits best"),
-        (SpringEstimate("j2", 1e9, (NAN, INF), "at bound"), "rigid fits best (no spare reading)"),
-        (SpringEstimate("j2", 1e3, (0.0, NAN), "at bound"), "the soft bound (0.001) fits best (no spare reading)"),
-        (SpringEstimate("j2", 1.5e6, (NAN, NAN), "determined"), "1.50 (no spare reading)"),
-        (SpringEstimate("j2", NAN, (NAN, NAN), "not identified"), "not identified"),
+        (made_spring("j2", 1.45e6, (0.94e6, 3.19e6), "determined"), "1.45 (0.94 to 3.19)"),
+        (made_spring("j2", 0.84e6, (0.05e6, INF), "one-sided"), "0.84 (>= 0.05)"),
+        (RIGID, "at its bound: rigid fits best (>= 0.36)"),
+        (SOFT, "at its bound: soft fits best (<= 0.02)"),
+        (made_spring("j2", 1e9, (NAN, NAN), "at bound"), "at its bound: rigid fits best (no spare reading)"),
+        (made_spring("j2", 1e3, (NAN, NAN), "at bound"), "at its bound: soft fits best (no spare reading)"),
+        (made_spring("j2", 1.5e6, (NAN, NAN), "determined"), "1.5 (no spare reading)"),
+        (made_spring("j2", NAN, (NAN, NAN), "not identified"), "not identified"),
     ],
 )
-def test_a_spring_in_words(spring: SpringEstimate, text: str) -> None:
-    assert spring_text(spring) == text
+def test_a_spring_in_words(spring: ParameterEstimate, text: str) -> None:
+    assert estimate_text(spring) == text
 
 
 @pytest.mark.parametrize(
@@ -51,34 +52,33 @@ def test_the_bound_is_the_one_the_fit_stands_at(deflection_mm: float, bound: str
     free = Parameter("j1.stiffness", KINDS[0], "j1", (5,), "N m/rad", 1e6, 1e3, 1e9, "compliance")
     lever = np.full((n, 1), 650.0)
     model = PlainModel([free], np.array([1e-6]), lambda u: (1e-3 + lever @ u, lever))
-    (found,) = certainty(estimated(problem_of(model, value), (1e-5, 1e-5))).estimates
-    spring = SpringEstimate.of(found)
+    (spring,) = certainty(estimated(problem_of(model, value), (1e-5, 1e-5))).estimates
     assert spring.status == "at bound"
     assert bound_of(spring) == bound
-    assert {"rigid": "rigid fits best", "soft": "the soft bound"}[bound] in spring_text(spring)
+    assert f"{bound} fits best" in estimate_text(spring)
     assert estimate(spring)["bound"] == bound
     assert estimate(spring)["k_Nm_per_rad"] is None
 
 
 def test_a_spring_with_a_value_is_at_no_bound() -> None:
-    spring = SpringEstimate("j2", 0.84e6, (0.05e6, INF), "one-sided")
+    spring = made_spring("j2", 0.84e6, (0.05e6, INF), "one-sided")
     assert bound_of(spring) is None
     assert "bound" not in estimate(spring)
 
 
 def test_the_arrow_points_to_the_bound() -> None:
-    ax = springs_figure({"a": (RIGID, SOFT)}, (1e5, 1e6)).axes[0]
+    ax = intervals_figure({"a": (RIGID, SOFT)}, expected=(1e5, 1e6)).axes[0]
     low, high = ax.get_xlim()
-    # Neither 0, where the soft interval ends, nor 1e9 stretches the axis.
-    assert (low, high) == pytest.approx((0.02e6 / 2.5, 1e6 * 2.5))
+    # In 1e6 N m/rad. Neither 0, where the soft interval ends, nor 1000 stretches the axis.
+    assert (low, high) == pytest.approx((0.02 / 1.8, 1.0 * 1.8))
     arrows = [a for a in ax.texts if isinstance(a, Annotation) and a.arrow_patch is not None]
     tips = [(a.xy[0], a.xyann[0]) for a in arrows]
-    assert tips == [(high, 0.36e6), (low, 0.02e6)]
+    assert tips == [(high, 0.36), (low, 0.02)]
 
 
 def test_without_spare_readings_a_bound_has_no_arrow() -> None:
-    springs = (SpringEstimate("j2", 1e9, (NAN, INF), "at bound"), SpringEstimate("j3", 1e3, (0.0, NAN), "at bound"))
-    ax = springs_figure({"a": springs}).axes[0]
+    springs = (made_spring("j2", 1e9, (NAN, NAN), "at bound"), made_spring("j3", 1e3, (NAN, NAN), "at bound"))
+    ax = intervals_figure({"a": springs}).axes[0]
     assert not [a for a in ax.texts if isinstance(a, Annotation) and a.arrow_patch is not None]
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 import matplotlib as mpl
 import numpy as np
@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.calibrate.words import interval_text, known, shown_unit, value_text
-from stiffarm.pages.figure_parts import log_ticks, note, title
-from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from stiffarm.commands.calibrate.words import estimate_text, known, shown_unit
+from stiffarm.pages.figure_parts import MARKERS, SERIES, above, drawing, log_ticks, named_rows, note
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 _COLOURS: Final = {
     "determined": OKABE_ITO["blue"],
@@ -29,58 +29,82 @@ _COLOURS: Final = {
 _WRITE_UP_TO: Final = 12
 
 
-def intervals_figure(estimates: Sequence[ParameterEstimate]) -> Figure:
+def intervals_figure(
+    rows: Mapping[str, Sequence[ParameterEstimate]],
+    heading: str = "95 % intervals; an arrow: the readings set no limit on that side",
+    expected: tuple[float, float] | None = None,
+) -> Figure:
     """Draw 95 % intervals, a panel for each unit: logarithmic for positive numbers, open ends as arrows.
 
     A number at its bound or not identified has no marker, for its value means nothing.
+
+    Parameters
+    ----------
+    rows : name of a calibration -> its estimates; each of several has its colour, of a single one the status decides
+    expected : shaded, the range in which joint springs were expected (N m/rad)
 
     Raises
     ------
     InputError
         No estimates.
     """
-    if not estimates:
+    groups: dict[tuple[str, bool], list[tuple[str, ParameterEstimate]]] = {}
+    for name, estimates in rows.items():
+        for e in estimates:
+            key = shown_unit(e.parameter)[1], e.parameter.scale != "linear"
+            groups.setdefault(key, []).append((name, e))
+    if not groups:
         raise InputError("intervals figure: no estimates to draw")
-    groups: dict[tuple[str, bool], list[ParameterEstimate]] = {}
-    for e in estimates:
-        groups.setdefault((shown_unit(e.parameter)[1], e.parameter.scale != "linear"), []).append(e)
-    rows = [len(g) for g in groups.values()]
-    ratios: dict[str, Any] = {"gridspec_kw": {"height_ratios": [n + 1.2 for n in rows]}}
-    with house_style():
-        height = 0.8 + 0.36 * sum(rows) + 0.75 * len(rows)
-        figure, axes = new_figure((10.0, height), len(groups), 1, **ratios)
+    heights = [
+        max(0.36, 0.24 * len(rows)) * len({e.parameter.name for _, e in group}) + 0.4 for group in groups.values()
+    ]
+    size = (10.0, 0.8 + 0.25 * (len(rows) > 1) + 0.35 * len(groups) + sum(heights))
+    with drawing(heading, size, len(groups), 1, gridspec_kw={"height_ratios": heights}) as (figure, axes):
         for ax, ((unit, log), group) in zip(axes, groups.items(), strict=True):
-            _panel(ax, group, unit, log=log)
-        title(figure, "95 % intervals; an arrow: the readings set no limit on that side")
+            _panel(ax, group, list(rows), expected, log=log)
+            ax.set_xlabel(f"value ({unit})", labelpad=1)
+        if len(rows) > 1:
+            above(axes[0], axes[0].get_legend_handles_labels()[0], 3)
     return figure
 
 
-def _panel(ax: Axes, group: list[ParameterEstimate], unit: str, *, log: bool) -> None:
-    factor = shown_unit(group[0].parameter)[0]
-    ends = _ends(group, factor, log=log)
+def _panel(
+    ax: Axes,
+    group: Sequence[tuple[str, ParameterEstimate]],
+    series: Sequence[str],
+    expected: tuple[float, float] | None,
+    *,
+    log: bool,
+) -> None:
+    factor = shown_unit(group[0][1].parameter)[0]
+    names = list(dict.fromkeys(e.parameter.name for _, e in group))
+    springs = expected is not None and any(e.parameter.spring_of is not None for _, e in group)
+    shaded = [end * factor for end in expected] if expected is not None and springs else []
+    ends = _ends([e for _, e in group], factor, shaded, log=log)
+    if shaded:
+        ax.axvspan(*shaded, color=FAINT, alpha=0.3, linewidth=0, label="range expected")
     if log:
         ax.set_xscale("log")
     ax.set_xlim(*ends)
     if log:
         log_ticks(ax.xaxis, lambda v: f"{v:g}")
-    for row, e in enumerate(group):
-        colour = _COLOURS[e.status]
+    for i, one in enumerate(series if len(series) > 1 else ()):
+        ax.plot([], [], linewidth=2.2, label=one, color=SERIES[i % 6], marker=MARKERS[i % 6])
+    for one, e in group:
+        i = series.index(one)
+        row = names.index(e.parameter.name) + (i - (len(series) - 1) / 2) * 0.76 / len(series)
+        colour = SERIES[i % 6] if len(series) > 1 else _COLOURS[e.status]
         low, high = (v * factor for v in e.interval)
         if not math.isnan(low):
             _bar(ax, row, (low, high), ends, colour, log=log)
         if known(e):
-            ax.plot(e.value * factor, row, "o", color=colour, markersize=7, markeredgecolor="white")
-        text = value_text(e) if e.status == "not identified" else f"{value_text(e)}  ({interval_text(e)})"
-        note(ax, text, (1.01, row), xycoords=("axes fraction", "data"), ha="left", color=colour)
-    ax.set_yticks(range(len(group)), [e.parameter.name for e in group])
-    ax.set_ylim(len(group) - 0.4, -0.6)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
-    ax.set_xlabel(unit, labelpad=1)
+            ax.plot(e.value * factor, row, MARKERS[i % 6], color=colour, markersize=7, markeredgecolor="white")
+        note(ax, estimate_text(e), (1.01, row), xycoords=("axes fraction", "data"), ha="left", color=colour)
+    named_rows(ax, names)
 
 
 def _bar(
-    ax: Axes, row: int, interval: tuple[float, float], ends: tuple[float, float], colour: str, *, log: bool
+    ax: Axes, row: float, interval: tuple[float, float], ends: tuple[float, float], colour: str, *, log: bool
 ) -> None:
     low, high = interval
     below, beyond = low <= (0.0 if log else -math.inf), math.isinf(high)
@@ -94,9 +118,12 @@ def _bar(
             ax.plot(end, row, marker="|", color=colour, markersize=9, markeredgewidth=2.0)
 
 
-def _ends(group: list[ParameterEstimate], factor: float, *, log: bool) -> tuple[float, float]:
-    """Ends of the axis: what is known, and some room."""
+def _ends(
+    group: Sequence[ParameterEstimate], factor: float, shaded: Sequence[float], *, log: bool
+) -> tuple[float, float]:
+    """Ends of the axis: what is known or ``shaded``, and some room."""
     values = [v * factor for e in group for v in (*e.interval, e.value if known(e) else math.nan) if math.isfinite(v)]
+    values += shaded
     if log:
         values = [v for v in values if v > 0.0]
         return (min(values) / 1.8, max(values) * 1.8) if values else (0.1, 10.0)
@@ -117,8 +144,7 @@ def determination_figure(names: Sequence[str], correlation: Array, singular: Arr
     k = len(names)
     if k == 0 or correlation.shape != (k, k) or directions.shape[1:] != (k,) or len(singular) != len(directions):
         raise InputError("determination figure", value=f"{k} names", allowed="arrays of their number")
-    with house_style():
-        figure, (left, right) = new_figure((11.0, min(2.2 + 0.42 * k, 11.0)), 1, 2)
+    with drawing("", (11.0, min(2.2 + 0.42 * k, 11.0)), 1, 2) as (figure, (left, right)):
         _cells(left, correlation, list(names), list(names))
         left.set_title("correlation of the estimates (bounds ignored)", loc="left")
         strength = singular / max(float(singular.max(initial=0.0)), 1e-300)

@@ -12,14 +12,11 @@ from scipy.stats import norm
 
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.pages.figure_parts import SERIES, above, title
-from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import drawing, named_columns
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 _GOOD: Final = OKABE_ITO["blue"]
 _FLAGGED: Final = OKABE_ITO["vermillion"]
-# More names than this do not fit below an axis.
-_MOST_NAMES: Final = 28
-_TURNED_FROM: Final = 12
 # Outliers beyond this many times the largest good residual stand at the edge, or nothing else could be seen.
 _ROOM: Final = 1.6
 
@@ -39,9 +36,8 @@ def residuals_figure(
     """
     if not groups or any(len(labels) != len(residual) for labels in groups.values()):
         raise InputError("residuals figure: groups", allowed="at least one, a label for each residual")
-    size = (10.0, 0.7 + 2.5 * len(groups))
-    with house_style():
-        figure, axes = new_figure(size, len(groups), 1)
+    heading, size = "What the calibrated model leaves: read minus predicted", (10.0, 0.7 + 2.5 * len(groups))
+    with drawing(heading, size, len(groups), 1) as (figure, axes):
         for ax, (name, labels) in zip(axes, groups.items(), strict=True):
             _strip(ax, residual, list(labels), flagged)
             if sd is not None:
@@ -49,7 +45,6 @@ def residuals_figure(
                 ax.axhspan(-reach, reach, color=FAINT, alpha=0.25, linewidth=0, zorder=0.2)
             ax.set_xlabel(f"by {name}")
             ax.set_ylabel(f"residual ({unit})")
-        title(figure, "What the calibrated model leaves: read minus predicted")
     return figure
 
 
@@ -66,13 +61,7 @@ def _strip(ax: Axes, residual: Array, labels: list[str], flagged: Bools) -> None
     if len(labels) > len(names):
         ax.hlines(means, np.arange(len(names)) - 0.3, np.arange(len(names)) + 0.3, color=INK, linewidth=1.6, zorder=3)
     ax.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
-    shown = range(0, len(names), -(-len(names) // _MOST_NAMES))
-    turned = len(shown) > _TURNED_FROM and max(len(n) for n in names) > 3
-    ax.set_xticks(
-        list(shown), [names[k] for k in shown], rotation=60 if turned else 0, ha="right" if turned else "center"
-    )
-    ax.set_xlim(-0.6, len(names) - 0.4)
-    ax.grid(visible=False, axis="x")
+    named_columns(ax, names)
 
 
 def checks_figure(predicted: Array, measured: Array, own: Array, unit: str, flagged: Bools) -> Figure:
@@ -87,8 +76,7 @@ def checks_figure(predicted: Array, measured: Array, own: Array, unit: str, flag
     """
     if not len(predicted) or {len(measured), len(own), len(flagged)} != {len(predicted)}:
         raise InputError("checks figure", allowed="as many measured as predicted, at least one")
-    with house_style():
-        figure, (match, left, normal) = new_figure((11.0, 4.2), 1, 3)
+    with drawing("", (11.0, 4.2), 1, 3) as (figure, (match, left, normal)):
         ends = np.array([min(predicted.min(), measured.min()), max(predicted.max(), measured.max())])
         ends = ends + np.array([-1.0, 1.0]) * 0.04 * max(float(np.ptp(ends)), 1e-12)
         match.plot(ends, ends, color=INK, linewidth=0.9)
@@ -133,37 +121,3 @@ def _dots(ax: Axes, x: Array, y: Array, flagged: Bools) -> None:
     for side, marker in ((1.0, "^"), (-1.0, "v")):
         far = flagged & (side * y > reach)
         ax.scatter(x[far], np.full(int(far.sum()), 0.97 * side * reach), marker=marker, **look)
-
-
-def predictions_figure(
-    errors: Mapping[str, Mapping[str, float]], noise_mm: float | None = None, noise: str = "noise of a reading"
-) -> Figure:
-    """Draw RMS errors (mm) by pose, a series each: fitted, left out, held out; NaN: no such error.
-
-    ``noise_mm``: standard deviation of a reading, as a line, called ``noise``.
-
-    Raises
-    ------
-    InputError
-        No errors.
-    """
-    poses = list(dict.fromkeys(label for one in errors.values() for label in one))
-    if not poses:
-        raise InputError("predictions figure: no errors to draw")
-    step = 0.8 / len(errors)
-    with house_style():
-        figure, (ax,) = new_figure((10.0, 3.8))
-        for i, (name, one) in enumerate(errors.items()):
-            place = np.arange(len(poses)) + (i - (len(errors) - 1) / 2) * step
-            ax.bar(place, [one.get(label, np.nan) for label in poses], step * 0.9, color=SERIES[i % 6], label=name)
-        if noise_mm is not None:
-            ax.axhline(noise_mm, color=INK, linewidth=1.0, linestyle="--", label=noise)
-        shown = range(0, len(poses), -(-len(poses) // _MOST_NAMES))
-        turned = len(shown) > _TURNED_FROM and max(map(len, poses)) > 3
-        ax.set_xticks(list(shown), [poses[k] for k in shown], rotation=60 if turned else 0)
-        ax.set_xlim(-0.6, len(poses) - 0.4)
-        ax.set_xlabel("pose")
-        ax.set_ylabel("RMS error (mm)")
-        ax.grid(visible=False, axis="x")
-        above(ax, ax.get_legend_handles_labels()[0], 4)
-    return figure

@@ -9,14 +9,14 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter
 
 from robots import InputError
 from robots.arrays import Array
 from robots.constants import NORMAL_95
-from stiffarm.commands.fit.figures.effects import percent_label
-from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, title
-from stiffarm.pages.style import FAINT, INK, house_style, new_figure
+from stiffarm.commands.fit.figures.effects import exceedance, percent_label
+from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, drawing, log_ticks, panels
+from stiffarm.pages.style import FAINT, INK
 
 LEVEL: Final = 0.95
 PARTS: Final = 10
@@ -80,31 +80,26 @@ def error_bars_figure(rows: Sequence[JudgedBars]) -> Figure:
         No rows, or arrays that do not fit.
     """
     _check(rows)
-    with house_style():
-        figure, (left, right) = new_figure((10.0, 4.6), 1, 2)
+    heading = "Do the error bars hold? Runs that neither the fit nor the bars have seen"
+    with drawing(heading, (10.0, 4.6), 1, 2) as (figure, (left, right)):
         _ratios(left, rows)
         _shares(right, rows)
-        title(figure, "Do the error bars hold? Runs that neither the fit nor the bars have seen")
     return figure
 
 
 def _ratios(ax: Axes, rows: Sequence[JudgedBars]) -> None:
-    lines = []
-    for row in rows:
-        ratio = np.sort(row.error / np.maximum(row.half_width, 1e-300))
-        share = 1.0 - np.arange(len(ratio)) / len(ratio)
-        label = f"{row.name}: {100.0 * row.inside:.1f} % inside"
-        lines += ax.plot(ratio, share, color=SERIES[row.colour % len(SERIES)], label=label)
-    ax.set_yscale("log")
-    most = max(float(np.max(row.error / np.maximum(row.half_width, 1e-300))) for row in rows)
+    ratios = [row.error / np.maximum(row.half_width, 1e-300) for row in rows]
+    lines = [
+        exceedance(ax, ratio, SERIES[row.colour % len(SERIES)], f"{row.name}: {100.0 * row.inside:.1f} % inside")
+        for row, ratio in zip(rows, ratios, strict=True)
+    ]
+    most = max(float(ratio.max()) for ratio in ratios)
     ax.set_xlim(0.0, min(max(1.6, 1.05 * most), MOST_SHOWN))
     ax.set_ylim(0.5 / max(len(row.error) for row in rows), 1.3)
     ax.axvline(1.0, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     ax.axhline(1.0 - LEVEL, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     ax.plot(1.0, 1.0 - LEVEL, "o", color=INK, markersize=5, zorder=4)
     ax.annotate("honest bars\npass here", (1.0, 1.0 - LEVEL), (10, 16), textcoords="offset points", size=9.0, ha="left")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100.0 * v:g} %"))
-    ax.yaxis.set_minor_locator(NullLocator())
     ax.set_xlabel("error / half-width of its 95 % bar (–)")
     ax.set_ylabel("runs with a larger ratio (%)")
     above(ax, lines, 1)
@@ -146,11 +141,9 @@ def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], 
     _check(rows)
     if Q_deg.shape != (len(rows[0].error), len(inputs)) or not inputs:
         raise InputError("errors over the inputs", value=f"shape {Q_deg.shape}", allowed="(n, k), a row for each error")
-    columns = min(len(inputs), 3 if len(inputs) in (3, 5, 6) else 2)
-    lines = -(-len(inputs) // columns)
-    with house_style():
-        figure, axes = new_figure((10.0, 2.7 * lines + 1.0), lines, columns, sharey=True)
-        for j, (ax, name) in enumerate(zip(axes, inputs, strict=False)):
+    columns = 3 if len(inputs) in (3, 5, 6) else 2
+    with panels("Where the error is large", len(inputs), columns, 10.0, 2.7, 1.0, sharey=True) as (figure, axes):
+        for j, (ax, name) in enumerate(zip(axes, inputs, strict=True)):
             for row in rows:
                 middle, median, high = gathered(Q_deg[:, j], row.error)
                 colour = SERIES[row.colour % len(SERIES)]
@@ -162,17 +155,10 @@ def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], 
             ax.locator_params(axis="x", nbins=7)
             if j % columns == 0:
                 ax.set_ylabel("relative error (%)")
-        for ax in axes[len(inputs) :]:
-            ax.set_axis_off()
         # Shared by all panels.
-        bottom, top = axes[0].get_ylim()
-        subs = (1.0,) if top > 100.0 * bottom else (1.0, 2.0, 5.0)
-        axes[0].yaxis.set_major_locator(LogLocator(subs=subs))
-        axes[0].yaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
-        axes[0].yaxis.set_minor_locator(NullLocator())
+        log_ticks(axes[0].yaxis, percent_label)
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=2.4)
-        title(figure, "Where the error is large")
     return figure
 
 

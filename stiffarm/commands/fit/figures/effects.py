@@ -12,12 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import SERIES, above, angle_label, note, title
-from stiffarm.pages.style import FAINT, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import SERIES, above, angle_label, drawing, log_ticks, note
+from stiffarm.pages.style import FAINT, OKABE_ITO
 from surrogate.main_effects import MainEffect
 
 # A surrogate whose largest error is below this part of the others' is not drawn beside them.
@@ -57,8 +58,8 @@ def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, A
     if not effects:
         raise InputError("main effects figure: no effects to draw")
     looks = (("min", 1, "blue", "v"), ("mean", 2, "green", "o"), ("max", 3, "vermillion", "^"))
-    with house_style():
-        figure, axes = new_figure((10.0, 4.2), 1, len(effects), sharey=True)
+    heading = "Main effects of the joint angles on the stiffness"
+    with drawing(heading, (10.0, 4.2), 1, len(effects), sharey=True) as (figure, axes):
         for ax, (name, effect) in zip(axes, effects.items(), strict=True):
             levels = effect[0]
             ax.fill_between(levels, effect[1], effect[3], color=FAINT, alpha=0.25, linewidth=0)
@@ -73,7 +74,6 @@ def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, A
             ax.set_xlim(levels[0] - 0.1 * span, levels[-1] + 0.36 * span)
         axes[0].set_ylabel("structural stiffness / its maximum (–)")
         axes[0].set_ylim(0.0, 1.06)
-        title(figure, "Main effects of the joint angles on the stiffness")
     return figure
 
 
@@ -111,9 +111,9 @@ def surrogate_quality_figure(
     ends = (0.93 * float(every.min()), 1.07 * float(every.max()))
     cols = 2 if len(rows) in (2, 4) else min(3, len(rows))
     lines, height = -(-len(rows) // cols), 7.6 / cols + 0.7
-    with house_style():
-        # Panels about as high as wide; a single one stands beside the errors.
-        figure, _ = new_figure((10.0, lines * height + 4.0 if len(rows) > 1 else 4.6), rows=0)
+    # Panels about as high as wide; a single one stands beside the errors.
+    size = (10.0, lines * height + 4.0 if len(rows) > 1 else 4.6)
+    with drawing("Surrogates on runs that were kept out of the fit", size, rows=0) as (figure, _):
         figure.set_layout_engine("constrained")
         if len(rows) > 1:
             grid = figure.add_gridspec(lines + 1, cols, height_ratios=[*[height] * lines, 3.6])
@@ -130,7 +130,6 @@ def surrogate_quality_figure(
         bar = figure.colorbar(cells[0], ax=panels, aspect=30, pad=0.015, format="%g")
         bar.set_label("runs in a cell (–)")
         _tails(figure.add_subplot(grid[lines, :] if len(rows) > 1 else grid[0, 1]), rows, error_of)
-        title(figure, "Surrogates on runs that were kept out of the fit")
     return figure
 
 
@@ -143,35 +142,38 @@ def _parity(ax: Axes, row: HeldOut, ends: tuple[float, float], what: str) -> Pol
     ax.plot(ends, ends, color=OKABE_ITO["vermillion"], linewidth=0.9)
     ax.set_xlim(*ends)
     ax.set_ylim(*ends)
-    few = ends[1] > 40.0 * ends[0]
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-        # Ticks are what takes time to draw; these are enough.
-        axis.set_minor_locator(NullLocator())
+        log_ticks(axis, lambda v: f"{v:g}")
     ax.set_xlabel(f"true {what}")
     return cells
+
+
+def exceedance(ax: Axes, values: Array, colour: str, label: str) -> Line2D:
+    """Draw which share of the values (n,) is at least x, on a logarithmic axis of shares in percent."""
+    (line,) = ax.plot(np.sort(values), 1.0 - np.arange(len(values)) / len(values), color=colour, label=label)
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
+    ax.yaxis.set_minor_locator(NullLocator())
+    return line
 
 
 def _tails(ax: Axes, rows: Sequence[HeldOut], error_of: str) -> None:
     """Share of the runs with a larger error. A surrogate that is exact by comparison is only named."""
     largest = max(float(row.relative_error.max()) for row in rows)
     ax.set_xscale("log")
-    ax.set_yscale("log")
     shown = [row for row in rows if row.relative_error.max() > _FAR_BELOW * largest] or list(rows)
     lines: list[Any] = []
     for i, row in enumerate(rows):
-        error = np.sort(row.relative_error)
-        rms = float(np.sqrt(np.mean(error**2)))
-        marks = {"RMS": rms, "95 %": float(np.quantile(error, 0.95)), "max": float(error[-1])}
-        text = f"{row.name}: " + ", ".join(f"{key} {percent_label(value)}" for key, value in marks.items())
-        text += "" if row in shown else " (left of the axis)"
-        share = 1.0 - np.arange(len(error)) / len(error)
-        kept = slice(None) if row in shown else slice(0)
-        lines += ax.plot(error[kept], share[kept], color=SERIES[i % 6], label=text)
-        for marker, value in zip("osD", marks.values() if row in shown else (), strict=False):
-            # The largest stands at the end of the curve, also where several runs share it.
-            at = 1.0 / len(error) if marker == "D" else float(np.mean(error >= value))
+        error = row.relative_error
+        marks = {"RMS": np.sqrt(np.mean(error**2)), "95 %": np.quantile(error, 0.95), "max": error.max()}
+        text = f"{row.name}: " + ", ".join(f"{key} {percent_label(float(value))}" for key, value in marks.items())
+        if row not in shown:
+            lines += ax.plot([], [], color=SERIES[i % 6], label=f"{text} (left of the axis)")
+            continue
+        lines.append(exceedance(ax, error, SERIES[i % 6], text))
+        # The largest stands at the end of the curve, also where several runs share it.
+        heights = [np.mean(error >= marks["RMS"]), np.mean(error >= marks["95 %"]), 1.0 / len(error)]
+        for marker, value, at in zip("osD", marks.values(), heights, strict=True):
             look: dict[str, Any] = {"markersize": 8, "markeredgecolor": "white", "zorder": 4}
             ax.plot(value, at, marker, color=SERIES[i % 6], **look)
     names = ("RMS", "95 % of the runs are below", "largest")
@@ -179,9 +181,8 @@ def _tails(ax: Axes, rows: Sequence[HeldOut], error_of: str) -> None:
     middle = min(float(np.median(row.relative_error)) for row in shown)
     ax.set_xlim(max(0.02 * middle, 1e-17), 2.0 * max(largest, 1e-16))
     ax.set_ylim(0.5 / max(len(row.true_N_per_mm) for row in rows), 1.4)
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
-        axis.set_minor_locator(NullLocator())
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
+    ax.xaxis.set_minor_locator(NullLocator())
     ax.set_xlabel(f"relative error of the {error_of} (%)")
     ax.set_ylabel("runs with a larger error (%)")
     # The layout leaves room for the last legend only, so the one inside comes first.

@@ -15,8 +15,8 @@ from matplotlib.patches import Patch
 from doe import Measurements
 from robots import InputError, Robot
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import SERIES, above, note, paler, title
-from stiffarm.pages.style import INK, house_style, new_figure
+from stiffarm.pages.figure_parts import SERIES, above, drawing, note, paler
+from stiffarm.pages.style import INK
 
 _HATCHES: Final = ("////", "xxxx", "....")
 # From this many bars on, their numbers stand upright; from the second on they are left out.
@@ -79,8 +79,8 @@ def data_figure(
     upright = bars * longest > _LABELS_UPRIGHT
     # What stands below the pose labels, in points: upright ones are as high as they are long.
     below_pt = 10.0 + 6.0 * max(longest, 2)
-    with house_style():
-        figure, (ax,) = new_figure((10.0, 5.0 + 0.25 * len(doubts)))
+    heading = "Measured vertical deflection of every pose and load"
+    with drawing(heading, (10.0, 5.0 + 0.25 * len(doubts))) as (figure, (ax,)):
         for (load, rows), at in zip(loads, places, strict=True):
             pale = any(_same_load(load, other) for other in excluded_loads_N)
             for x, pose in zip(at, poses, strict=True):
@@ -107,7 +107,6 @@ def data_figure(
         if hatched:
             keys = [Patch(facecolor="#777777", edgecolor="white", hatch=h, label=text) for h, text in hatched]
             figure.legend(handles=keys, loc="outside lower left", handlelength=2.6, handleheight=1.4)
-        title(figure, "Measured vertical deflection of every pose and load")
     return figure
 
 
@@ -134,11 +133,8 @@ def _applies(doubt: Doubt, pose: str, load: float) -> bool:
 
 
 def _load_groups(loads: Array) -> list[tuple[float, list[int]]]:
-    """Rows of each load, smallest load first; loads within 1 % are one."""
-    groups: list[tuple[float, list[int]]] = []
-    for i in np.argsort(loads, kind="stable"):
-        if groups and _same_load(float(loads[i]), groups[-1][0]):
-            groups[-1][1].append(int(i))
-        else:
-            groups.append((float(loads[i]), [int(i)]))
-    return groups
+    """Rows of each load, smallest load first; loads that follow one another within 1 % are one."""
+    order = np.argsort(loads, kind="stable")
+    ascending = loads[order]
+    jumps = np.flatnonzero(ascending[1:] > 1.01 * ascending[:-1]) + 1
+    return [(float(loads[rows[0]]), rows.tolist()) for rows in np.split(order, jumps)]

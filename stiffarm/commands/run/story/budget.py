@@ -4,33 +4,51 @@ from __future__ import annotations
 
 import numpy as np
 
-from doe import loaded_points, select_loads
+from doe import loaded_points
+from fem.statics.budget import compliance_budget
 from robots import InputError
 from stiffarm.commands.run.findings import Findings
-from stiffarm.commands.run.story.words import short_title
 from stiffarm.commands.simulate import field_results
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
 from stiffarm.commands.simulate.field_picture import load_text
-from stiffarm.commands.simulate.figures import energy_share_figure, workspace_budget_figure
+from stiffarm.commands.simulate.figures import energy_share_figure, pose_shares_figure, workspace_budget_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Note, Picture, Text
+from stiffarm.pages.report import Block, Note, Picture, Section, Text
 
 
-def budget_blocks(f: Findings, pictures: Pictures) -> list[Block]:
-    """Pictures and sentences for one pose and for the workspace; writes budget.json, and field.vtu for shells."""
+def budget_section(f: Findings, pictures: Pictures) -> Section:
+    """Pictures and sentences for the poses and for the workspace; writes budget.json, and field.vtu for shells."""
     pose, budget, blocks = _pose(f, pictures)
+    workspace = None
     try:
         found = workspace_budget(f.best.model)
+        workspace = found.payload()
+        blocks += _workspace(f, found, pictures)
     except InputError as error:
-        pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": None})
-        return [*blocks, Note(f"No budget of the workspace: {error}")]
-    pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": found.payload()})
-    return [*blocks, *_workspace(f, found, pictures)]
+        blocks.append(Note(f"No budget of the workspace: {error}"))
+    pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": workspace})
+    return Section("Where the compliance comes from", (*_poses(f, pictures), *blocks))
+
+
+def _poses(f: Findings, pictures: Pictures) -> list[Block]:
+    used, model = f.used, f.best.model
+    budget = compliance_budget(model, used.q, used.wrench, loaded_points(model, used))
+    motion_mm = 2e3 * budget.energy / used.loads_N if not used.wrench[:, 3:].any() else None
+    return [
+        Text(f"Each part's share in the strain energy of the recommended model ({f.best.name})."),
+        pictures.add(
+            pose_shares_figure(budget, used.pose, motion_mm),
+            "budget",
+            "Compliance budget by pose; a part's share in the strain energy is its share in the tool's motion along "
+            "the load. The arm is statically determinate, so the shares add up exactly. Link shares rest on assumed "
+            "sections.",
+        ),
+    ]
 
 
 def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]]:
     """The measured pose with the largest deflection: its budget and, for shell links, its deformed shape."""
-    used = select_loads(f.data, f.scheme.loads_N)
+    used = f.used
     size = np.where(used.used, np.abs(used.displacement), 0.0)
     # Rotations decide only where no translation was read.
     size = size[:, :3] if size[:, :3].any() else size
@@ -68,7 +86,7 @@ def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[
     names = ", ".join(name.removesuffix("_deg") for name in found.swept)
     figure = workspace_budget_figure(
         found,
-        f"Where the compliance of the {short_title(f)} comes from",
+        f"Where the compliance of the {f.title} comes from",
         f"{len(found.q)} reachable poses, {names} spread evenly over their limits; vertical load",
     )
     blocks: list[Block] = [

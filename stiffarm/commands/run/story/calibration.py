@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from matplotlib.figure import Figure
 
 from robots.arrays import Array
-from stiffarm.commands.calibrate.figures import springs as figures_springs
+from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
+from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.commands.calibrate.study_section import study_blocks
-from stiffarm.commands.run.figures import match as figures_match
+from stiffarm.commands.calibrate.words import estimate_text, verdict
 from stiffarm.commands.run.figures import readings as figures_data
+from stiffarm.commands.run.figures.match import match_figure
 from stiffarm.commands.run.figures.readings import Doubt
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
-from stiffarm.commands.run.story.words import is_published_data, springs_text
+from stiffarm.commands.run.link_words import NOUN
 from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
-from stiffarm.session.spring_words import SpringEstimate, bound_of
 
 _DOUBTS = (
     Doubt(("3", "4"), (375.0,), "outliers? (about 1.0 mm expected)"),
@@ -48,7 +52,7 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     levels = np.unique(np.round(f.data.loads_N, 6))
     unused = [v for v in levels if f.scheme.loads_N and not np.isclose(v, f.scheme.loads_N, rtol=0.01).any()]
     used = ", ".join(f"{v:g} N" for v in f.scheme.loads_N) or "all loads"
-    published = is_published_data(f)
+    published = f.is_published
     figure = figures_data.data_figure(
         f.data,
         excluded_loads_N=unused,
@@ -88,11 +92,18 @@ def _proportionality(f: Findings, levels: Array) -> str:
 def first_model_section(f: Findings, pictures: Pictures) -> Section:
     """Flexible links with rigid joints against the readings."""
     r = f.rigid
-    name = f"{r.links} links, rigid joints"
-    figure = figures_match.rigid_joint_figure(r.pose, r.measured_mm, {name: r.simulated_mm})
+    series = {"measured": r.measured_mm, f"{r.links} links, rigid joints": r.simulated_mm}
+    figure = bars_figure(
+        "The model with rigid joints against the measurement",
+        {name: dict(zip(r.pose, np.abs(values), strict=True)) for name, values in series.items()},
+        "deflection |dz| (mm), log axis",
+        "pose",
+        log=True,
+    )
     simulated = np.abs(r.simulated_mm)
+    factors = ", ".join(f"{factor:.0f} times in pose {pose}" for pose, factor in zip(r.pose, r.factor, strict=True))
     note = "Where sections of links are assumed, the factor is an order of magnitude."
-    if is_published_data(f):
+    if f.is_published:
         note += (
             " The paper's text gives 10^5 for its own shell model; the deflections printed in its Table 1 make "
             "it about 10^4."
@@ -102,14 +113,9 @@ def first_model_section(f: Findings, pictures: Pictures) -> Section:
         (
             Text(
                 f"With rigid joints the links alone give {simulated.min():.3f} to {simulated.max():.3f} mm. "
-                f"Measured is {np.min(r.factor):.0f} to {np.max(r.factor):.0f} times more: the joints, not "
-                "the links, make the arm soft."
+                f"Measured is more, {factors}: the joints, not the links, make the arm soft."
             ),
-            pictures.add(
-                figure,
-                "rigid_joints",
-                "Measured deflection against the model with rigid joints; logarithmic axis.",
-            ),
+            pictures.add(figure, "rigid_joints", "Measured deflection beside that of the model with rigid joints."),
             Note(note),
         ),
     )
@@ -124,9 +130,6 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
             " With the parallelogram, joint 2 feels only the load times the upper arm's horizontal reach, so "
             "its effect all but vanishes where the upper arm is vertical."
         )
-    remarks: list[Block] = []
-    if is_published_data(f):
-        remarks.append(Note(_PUBLISHED_RANKING))
     rankings = tuple(
         f"{path} load path, pose {e.pose}: {' > '.join(e.ranking)}"
         for path, effects in f.effects.items()
@@ -142,7 +145,7 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
             ),
             pictures.add(figure, "sensitivity", caption),
             Bullets(rankings),
-            *remarks,
+            *([Note(_PUBLISHED_RANKING)] if f.is_published else []),
         ),
     )
 
@@ -157,32 +160,49 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
         )
     ]
     for variant in f.variants:
-        if not variant.found.studies:
-            continue
-        blocks += study_blocks(variant, pictures)
+        if variant.found.studies:
+            blocks += study_blocks(variant, pictures)
     blocks.append(Note(_LEAST_ROUGHNESS))
     return Section("Calibration in the published staged scheme", tuple(blocks))
 
 
 def comparison_section(f: Findings, pictures: Pictures) -> Section:
-    """All variants side by side: parameters, fit, prediction, springs."""
-    rows = tuple(
-        (v.name, _count(v), f"{v.found.rms_mm:.3f}", f"{v.left_out_rms_mm:.3f}", *_held_out(f, v), springs_text(v))
-        for v in f.variants
-    )
-    bars = [figures_match.VariantRow(v.name, v.found.count.free, v.found.rms_mm, v.left_out_rms_mm) for v in f.variants]
-    first = f.variants[0]
-    vertical = first.component == 2
-    match = figures_match.match_figure(
-        tuple(str(p) for p in np.array(first.pose)[vertical]),
-        first.measured_mm[vertical],
-        {v.name: v.predicted_mm[vertical] for v in f.variants},
-        f.scheme.noise.gauge_mm,
-    )
-    constant: dict[str, tuple[SpringEstimate, ...]] = {
-        f"load path: {v.model.load_path}": v.springs for v in f.variants if not v.found.studies
+    """All variants side by side: parameters, fit, prediction, springs; pictures with both kinds of links."""
+    held = f.held_out
+    heads = ("variant", "parameters", "RMS (mm)", "left-out RMS (mm)", *(["held-out RMS (mm)"] if held else []))
+    rows = []
+    for v in f.variants:
+        errors_mm = (v.rms_mm, v.left_out_rms_mm, *([held[v.name].rms_mm] if held else []))
+        rows.append((v.name, _count(v), *(f"{error:.3f}" for error in errors_mm), _springs(v)))
+    errors = {
+        "fit to all poses": {v.name: v.rms_mm for v in f.variants},
+        "prediction of poses left out": {v.name: v.left_out_rms_mm for v in f.variants},
     }
-    springs = figures_springs.springs_figure(constant, f.scheme.springs.ends)
+    both = f.link_models
+    named: dict[str, Calibrated] = {}
+    for pair in both.pairs:
+        named |= {f"{v.name}, {NOUN[v.model.link_kind]}": v for v in (pair.other, pair.own)}
+    springs = {name: v.springs for name, v in named.items() if v.springs}
+    views: list[Block] = [
+        pictures.add(
+            bars_figure("Fit, and prediction of poses that were left out", errors, "RMS error (mm)"),
+            "comparison",
+            "Fit and prediction. Left-out: each pose is predicted by a calibration that has not seen it. "
+            "A variant with many parameters can fit well and predict badly.",
+        )
+    ]
+    for path in dict.fromkeys(v.model.load_path for v in f.variants):
+        mine = {name: v for name, v in named.items() if v.model.load_path == path}
+        views.append(
+            pictures.add(
+                _match_picture(mine, f.scheme.noise.gauge_mm, f"{path} load path"),
+                f"link_models_match_{path}",
+                f"{path.capitalize()} load path: measured and simulated deflection by pose, and the residuals with the "
+                "gauge's digit as a band. Where two kinds of links stand at one height, the springs make up for the "
+                "difference between them.",
+            )
+        )
+    stage = f.constant.stages[-1]
     return Section(
         "Which calibration to trust",
         (
@@ -192,38 +212,33 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
             ),
             Table(
                 "Variants side by side (highlighted: recommended)",
-                (
-                    "variant",
-                    "parameters",
-                    "RMS (mm)",
-                    "left-out RMS (mm)",
-                    *(() if f.held_out is None else ("held-out RMS (mm)",)),
-                    "springs (1e6 N m/rad, 95 % interval)",
-                ),
-                rows,
-                text_columns=(0, 4 if f.held_out is None else 5),
+                (*heads, "springs (1e6 N m/rad, 95 % interval)"),
+                tuple(rows),
+                text_columns=(0, len(heads)),
                 best=list(f.variants).index(f.best),
             ),
-            *(() if f.held_out is None else (Bullets(sentences(f.held_out)),)),
+            Bullets(sentences(held)),
+            *views,
             pictures.add(
-                figures_match.comparison_figure(bars),
-                "comparison",
-                "Fit and prediction. Left-out: each pose is predicted by a calibration that has not seen it. "
-                "A variant with many parameters can fit well and predict badly.",
-            ),
-            pictures.add(
-                match,
-                "match",
-                "Measured and simulated deflection by pose, and the residuals with the gauge's digit as a band.",
-            ),
-            pictures.add(
-                springs,
-                "springs",
+                intervals_figure(springs, "Constant springs from all poses at once", f.scheme.springs.ends),
+                "link_models_springs",
                 "Constant springs with 95 % intervals. Arrow to the right: the data do not exclude a rigid joint.",
             ),
-            Note(_identifiability(f)),
+            Text(f"What {f.used.n} readings can and cannot tell ({f.constant.name} springs):"),
+            *told_blocks(f.constant, stage),
+            Note(verdict(stage.result, f.scheme.noise.gauge_mm)[1]),
         ),
     )
+
+
+def _match_picture(variants: Mapping[str, Calibrated], gauge_mm: float, of: str) -> Figure:
+    """Vertical readings of variants with the same readings."""
+    first = next(iter(variants.values()))
+    vertical = first.component == 2
+    poses = [pose for pose, mine in zip(first.pose, vertical, strict=True) if mine]
+    simulated = {name: v.predicted_mm[vertical] for name, v in variants.items()}
+    heading = f"Measured and simulated deflection by pose, {of}"
+    return match_figure(poses, first.measured_mm[vertical], simulated, gauge_mm, heading)
 
 
 def _count(v: Calibrated) -> str:
@@ -231,41 +246,8 @@ def _count(v: Calibrated) -> str:
     return f"{n.free} ({n.identified} identified, {n.at_bound} at a bound)"
 
 
-def _held_out(f: Findings, v: Calibrated) -> tuple[str, ...]:
-    return () if f.held_out is None else (f"{f.held_out.rms_mm[v.name]:.3f}",)
-
-
-def _identifiability(f: Findings) -> str:
-    """What the readings can and cannot tell about constant springs, in words."""
-    constant = f.best if not f.best.found.studies else next(v for v in f.variants if not v.found.studies)
-    known = [s.joint for s in constant.springs if s.status == "determined"]
-    half = [s.joint for s in constant.springs if s.status == "one-sided" or bound_of(s) == "rigid"]
-    soft = [s.joint for s in constant.springs if bound_of(s) == "soft"]
-    text = f"What {len(f.best.found.overall)} readings can tell: "
-    text += f"{', '.join(known)} determined, with both limits. " if known else "no spring has both limits. "
-    if half:
-        text += (
-            f"For {', '.join(half)} there is only a lower limit: the data do not exclude that these joints are rigid. "
-        )
-    if soft:
-        text += (
-            f"The fit drives {', '.join(soft)} to the soft bound: the model is too stiff in a way that these springs "
-            "are made to stand for. "
-        )
-    rest = [j for j in f.given.robot.joint_names if j not in f.scheme.beside.constant.joints]
-    if rest:
-        text += f"{', '.join(rest)} are not in the scheme and were held as the model has them. "
-    e = constant.found.stages[-1].estimate
-    sigma = e.noise.white[0] * 1e3 if len(e.problem) > e.seen.sum() else np.nan
-    if not np.isfinite(sigma):
-        return text + "There are no spare readings, so no uncertainty can be given."
-    return text + (
-        f"The residual standard deviation is {sigma:.3f} mm, {sigma / f.scheme.noise.gauge_mm:.0f} times the gauge's "
-        "digit"
-        + (
-            ", so something beyond constant springs is left in these readings"
-            if sigma > 2.0 * f.scheme.noise.gauge_mm
-            else ""
-        )
-        + "; the intervals are from this residual, not from the gauge."
-    )
+def _springs(v: Calibrated) -> str:
+    """Constant springs with their intervals."""
+    if v.found.studies:
+        return "depend on angle (see the figure above)"
+    return "; ".join(f"{e.parameter.place} {estimate_text(e)}" for e in v.springs)

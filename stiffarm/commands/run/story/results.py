@@ -1,36 +1,18 @@
-"""The report's second half: compliance budget, main effects, surrogate, maps, assumptions."""
+"""The report's second half: main effects, surrogate, maps, assumptions."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from robots.schema.quantities import Quantity
-from stiffarm.commands.fit.figures import effects as fs
-from stiffarm.commands.run.figures.budget import budget_figure
+from stiffarm.commands.fit.figures.effects import main_effects_figure
+from stiffarm.commands.fit.report import quality_picture
+from stiffarm.commands.fit.tables import errors_table
 from stiffarm.commands.run.findings import Findings, slug
-from stiffarm.commands.run.story.budget import budget_blocks
-from stiffarm.pages.blocks import Pictures, percent
+from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
 from surrogate import default_sweep
 from surrogate.main_effects import main_effects
-
-
-def budget_section(f: Findings, pictures: Pictures) -> Section:
-    """Each part's share in the deflection."""
-    figure = budget_figure(f.budget_mm, f.budget_poses)
-    return Section(
-        "Where the compliance comes from",
-        (
-            Text(f"Each part's share in the vertical deflection of the recommended model ({f.best.name})."),
-            pictures.add(
-                figure,
-                "budget",
-                "Compliance budget by pose. The arm is statically determinate, so the shares add up exactly. "
-                "Link shares rest on assumed sections.",
-            ),
-            *budget_blocks(f, pictures),
-        ),
-    )
 
 
 def effects_section(f: Findings, pictures: Pictures) -> Section:
@@ -54,15 +36,13 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
             caption += (
                 " Angle-dependent springs are interpolated between few poses; extremes far from them are not data."
             )
-        blocks.append(pictures.add(fs.main_effects_figure(effects), f"main_effects_{slug(name)}", caption))
+        blocks.append(pictures.add(main_effects_figure(effects), f"main_effects_{slug(name)}", caption))
     return Section("Main effects of the joint angles", tuple(blocks))
 
 
 def surrogate_section(f: Findings, pictures: Pictures) -> Section:
     """Held-out errors of every basis, and the measured poses."""
     trained = f.trained[f.best.name]
-    true = 1e-3 / trained.held_out.value
-    figure = fs.surrogate_quality_figure([fs.HeldOut(name, true, 1e-3 / c) for name, c in trained.predicted.items()])
     return Section(
         "The surrogate and its error",
         (
@@ -70,16 +50,11 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
                 "A surrogate answers the structural stiffness under a vertical load from "
                 f"{', '.join(f.scheme.beside.factorial.inputs)} without the FE model. Errors are relative errors of "
                 "compliance on runs that neither the fit nor its error bars have seen; some lie on the boundary of the "
-                "domain, where polynomials are worst, and the interior columns leave those out. The last column is "
-                "the share of the interior ones inside their 95 % error bars."
+                "domain, where polynomials are worst, and “worst inside” leaves those out. Taken is the first basis of "
+                "the recommended model (surrogate.json)."
             ),
-            _error_table(f),
-            pictures.add(
-                figure,
-                "surrogate_quality",
-                "Predicted against true stiffness on held-out runs of the recommended model, and how large "
-                "the errors are.",
-            ),
+            *(errors_table(one, name.capitalize()) for name, one in f.trained.items()),
+            quality_picture(trained, pictures),
             _measured_poses(f),
             Note(
                 "Outside the fitted joint ranges, or where the robot cannot go, the surrogate flags the pose and gives "
@@ -87,38 +62,6 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
             ),
         ),
     )
-
-
-def _error_table(f: Findings) -> Table:
-    rows = tuple(
-        (
-            name,
-            f"{s.errors.basis} {s.errors.degree}",
-            s.target,
-            str(s.errors.n_terms),
-            percent(s.errors.rms_relative),
-            percent(s.errors.p95_relative),
-            percent(s.errors.max_relative),
-            percent(s.errors.rms_interior),
-            percent(s.errors.max_interior),
-            f"{100.0 * s.errors.coverage95:.1f} %",
-        )
-        for name, t in f.trained.items()
-        for s in t.surrogates
-    )
-    columns = (
-        "model",
-        "basis",
-        "fitted",
-        "terms",
-        "RMS",
-        "95 %",
-        "worst",
-        "RMS, interior",
-        "worst, interior",
-        "inside 95 % bars",
-    )
-    return Table("Held-out relative error (highlighted: surrogate.json)", columns, rows, text_columns=(0, 1, 2), best=0)
 
 
 def _measured_poses(f: Findings) -> Table:

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from doe import PoseEffects
 from robots import InputError
-from stiffarm.pages.figure_parts import joint_colour, note, title
-from stiffarm.pages.style import INK, house_style, new_figure
+from stiffarm.pages.figure_parts import drawing, joint_colour, named_rows, note
+from stiffarm.pages.style import INK
 
 
 def sensitivity_figure(
@@ -33,8 +33,8 @@ def sensitivity_figure(
     every = np.concatenate([e.effect_mm for column in effects.values() for e in column])
     low, high = levels_Nm_per_rad or (0.0, 0.0)
     step = f" from {low:,.0f} to {high:,.0f} N m/rad".replace(",", " ") if levels_Nm_per_rad else ""
-    with house_style():
-        figure, axes = new_figure((10.0, 1.6 + 1.25 * len(poses)), len(poses), len(effects), sharex=True)
+    heading, size = "Which joint's stiffness moves the tool", (10.0, 1.6 + 1.25 * len(poses))
+    with drawing(heading, size, len(poses), len(effects), sharex=True) as (figure, axes):
         for c, (path, column) in enumerate(effects.items()):
             axes[c].set_title(f"Load path: {path}", loc="left")
             for r, pose in enumerate(poses):
@@ -49,20 +49,16 @@ def sensitivity_figure(
         low, high = min(0.0, every.min()), max(0.0, every.max(), 1e-9)
         room = 0.2 * (high - low)
         axes[0].set_xlim(low - room if low < 0.0 else 0.0, high + room)
-        title(figure, "Which joint's stiffness moves the tool")
         figure.supxlabel(f"effect on dz of stiffening one joint{step} (mm); positive: sags less", size=10)
     return figure
 
 
 def _effect_bars(ax: Axes, effects: PoseEffects, largest: float) -> None:
-    rows = np.arange(len(effects.joints))
     colours = [joint_colour(joint, i + 2) for i, joint in enumerate(effects.joints)]
-    ax.barh(rows, effects.effect_mm, 0.72, color=colours)
+    ax.barh(range(len(colours)), effects.effect_mm, 0.72, color=colours)
     ax.axvline(0.0, color=INK, linewidth=0.8)
-    for row, value in zip(rows, effects.effect_mm, strict=True):
+    for row, value in enumerate(effects.effect_mm):
         text = "0" if abs(value) <= 1e-7 * largest else f"{value:+.3g}".replace("-", "−")
         side = 1 if value >= 0.0 else -1
         note(ax, text, (value, float(row)), (4 * side, 0), ha="left" if side > 0 else "right")
-    ax.set_yticks(rows, list(effects.joints))
-    ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.grid(visible=False, axis="y")
+    named_rows(ax, effects.joints)

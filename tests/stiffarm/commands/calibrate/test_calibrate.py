@@ -12,10 +12,8 @@ import pytest
 from cli_runs import Command, run_here, tree
 from small_robot import STIFFNESS, write_readings, write_urdf
 
-from doe.certainty.uncertainty import ParameterEstimate
-from fem.free.kinds import KINDS
-from fem.free.parameters import Parameter
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
+from tests.stiffarm.made_estimates import made_spring
 
 SPRINGS = ",".join(f"{name}.stiffness" for name in STIFFNESS)
 
@@ -151,9 +149,8 @@ def test_a_pose_that_the_calibration_cannot_tell_is_not_predicted(cli: Command, 
 
 
 def test_intervals_without_a_value_show_none() -> None:
-    spring = Parameter("j5.stiffness", KINDS[0], "j5", (5,), "N m/rad", np.inf, 1e3, 1e9, "compliance")
-    rigid = ParameterEstimate(spring, 1e9, (4e5, np.inf), float("nan"), "at bound", 5.0)
-    (ax,) = intervals_figure([rigid]).axes
+    rigid = made_spring("j5", 1e9, (4e5, np.inf), "at bound")
+    (ax,) = intervals_figure({"": [rigid]}).axes
     texts = " ".join(t.get_text() for t in ax.texts)
     assert "at its bound" in texts
     assert "1e+03" not in texts

@@ -62,12 +62,12 @@ def trained() -> Trained:
     return learned(gradients=gradients, parameters=("j2.stiffness",), undetermined=("j5.stiffness",))
 
 
-def written(result: Trained, folder: Path, title: str = "Arm", **more: Any) -> str:
-    content = payload.trained(result) | {"files": ["surrogate.json"]} | more
+def written(result: Trained, folder: Path, title: str = "Arm") -> str:
     with OutputFolder(folder, ["stiffarm"], {}, 0) as out:
+        save_surrogate(result.best, out.path("surrogate.json"))
         for one in result.surrogates:
             save_surrogate(one, out.path(f"surrogate_{one.basis}.json"))
-        assert write_report(result, content, out, title=title, model="my arm.toml") == ["report.html"]
+        write_report(result, ["surrogate.json"], out, title=title, model="my arm.toml")
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
@@ -163,6 +163,13 @@ def test_what_the_calibration_makes_of_it(page: str) -> None:
     # 1.96 times 10 %, as everywhere.
     assert "makes ± 20 % of the compliance at the median pose and ± 20 % at the 95th percentile" in text(page)
     assert "j5.stiffness at 100 % of the poses. There an error bar is a lower bound" in text(page)
+
+
+def test_each_file_with_its_size(page: str) -> None:
+    files = {r[0]: r[2] for r in rows(page, "<caption>Files")}
+    assert list(files) == ["surrogate.json", *(f"surrogate_{b}.json" for b in ("factored", "trigonometric")),
+                           "surrogate_errors.json"]  # fmt: skip
+    assert re.fullmatch(r"\d+(\.\d+)? kB", files["surrogate.json"])
 
 
 def test_where_it_holds_and_what_was_fixed(trained: Trained, page: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from cli_runs import Command
 
 from doe import Measurements, read_measurements, write_measurements
-from doe.estimation.campaign import campaign_of
+from doe.estimation.campaign import bundled_campaign, campaign_of
 from fem import deflection
 from fem.arm import Arm
 from robots import InputError
@@ -41,21 +41,39 @@ def given() -> Arm:
 def test_a_variant_predicts_what_it_would_do_itself(given: Arm, data_file: Path) -> None:
     table = read_measurements(data_file, given.robot)
     springs_free = campaign_of("xr701", ("j2.stiffness", "j3.stiffness", "j4.stiffness", "j5.stiffness"))
-    variant = calibrate(given, table, Request(springs_free, (650.0,)))
-    springs = {s.joint: s.stiffness for s in variant.springs}
-    judged = held_out.judge([variant], _made_up(given, table, springs))
+    springs = {e.parameter.place: e.value for e in calibrate(given, table, Request(springs_free, (650.0,))).springs}
+    own, softer = (
+        held_out.of_variants([calibrate(given, table, Request(springs_free, (650.0,)), holdout=kept)])
+        for kept in (_made_up(given, table, springs), _made_up(given, table, springs | {"j3": springs["j3"] / 2.0}))
+    )
     # Its own deflections: rounding.
-    assert judged.rms_mm[variant.name] < 1e-9
-    softer = held_out.judge([variant], _made_up(given, table, springs | {"j3": springs["j3"] / 2.0}))
-    assert softer.rms_mm[variant.name] > 0.1
+    assert own["constant, parallelogram"].rms_mm < 1e-9
+    assert softer["constant, parallelogram"].rms_mm > 0.1
     assert held_out.payload(softer)["readings"] == 2
     assert "constant, parallelogram predicts them best" in held_out.sentences(softer)[0]
+    assert held_out.sentences(held_out.of_variants([])) == ()
+
+
+def test_laws_of_studies_say_which_poses_are_beyond_them(given: Arm, data_file: Path) -> None:
+    table, scheme = read_measurements(data_file, given.robot), bundled_campaign("xr701")
+    assert scheme is not None
+    kept = _made_up(given, table, {"j2": 1.4e6, "j3": 8e5, "j4": 8e5, "j5": 1e9})
+    staged = calibrate(given, table, Request(scheme, scheme.loads_N), holdout=kept).holdout
+    assert staged is not None
+    # Both are within the 80 deg of q2 and 75 of q3real that were read; with q2 = 60 deg none is.
+    assert staged.beyond == ()
+    assert np.isfinite(staged.rms_mm)
+    assert np.isnan(staged.expected).all()
+    far = replace(kept, q=kept.q + np.radians([0.0, 48.0, 0.0, 0.0, 0.0, 0.0]))
+    beyond = calibrate(given, table, Request(scheme, scheme.loads_N), holdout=far).holdout
+    assert beyond is not None
+    assert beyond.beyond == ("H1",)
 
 
 def test_poses_that_were_seen_are_refused(given: Arm, data_file: Path) -> None:
     table = read_measurements(data_file, given.robot)
     with pytest.raises(InputError, match="poses that are in"):
-        held_out.read(data_file, given, table)
+        calibrate(given, table, Request(campaign_of("xr701", ("j2.stiffness",))), holdout=table)
 
 
 @pytest.mark.slow

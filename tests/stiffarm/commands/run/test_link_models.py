@@ -13,8 +13,11 @@ from doe import bundled_campaign, bundled_data, read_measurements, select_loads
 from fem import build_model, compliance
 from robots import load_description
 from stiffarm.commands.run import link_models, payload
+from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.link_models import LinkModels, Pair, SpringPair
 from stiffarm.commands.run.link_words import sentences, signed
+from stiffarm.commands.run.story.links import links_section
+from stiffarm.pages.report import Table
 from stiffarm.session import inputs
 
 GIVEN = inputs.read_model("xr701", "beam", None)
@@ -126,36 +129,49 @@ def test_poses_are_counted_once_and_only_where_both_predict() -> None:
     assert pair.poses_better() == (1, 2)
 
 
+def findings(both: LinkModels) -> Findings:
+    """As much of them as the section on links reads."""
+    best = next(v for v in both.own.variants if v.name == BEST)
+    return SimpleNamespace(link_models=both, best=best, scheme=SCHEME)  # type: ignore[return-value]
+
+
 def test_the_sentences_of_equal_links_say_that_they_are_alike(both: LinkModels) -> None:
-    said = "\n".join(sentences(shifted(both, 0.0), BEST, 0.01))
-    assert "in every calibration beams and beams predict them alike" in said
-    assert "do not tell beams from beams" in said
-    assert "12 of 12 stand on the same level" in said
-    assert "outside" not in said
+    same = shifted(both, 0.0)
+    assert "do not tell beams from beams" in sentences(same, BEST, 0.01)[-1]
+    *_, springs, _ = links_section(findings(same)).blocks
+    assert isinstance(springs, Table)
+    assert {row[6] for row in springs.rows} <= {"0.0\u00a0%", "–"}
+    assert {row[7] for row in springs.rows} <= {"yes", "no interval"}
 
 
 def test_the_sentences_name_the_better_links(both: LinkModels) -> None:
     worse, better = (sentences(replace(shifted(both, by), other=replace(both.own, links="rigid")), BEST, 0.01)
                      for by in (0.03, -0.03))  # fmt: skip
-    assert "rigid links predict them better by 0.030 mm RMS" in worse[-2]
     assert "rigid links predict better by 0.030 mm" in worse[-1]
-    assert "in the other 3 the difference is below the gauge's digit" in worse[-2]
-    assert "beams predict them better by 0.030 mm RMS" in better[-2]
+    assert "beams predict better by 0.030 mm" in better[-1]
     assert "parallelogram with beams, 0.044 mm" in better[-1]
 
 
-def test_the_sentences_of_beams_beside_rigid_links(both: LinkModels) -> None:
-    alone, shares, *springs, left_out, verdict = sentences(both, BEST, 0.01)
+def test_beams_beside_rigid_links(both: LinkModels) -> None:
+    alone, verdict = sentences(both, BEST, 0.01)
     assert "beams alone give 0.060 to 0.120 mm" in alone
     assert "rigid links nothing" in alone
-    assert "4.6 to 5.6\u00a0% of the strain energy with beams and 0.0\u00a0% with rigid links" in shares
-    constant = next(s for s in springs if s.startswith("Constant, parallelogram"))
-    assert "j3 +5.3" in constant
-    assert "all lie within each other's 95 % intervals" in constant
-    staged = next(s for s in springs if s.startswith("Staged, parallelogram"))
-    assert "j5 at pose 40" in staged.split("outside")[1]
-    assert "staged, parallelogram: beams predict them better by 0.032 mm RMS" in left_out
     assert "do not tell beams from rigid links" in verdict
+    _, _, errors, springs, _ = links_section(findings(both)).blocks
+    assert isinstance(errors, Table)
+    assert isinstance(springs, Table)
+    best = errors.rows[errors.best]
+    assert best[0] == BEST
+    assert best[5:7] == ("0.0\u00a0%", "4.6 to 5.6\u00a0%")
+    staged = next(row for row in errors.rows if row[0] == "staged, parallelogram")
+    assert float(staged[3]) - float(staged[4]) == pytest.approx(0.032, abs=6e-4)
+    assert staged[7] == "6 of 9"
+    constant = {row[3]: row for row in springs.rows if row[0] == BEST}
+    assert constant["j3"][6].startswith("+5.3")
+    assert {row[7] for row in constant.values()} == {"yes"}
+    outside = {(row[2], row[3]) for row in springs.rows if row[0] == "staged, parallelogram" and row[7] == "NO"}
+    assert ("40", "j5") in outside
+    assert "29 pairs that have one, 24 lie within" in springs.caption
 
 
 def test_results_json_has_both_sides(both: LinkModels) -> None:

@@ -17,7 +17,8 @@ from fem import Budget, PartKind, build_model, compliance_budget, deflection, de
 from robots import InputError, forward_kinematics, load_description, tool_position
 from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
-from stiffarm.commands.simulate.figures import energy_share_figure, part_colours, workspace_budget_figure
+from stiffarm.commands.simulate.figures import energy_share_figure, pose_shares_figure, workspace_budget_figure
+from stiffarm.pages.bars import part_colours
 from stiffarm.pages.style import save_png
 
 KR60 = build_model(load_description("kr60-3"))
@@ -158,7 +159,12 @@ def workspace_of_links() -> Figure:
     return workspace_budget_figure(workspace_budget(build_model(load_description("tx200")), 300), "Links alone")
 
 
-@pytest.mark.parametrize("make", [energy_share, workspace_kr60, workspace_of_links])
+def shares_by_pose() -> Figure:
+    q = np.radians([[0.0, angle, 60.0, 0.0, -30.0, 0.0] for angle in (-80.0, -40.0, 0.0)])
+    return pose_shares_figure(compliance_budget(KR60, q, DOWN), ("$a_$", "b", "_c}$"), np.array([1.0, 2.0, 0.5]))
+
+
+@pytest.mark.parametrize("make", [energy_share, workspace_kr60, workspace_of_links, shares_by_pose])
 def test_figures_can_be_read(make: Callable[[], Figure], tmp_path: Path) -> None:
     """No warning, nothing cut off, no text on another, type not too small, axes with units."""
     with warnings.catch_warnings():
@@ -206,6 +212,17 @@ def test_bands_are_the_mean_shares() -> None:
     assert heights.sum(axis=0) == pytest.approx(np.full(len(edges) - 1, 100.0), rel=1e-9)
     j2 = found.budget.parts.index("j2")
     assert heights[0] == pytest.approx(100.0 * found.mean_share(edges)[:, j2], rel=1e-12)
+
+
+def test_columns_of_poses_add_up() -> None:
+    figure = shares_by_pose()
+    (ax,) = figure.axes
+    heights = np.array([bar.get_height() for bar in ax.patches]).reshape(-1, 3)
+    assert heights.sum(axis=0) == pytest.approx(np.full(3, 100.0), rel=1e-9)
+    # Names come from files: a dollar is a dollar.
+    assert {"$a_$\n1.00", "b\n2.00", "_c}$\n0.50"} <= {one.text for one in texts(figure)}
+    with pytest.raises(InputError, match="one a pose"):
+        pose_shares_figure(compliance_budget(KR60, Q[None], DOWN), ("a", "b"))
 
 
 def test_joints_are_coloured_and_structure_is_grey() -> None:
