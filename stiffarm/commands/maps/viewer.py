@@ -21,6 +21,7 @@ from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_bodies import framed_bodies
 from stiffarm.pages.robot_drawing import ROBOT_COLOURS
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
+from surrogate.maps.assembled import figures
 from surrogate.maps.data import Field, Layout, MapData
 
 # More points than these are thinned: about 120 bytes each in the file.
@@ -267,13 +268,9 @@ def _thinned_words(whole: Layout, kept: Layout) -> list[str]:
 
 def _summaries(data: MapData) -> list[tuple[str, ...]]:
     """Least, median and largest value of each quantity that is a number, as text without any script."""
-    out = []
-    for f in data.fields.values():
-        values = np.asarray(f.values)[np.asarray(data.reached)]
-        values = values[np.isfinite(values)]
-        if not f.categories and values.size:
-            out.append((f.label, *(f"{x:.5g}" for x in np.quantile(values, [0.0, 0.5, 1.0])), f.unit))
-    return out
+    numbers = [f for f in data.fields.values() if not f.categories]
+    found = [(f, figures(np.where(data.reached, f.values, np.nan))) for f in numbers]
+    return [(f.label, *(f"{x:.5g}" for x in (of.least, of.median, of.greatest)), f.unit) for f, of in found if of]
 
 
 def _load(data: MapData) -> str:

@@ -118,10 +118,8 @@ def _thinned(data: MapData, name: str) -> tuple[Array, Array, tuple[int, ...]]:
     step = max(1, int(np.ceil((data.layout.n / MOST_POINTS) ** (1 / 3))))
     # A short axis keeps both its ends.
     kept = [np.unique(np.append(np.arange(0, n, step), n - 1)) for n in shape]
-    if data.layout.kind == "cylinder":
-        phi = data.layout.axes[1].values
-        if len(phi) > 2 and abs(phi[-1] + (phi[1] - phi[0]) - phi[0] - 360.0) < 1e-6:
-            kept[1] = np.append(kept[1], 0)
+    if data.layout.kind == "cylinder" and data.layout.axes[1].full_turn:
+        kept[1] = np.append(kept[1], 0)
     rows = np.arange(data.layout.n).reshape(shape)[np.ix_(*kept)]
     values = np.where(np.asarray(data.reached)[rows], np.asarray(data.fields[name].values)[rows], np.nan)
     return np.asarray(data.points)[rows.ravel()], values.ravel(), rows.shape
