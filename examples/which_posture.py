@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
-
 import stiffarm as sa
 
 part = Path(__file__).resolve().parent.parent / "docs" / "examples" / "kr60_posture"
@@ -11,11 +9,7 @@ arm = sa.load("kr60-3", links="rigid")
 posture = sa.posture(arm, part / "path.csv", cell=part / "cell.toml")
 print(posture)
 
-frame = posture.to_frame()
-plt.plot(frame["gamma_deg"])
-plt.xlabel("point of the path")
-plt.ylabel("gamma (deg)")
-plt.savefig("which_posture.png")
+posture.plot("which_posture.png")
 
 assert posture.gain is not None
 assert posture.gain[0] >= 1.0

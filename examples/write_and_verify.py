@@ -12,6 +12,6 @@ program = sa.post(
 print(program)
 checked = sa.verify(arm, "programs/json/part.json", part / "cell.toml")
 print(checked)
-arm.plot("write_and_verify.png")
+checked.plot("write_and_verify.png")
 
 assert program.to_frame()["tip_um"].max() < 1.0

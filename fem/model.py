@@ -122,7 +122,7 @@ class BodyMass:
     centre: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ArmModel:
     """Everything the statics of an arm need. ``bar`` is None for the serial load path.
 

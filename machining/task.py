@@ -17,6 +17,7 @@ from machining.inputs import as_frame, as_units
 from machining.magnitudes import FARTHEST, FEEDS, feeds
 from robots import InputError, InputErrors
 from robots.arrays import Array, Integers
+from robots.frames import framed
 
 # Turning the tool by a radian counts as much as moving by this many m when points are spread.
 LEVER = 0.5
@@ -206,11 +207,7 @@ def tool_frames(points: Array, axes: Array, reference: Array, gamma: Array) -> A
     x0 /= np.linalg.norm(x0, axis=1, keepdims=True)
     x = np.cos(gamma)[..., None] * x0[:, None] + np.sin(gamma)[..., None] * np.cross(axes, x0)[:, None]
     z = np.broadcast_to(-axes[:, None], x.shape)
-    T = np.zeros((*gamma.shape, 4, 4))
-    T[..., :3, 0], T[..., :3, 1], T[..., :3, 2] = x, np.cross(z, x), z
-    T[..., :3, 3] = points[:, None]
-    T[..., 3, 3] = 1.0
-    return T
+    return framed(np.stack([x, np.cross(z, x), z], axis=-1), points[:, None])
 
 
 def across(axes: Array, reference: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.errors import InputErrors
+from robots.errors import raise_any
 from robots.schema.description import Opening, Rim
 
 SIDES = ("-z", "+y", "+z", "-y")
@@ -84,8 +84,7 @@ def lines_of(branch: Branch, openings: Sequence[Opening], rim: Rim | None) -> Li
         faults = [*_overlaps(branch, openings), *_reaching_rims(branch, openings, rim)]
     if not faults:
         faults = [*_near_along(branch, openings, rim), *_near_around(branch, openings)]
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(branch.name, faults)
+    raise_any(branch.name, faults)
     share = 0.0 if rim is None else rim.length.si / branch.length
     along = [0.0, 1.0, *(edge for opening in openings for edge in opening.along)]
     along += [] if rim is None else [share, 1.0 - share]

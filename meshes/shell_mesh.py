@@ -9,7 +9,7 @@ import numpy as np
 
 from robots import InputError
 from robots.arrays import Array, Integers
-from robots.errors import InputErrors
+from robots.errors import raise_any
 
 # Height of a corner over the element's longest edge; thinner slivers lose the digits of their own area.
 SMALLEST_ASPECT = 1e-6
@@ -41,11 +41,7 @@ class ShellMesh:
 
     def __post_init__(self) -> None:
         for check in (_shapes, _indices, _values):
-            faults = list(check(self))
-            if len(faults) == 1:
-                raise faults[0]
-            if faults:
-                raise InputErrors(f"shell mesh {self.name}", faults)
+            raise_any(f"shell mesh {self.name}", list(check(self)))
 
     @property
     def triangle_corners(self) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice, product
 
@@ -43,6 +44,11 @@ def listed(names: Iterable[object], shown: int = NAMES_SHOWN) -> str:
     return ", ".join(shortened(name, _LONGEST_VALUE) for name in each[:shown]) + more
 
 
+def twice(names: Iterable[str]) -> list[str]:
+    """The names that stand there more than once, sorted."""
+    return sorted(name for name, times in Counter(names).items() if times > 1)
+
+
 def line_ranges(lines: Iterable[int]) -> str:
     """Line numbers, ascending, with neighbours as one range: ``5-7, 14``; the first ranges, and how many more."""
     ranges: list[list[int]] = []
@@ -80,6 +86,12 @@ class InputError(ValueError):
         if remedy is not None:
             text += f"{' ' if close else '. '}To fix it: {shortened(remedy)}"
         super().__init__(text)
+
+
+def raise_any(what: str, faults: Sequence[InputError]) -> None:
+    """Raise the fault, or all of them as one :class:`InputErrors` of ``what``; nothing where there are none."""
+    if faults:
+        raise faults[0] if len(faults) == 1 else InputErrors(what, faults)
 
 
 class InputErrors(InputError):  # noqa: N818 - the plural of InputError

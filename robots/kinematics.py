@@ -8,6 +8,7 @@ import numpy as np
 
 from robots.arrays import Array
 from robots.errors import InputError
+from robots.frames import framed
 from robots.robot import Robot
 
 
@@ -25,6 +26,11 @@ class BodyFrames:
     axis: Array
     R_flange: Array
     p_flange: Array
+
+    @property
+    def T_flange(self) -> Array:  # noqa: N802 - a transform
+        """The flange (n, 4, 4), m."""
+        return framed(self.R_flange, self.p_flange)
 
 
 def as_poses(robot: Robot, q: Array) -> Array:
@@ -106,6 +112,11 @@ def jacobian(robot: Robot, q: Array, point: Array | None = None) -> Array:
     :func:`tool_position`. For a coordinate with ``sign = -1`` the column is minus the axis's.
     """
     frames = forward_kinematics(robot, q)
-    r = tool_position(robot, frames, point)[:, None, :] - frames.p[:, 1:]
+    return jacobian_at(robot, frames, tool_position(robot, frames, point))
+
+
+def jacobian_at(robot: Robot, frames: BodyFrames, point: Array) -> Array:
+    """:func:`jacobian` of points (n, 3) m that are given in the base frame, at frames that are known already."""
+    r = point[:, None, :] - frames.p[:, 1:]
     z = frames.axis * robot.sign[None, :, None]
     return np.concatenate([np.swapaxes(np.cross(z, r), 1, 2), np.swapaxes(z, 1, 2)], axis=1)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from robots.arrays import Array, Bools
 from robots.errors import InputError
-from robots.schema.description import Joint, ModelDescription
+from robots.frames import framed, rotation_rpy
+from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
-# Cosine of a pitch below which roll and yaw turn about one axis, as far as a double can tell.
-GIMBAL = 1e-7
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Parallelogram:
     pin: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Robot:
     """Kinematics and limits of a chain of revolute joints; SI, immutable.
 
@@ -177,33 +175,6 @@ def with_zero_errors(robot: Robot, more: Array) -> Robot:
     return replace(robot, offset=robot.offset + robot.sign * more)
 
 
-def rotation_about_x(angle: float) -> Array:
-    """3x3 rotation about x."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def rotation_rpy(rpy: Array) -> Array:
-    """3x3 rotation of fixed-axis roll, pitch, yaw (URDF's convention)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
-def rpy_of(R: Array) -> Array:
-    """The angles (3,) rad of :func:`rotation_rpy`; where the second is a right angle, the third is taken as 0."""
-    level = float(np.hypot(R[0, 0], R[1, 0]))
-    b = np.arctan2(-R[2, 0], level)
-    if level < GIMBAL:  # the first and the third then turn about one axis
-        return np.array([np.arctan2(-R[1, 2], R[1, 1]), b, 0.0])
-    return np.array([np.arctan2(R[2, 1], R[2, 2]), b, np.arctan2(R[1, 0], R[0, 0])])
-
-
 def _rotation_z_to(axis: Array) -> Array:
     """Turn z into ``axis`` by the shortest way; below the xy plane by half a turn about x first."""
     a = axis / np.linalg.norm(axis)
@@ -215,22 +186,17 @@ def _rotation_z_to(axis: Array) -> Array:
     return np.asarray(np.eye(3) + vx + vx @ vx / (1.0 + a[2]))
 
 
-def _transform(part: Any) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = part.xyz.si_array
-    if part.rpy is not None:
-        T[:3, :3] = rotation_rpy(part.rpy.si_array)
-    return T
+def _transform(part: FrameRow | Flange | Tool) -> Array:
+    rpy = np.zeros(3) if part.rpy is None else part.rpy.si_array
+    return framed(rotation_rpy(rpy), part.xyz.si_array)
 
 
 def _placement(joint: Joint) -> tuple[Array, Array]:
     if joint.dh is not None:
         alpha, a, d = joint.dh.alpha.si, joint.dh.a.si, joint.dh.d.si
-        pre = np.eye(4)
-        pre[:3, :3] = rotation_about_x(alpha)
         # Rot_z and Trans_z commute, so d can be done before the joint turns.
-        pre[:3, 3] = (a, -d * np.sin(alpha), d * np.cos(alpha))
-        return pre, np.eye(3)
+        xyz = np.array([a, -d * np.sin(alpha), d * np.cos(alpha)])
+        return framed(rotation_rpy(np.array([alpha, 0.0, 0.0])), xyz), np.eye(3)
     assert joint.frame is not None  # noqa: S101 - the schema guarantees one of the two
     pre = _transform(joint.frame)
     to_axis = _rotation_z_to(np.array(joint.frame.axis))

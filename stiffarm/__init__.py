@@ -10,11 +10,14 @@ if TYPE_CHECKING:
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
+    from stiffarm.face.identification import Identification, identify
+    from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.indices import Indices, index
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.plans import Plan, plan
+    from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
-    from stiffarm.face.shop import Checked, Placement, Posture, Program, place, post, posture, verify
+    from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
 
@@ -28,6 +31,8 @@ __all__ = [
     "Calibration",
     "Checked",
     "Diagnosis",
+    "Identification",
+    "Imported",
     "Indices",
     "InputError",
     "InputErrors",
@@ -44,6 +49,9 @@ __all__ = [
     "calibrate",
     "diagnose",
     "fit",
+    "identify",
+    "import_arm",
+    "import_link",
     "index",
     "load",
     "load_surrogate",

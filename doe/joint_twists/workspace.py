@@ -18,6 +18,7 @@ from doe.joint_twists.substitute import Compliances, stiffness_with
 from fem import ArmModel
 from robots import InputError, inverse_kinematics, why_no_closed_form
 from robots.arrays import Array
+from robots.frames import framed
 
 Orientation = Literal["base", "forward", "down"]
 
@@ -74,9 +75,8 @@ def stiffness_window(
         raise InputError(f"stiffness window of {robot.name}: {reason}", allowed="a robot with a spherical wrist")
     x = origin_m[0] + np.linspace(0.0, size_m[0], points[0])
     z = origin_m[1] + np.linspace(0.0, size_m[1], points[1])
-    T = np.tile(np.eye(4), (x.size * z.size, 1, 1))
-    T[:, :3, :3] = ORIENTATIONS[orientation]
-    T[:, 0, 3], T[:, 2, 3] = np.tile(x, z.size), np.repeat(z, x.size)
+    points_m = np.column_stack([np.tile(x, z.size), np.zeros(x.size * z.size), np.repeat(z, x.size)])
+    T = framed(ORIENTATIONS[orientation], points_m)
     found = inverse_kinematics(robot, T, T_flange_tool=np.eye(4), near=np.zeros(robot.dof))
     usable, elbow = np.zeros_like(found.valid), "up"
     for side in ("up", "down"):

@@ -18,8 +18,9 @@ from doe.tables.joined import files_of
 from doe.tables.measurements import Measurements
 from doe.tables.passive_arm import PassiveArm
 from fem import ArmModel
-from robots import InputError, InputErrors
+from robots import InputError
 from robots.arrays import Array
+from robots.errors import raise_any
 
 # A column stands still against the arm where the nearest arm departs from it by more than a digit of the readings and
 # by more than this share of what was read, of few set-ups more, for two or three may read the same by chance: two loads
@@ -76,8 +77,7 @@ def refuse_frozen(model: ArmModel, data: Measurements) -> None:
             )
         else:
             faults += [one.fault(file) for one in frozen_columns(PassiveArm.of(problem(model, mine, ())))]
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(data.source, faults)
+    raise_any(data.source, faults)
 
 
 def frozen_columns(arm: PassiveArm) -> list[Frozen]:

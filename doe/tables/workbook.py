@@ -17,8 +17,8 @@ from typing import Any, Final
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from robots import InputError, InputErrors
-from robots.errors import line_ranges, listed
+from robots import InputError
+from robots.errors import line_ranges, listed, raise_any
 
 # Columns and cells of a table: sixteen columns and a hundred thousand readings fit; a campaign has thousands.
 MOST_COLUMNS, MOST_CELLS = 1000, 2_000_000
@@ -187,8 +187,7 @@ class _Scan:
                     remedy="show them (clear the filter) if they count, or delete them",
                 )
             )
-        if faults:
-            raise faults[0] if len(faults) == 1 else InputErrors(self.where, faults)
+        raise_any(self.where, faults)
 
     @property
     def hidden_columns(self) -> list[str]:

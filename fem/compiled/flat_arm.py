@@ -21,7 +21,7 @@ from fem.model import ArmModel
 from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.transfers import FLAT_SINE
 from robots.arrays import Array, Integers
-from robots.robot import rotation_about_x
+from robots.frames import rotation_rpy
 
 # Sines and cosines of fixed angles this near to 0 or 1 are meant to be; they come from degrees and products of cosines.
 SNAP = 4.0 * np.finfo(np.float64).eps
@@ -245,7 +245,7 @@ def _euler(G: Array) -> tuple[float, Array, float]:
     x /= np.hypot(*x)
     x[np.abs(x) < SNAP] = 0.0
     x[1 - np.abs(x) < SNAP] = np.sign(x[1 - np.abs(x) < SNAP])
-    last = rotation_about_x(-np.arctan2(x[1], x[0])) @ rest
+    last = rotation_rpy(np.array([-np.arctan2(x[1], x[0]), 0.0, 0.0])) @ rest
     return first, x, float(np.arctan2(last[1, 0], last[0, 0]))
 
 

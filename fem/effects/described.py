@@ -13,7 +13,8 @@ from fem.effects.observed import act
 from fem.effects.own import Maker
 from fem.effects.structure import load_path as load_path_effect
 from fem.model import ArmModel, LinkKind, build_model
-from robots import InputError, InputErrors, LoadPath, ModelDescription
+from robots import InputError, LoadPath, ModelDescription
+from robots.errors import raise_any
 from robots.schema.description import EffectNumber, EffectTable, FlangeCoupling
 from robots.schema.units import check_magnitude, factor
 
@@ -118,8 +119,7 @@ def described_effects(
         values = _values(effect, table, where, faults)
         if values is not None:
             placed.append(PlacedEffect(effect, np.array(values)))
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(f"effects of {description.name}", faults)
+    raise_any(f"effects of {description.name}", faults)
     return tuple(placed)
 
 
@@ -227,7 +227,6 @@ def _si(parameter: EffectParameter, number: EffectNumber, place: str, faults: li
     if parameter.dimension == "compliance" and _kind(number.unit) != _kind(parameter.unit):
         faults.append(InputError(f"{place}: unit", value=number.unit, allowed=parameter.unit))
         return None
-    assert not isinstance(number.value, tuple)  # noqa: S101 - the schema has seen to that
     value = number.value * scale
     low = parameter.lower if parameter.role == "shape" else 0.0
     must_be_positive = parameter.scale == "compliance" or (parameter.role == "shape" and low > 0.0)

@@ -16,8 +16,8 @@ from fem.statics.transfers import axial_transfers
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY
+from robots.frames import rotation_rpy
 from robots.kinematics import forward_kinematics
-from robots.robot import rotation_rpy
 
 
 def as_wrenches(wrench: ArrayLike, n: int) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from machining.inputs import as_frame, as_units
 from robots import InputError
 from robots.arrays import Array, Bools
+from robots.frames import inverse
 
 if TYPE_CHECKING:
     from machining.cell.solids import Body
@@ -241,15 +242,6 @@ class Cell:
         if self.turntable is not None and self.turntable.limits is not None:
             return np.asarray(ok & _within(angle, self.turntable.limits))
         return np.asarray(ok & np.isfinite(angle))
-
-
-def inverse(T: Array) -> Array:
-    """Inverse of rigid transforms (..., 4, 4)."""
-    out = np.zeros_like(T)
-    out[..., :3, :3] = np.swapaxes(T[..., :3, :3], -1, -2)
-    out[..., :3, 3] = -(out[..., :3, :3] @ T[..., :3, 3, None])[..., 0]
-    out[..., 3, 3] = 1.0
-    return out
 
 
 def _within(value: Array, limits: Array) -> Bools:

@@ -25,7 +25,8 @@ from robots.arrays import Array
 from robots.constants import MM
 from robots.files.reading import parse_toml, read_text
 from robots.files.validated import tuples, validated
-from robots.robot import rotation_rpy
+from robots.frames import framed, rotation_rpy
+from robots.inverse.axis_lines import basis
 
 
 def read_cell(path: str | Path) -> Cell:
@@ -68,16 +69,12 @@ def parse_cell(text: str, where: str, folder: Path) -> Cell:
 
 def frame(placed: Placed) -> Array:
     """Transform (4, 4) m of a frame's table; x is laid onto the plane across z."""
-    T = np.eye(4)
-    T[:3, 3] = np.array(placed.position_mm) * MM
+    R = np.eye(3)
     if placed.rpy_deg is not None:
-        T[:3, :3] = rotation_rpy(np.radians(placed.rpy_deg))
+        R = rotation_rpy(np.radians(placed.rpy_deg))
     elif placed.z_axis is not None and placed.x_axis is not None:
-        z = np.array(placed.z_axis) / np.linalg.norm(placed.z_axis)
-        x = np.array(placed.x_axis) - (np.array(placed.x_axis) @ z) * z
-        x /= np.linalg.norm(x)
-        T[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    return T
+        R = basis(np.array(placed.z_axis), np.array(placed.x_axis))
+    return framed(R, np.array(placed.position_mm) * MM)
 
 
 def _solid(shape: Shape, folder: Path, name: str) -> Solid:

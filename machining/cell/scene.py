@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from machining.cell.arm_solids import ArmBodies
 from machining.cell.bounds import Bounds, bounds_of, stacked
-from machining.cell.cell import FLOOR, Cell, inverse
+from machining.cell.cell import FLOOR, Cell
 from machining.cell.exact import ExactSolid, exact_distance
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.frames import inverse
 from robots.robot import middle_pose
 
 Pair = tuple[str, str]

@@ -11,13 +11,14 @@ import numpy as np
 from machining import magnitudes as limits
 from machining.cell import Cell
 from machining.programs.neutral import FRAME, SCHEMA, columns
-from machining.programs.orientation import framed, from_quaternions
+from machining.programs.orientation import from_quaternions
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Event, Motions, Note, Tool
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
 from robots.constants import MM_MIN, RPM
 from robots.files.reading import parse_json
+from robots.frames import framed
 from robots.inverse.branches import BRANCH_NAMES
 from robots.inverse.singularities import branch_of
 from robots.inverse.spherical_wrist import why_not_spherical

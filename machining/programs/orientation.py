@@ -55,10 +55,3 @@ def quaternions(R: Array) -> Array:
 def from_quaternions(q: Array) -> Array:
     """Rotations (n, 3, 3) from quaternions (n, 4), scalar first, of about length 1."""
     return np.asarray(Rotation.from_quat(q, scalar_first=True).as_matrix())
-
-
-def framed(R: Array, position: Array) -> Array:
-    """Frames (n, 4, 4) from rotations (n, 3, 3) and positions (n, 3) m."""
-    T = np.zeros((len(R), 4, 4))
-    T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = R, position, 1.0
-    return T

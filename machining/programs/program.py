@@ -78,9 +78,7 @@ class JointProgram:
 
 def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array) -> Array:
     """Tool frames (n, 4, 4) in the part frame at joint angles q (n, dof) rad, travels (n, k) m and table (n,) rad."""
-    frames = forward_kinematics(robot, q)
-    T = np.zeros((len(q), 4, 4))
-    T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = frames.R_flange, frames.p_flange, 1.0
+    T = forward_kinematics(robot, q).T_flange
     part = np.linalg.inv(cell.T_world_part(table))
     return np.asarray(part @ cell.T_world_base(travel) @ T @ cell.tool.T_flange_tool)
 

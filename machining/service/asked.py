@@ -155,14 +155,6 @@ def poses_of(arm: Arm, fields: Fields, state: State, *, inside: bool = True) -> 
     return poses
 
 
-def flange_frames(arm: Arm, q: Array) -> Array:
-    """Flange (n, 4, 4) m in the base frame."""
-    frames = forward_kinematics(arm.robot, q)
-    T = np.zeros((len(q), 4, 4))
-    T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = frames.R_flange, frames.p_flange, 1.0
-    return T
-
-
 def in_base(state: State, vectors: Array | None) -> Array | None:
     """Directions or forces (3,) or (n, 3) of a request in base axes."""
     return None if vectors is None else np.asarray(vectors @ state.T_base_given[:3, :3].T)
@@ -189,7 +181,7 @@ def tool_axes(arm: Arm, state: State, poses: Poses) -> Array:
     """Tool axes (n, 3) of poses, base axes."""
     if poses.T is not None:
         return np.asarray(-(state.T_base_given[:3, :3] @ poses.T[:3, 2])[None])
-    return np.asarray(-(flange_frames(arm, poses.q)[:, :3, :3] @ state.T_tool[:3, 2]))
+    return np.asarray(-(forward_kinematics(arm.robot, poses.q).R_flange @ state.T_tool[:3, 2]))
 
 
 def need_force(fields: Fields, quantity: str, force: Array | None) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 
 from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene, clearance
-from machining.cell.cell import inverse
 from machining.service.asked import (
     QUANTITIES,
     Arm,
@@ -16,7 +15,6 @@ from machining.service.asked import (
     direction_of,
     displacements,
     flag_of,
-    flange_frames,
     force_of,
     in_base,
     middle,
@@ -34,8 +32,9 @@ from machining.service.state import shown, state_of, target_of
 from machining.service.wire import MOST, Fields, number, numbers
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
-from robots import InverseSolutions, Reason
+from robots import InverseSolutions, Reason, forward_kinematics
 from robots.arrays import Array
+from robots.frames import inverse
 from robots.inverse.branches import SINGULARITIES
 
 # Bodies farther apart than this (mm) are not measured unless asked for.
@@ -47,7 +46,7 @@ def fk(arm: Arm, fields: Fields) -> dict[str, Any]:
     state = state_of(fields, arm.state)
     poses = poses_of(arm, fields, state, inside=False)
     fields.done()
-    T = inverse(state.T_base_given) @ flange_frames(arm, poses.q) @ state.T_tool
+    T = inverse(state.T_base_given) @ forward_kinematics(arm.robot, poses.q).T_flange @ state.T_tool
     inside = arm.robot.reachable(poses.q)
     answers = []
     for i in range(len(poses.q)):

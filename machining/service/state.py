@@ -17,7 +17,7 @@ from machining.cell import Cell
 from machining.service.wire import Fields, number, numbers
 from machining.task import ALONG, across, tool_frames
 from robots.arrays import Array
-from robots.robot import rotation_rpy
+from robots.frames import frame_mm_deg
 
 # A frame may be given in one of these ways.
 WAYS = ("frame_mm_deg", "matrix_mm", "point_mm")
@@ -152,19 +152,10 @@ def _table(fields: Fields, state: State) -> float:
     return float(np.radians(given))
 
 
-def frame_from(values: Sequence[float]) -> Array:
-    """A frame (4, 4) m from [x, y, z, a, b, c] in mm and deg: turned by a, b, c about the fixed axes x, y, z."""
-    T = np.eye(4)
-    T[:3, 3] = values[:3]
-    T[:3, 3] *= 1e-3
-    T[:3, :3] = rotation_rpy(np.radians(values[3:]))
-    return T
-
-
 def frame_of(fields: Fields, key: str) -> Array | None:
     """The frame (4, 4) m of a key with x, y, z, a, b, c; None where it is not given."""
     values = fields.vector(key, 6)
-    return None if values is None else frame_from(values)
+    return None if values is None else frame_mm_deg(values)
 
 
 def has_target(fields: Fields) -> bool:

@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from machining.cell.cell import inverse
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
 from machining.verification.moving_axes import MovingAxes, moving_axes
 from robots.arrays import Array, Bools, Integers
+from robots.frames import inverse
 from robots.inverse.search import refine
 
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move

@@ -25,7 +25,7 @@ from meshes.surfaces.checks import SECOND_BODY, SurfaceFault
 from meshes.surfaces.distance_grid import Grid, bodies, contour, distance, enclosed, grid_around, sample, signed_volume
 from robots import InputError
 from robots.arrays import Array, Integers
-from robots.files.unfinished import tidied_by
+from robots.files.written import tidied_by
 
 Method = Literal["auto", "alpha", "grid"]
 METHODS: tuple[Method, ...] = ("auto", "alpha", "grid")

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
-from robots.errors import InputError
+from robots.errors import InputError, shortened, twice
 from robots.files.published import heal_above
 
 # Far above any model, table or tool path (170 bytes of memory a move); a mesh of a million triangles has 50 MB.
@@ -30,7 +30,7 @@ MOST_KEPT = 256 * 2**20
 # No file of ours nests deeper than ten; parsers and those who walk their results recurse.
 DEEPEST = 64
 # Beyond 64 bits whole numbers fit no array.
-_WHOLE_DIGITS, _LARGEST_WHOLE = 19, 2**63 - 1
+_LARGEST_WHOLE = 2**63 - 1
 # A key of more parts than that; in a list of numbers commas stand between the dots.
 _DOTTED = re.compile(rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -151,8 +151,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     try:
         _check_keys(text)
         data = tomllib.loads(text.removeprefix("\ufeff"))
-        _check_depth(data)
-        _check_whole_numbers(data)
+        _check_content(data)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where} is not valid TOML ({_reason(error)})", remedy=remedy) from error
     return data
@@ -169,10 +168,9 @@ def parse_json(text: str, where: str, *, remedy: str = "mend the file at that pl
             text.removeprefix("\ufeff"),
             parse_constant=_no_constant,
             parse_float=_finite,
-            parse_int=_whole,
             object_pairs_hook=_each_once,
         )
-        _check_depth(data)
+        _check_content(data)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where} is not valid JSON ({_reason(error)})", remedy=remedy) from error
     return data
@@ -218,27 +216,18 @@ def _check_keys(text: str) -> None:
         raise ValueError(f"nested more than {DEEPEST} deep")
 
 
-def _check_depth(data: object) -> None:
-    level = [data]
-    for _ in range(DEEPEST):
-        level = [
-            inner
-            for outer in level
-            for inner in (outer.values() if isinstance(outer, dict) else outer if isinstance(outer, list) else ())
-            if type(inner) in (dict, list)
-        ]
+def _check_content(data: object) -> None:
+    """Refuse what is nested deeper than :data:`DEEPEST`, and whole numbers that fit no array."""
+    level: list[Any] = [[data]]
+    for _ in range(DEEPEST + 1):
+        inner = [node for outer in level for node in (outer.values() if isinstance(outer, dict) else outer)]
+        for node in inner:
+            if type(node) is int and not -_LARGEST_WHOLE <= node <= _LARGEST_WHOLE:
+                raise ValueError(f"the whole number {shortened(str(node), 20)} is beyond 64 bits")
+        level = [node for node in inner if type(node) in (dict, list)]
         if not level:
             return
     raise ValueError(f"nested more than {DEEPEST} deep")
-
-
-def _check_whole_numbers(data: object) -> None:
-    left = [data]
-    while left:
-        node = left.pop()
-        left += node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-        if type(node) is int and not -_LARGEST_WHOLE <= node <= _LARGEST_WHOLE:
-            raise ValueError("a whole number beyond 64 bits")
 
 
 def _reason(error: Exception) -> str:
@@ -259,16 +248,8 @@ def _finite(text: str) -> float:
     return value
 
 
-def _whole(text: str) -> int:
-    if len(text) > _WHOLE_DIGITS + 1 or abs(value := int(text)) > _LARGEST_WHOLE:
-        raise ValueError(f"the whole number {text[:20]}{'...' if len(text) > 20 else ''} is beyond 64 bits")
-    return value
-
-
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        seen = set[str]()
-        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-        raise ValueError(f"key {twice[:40]!r} stands twice in one object")
+        raise ValueError(f"key {twice(key for key, _ in pairs)[0][:40]!r} stands twice in one object")
     return found

@@ -60,7 +60,7 @@ def tuples(node: Any) -> Any:
 def _faults(
     where: str, data: object, item: Any, words: Mapping[str, tuple[str, str]], remedy: str, table: str | None
 ) -> list[InputError]:
-    message, remedy = words.get(item["type"], (str(item["msg"]).removeprefix("Value error, "), remedy))
+    message, remedy = words.get(item["type"], (_in_plain_words(str(item["msg"])), remedy))
     cause = item.get("ctx", {}).get("error")
     messages = cause.faults if isinstance(cause, ReferenceFaults) else (message,)
     value = item["input"]
@@ -68,6 +68,12 @@ def _faults(
     shown = value if isinstance(value, str | int | float | list | tuple) and item["type"] != "missing" else None
     place = ".".join(([table] if table else []) + _steps(data, item["loc"])) or "file"
     return [InputError(f"{where}: {place}: {text}", value=shown, remedy=remedy) for text in messages]
+
+
+def _in_plain_words(message: str) -> str:
+    """What pydantic says, without its own name for lists."""
+    said = message.removeprefix("Value error, ").replace("Input should", "must")
+    return said.replace("valid tuple", "list").replace("Tuple should", "must")
 
 
 def _steps(data: object, loc: tuple[int | str, ...]) -> list[str]:

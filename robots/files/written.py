@@ -1,4 +1,8 @@
-"""Files that are there whole or not at all, and on the disk before they count as there."""
+"""Files that are there whole or not at all, and on the disk before they count as there.
+
+Who makes a draft or a folder that must not stay says here how it goes (:func:`tidied_by`); who stops the process
+(Ctrl-C) calls :func:`tidy`.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,34 @@ import hashlib
 import os
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from robots.files.unfinished import tidied_by
 
 # What systems answer that cannot settle a folder (or anything): there is nothing to be done about it.
 _CANNOT = (errno.EINVAL, errno.EBADF, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EISDIR)
 _DRAFT = re.compile(r"\.[0-9a-f]{12}\.tmp(\..*)?")
+
+_open: list[Callable[[], None]] = []
+
+
+@contextmanager
+def tidied_by(put_away: Callable[[], None]) -> Iterator[None]:
+    """Have ``put_away`` called if the process is stopped inside this."""
+    _open.append(put_away)
+    try:
+        yield
+    finally:
+        _open.remove(put_away)
+
+
+def tidy() -> None:
+    """Put everything away, the latest first; what fails keeps nothing else from going."""
+    for put_away in reversed(_open):
+        try:
+            put_away()
+        except Exception:  # noqa: S112 - the process ends next, and nobody is left to ask
+            continue
 
 
 @contextmanager

@@ -36,9 +36,7 @@ class AxisLines:
 def axis_lines(robot: Robot) -> AxisLines:
     """Read the axes off the robot's frames at q = 0."""
     frames = forward_kinematics(robot, np.zeros((1, robot.dof)))
-    T_home = np.eye(4)
-    T_home[:3, :3], T_home[:3, 3] = frames.R_flange[0], frames.p_flange[0]
-    return AxisLines(frames.axis[0] * robot.sign[:, None], frames.p[0, 1:].copy(), T_home)
+    return AxisLines(frames.axis[0] * robot.sign[:, None], frames.p[0, 1:].copy(), frames.T_flange[0])
 
 
 def nearest_point(direction: Array, point: Array) -> tuple[Array, float]:

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from robots.arrays import Array, Bools
 from robots.inverse.branches import Reason
 from robots.inverse.spherical_wrist import SphericalWristArm
-from robots.inverse.wrist import BOUNDARY, SINGULAR, root, solve_wrist
+from robots.inverse.wrist import BOUNDARY, FORK, SINGULAR, root, solve_wrist
 
 # Targets a pass: the arrays of one pass then stay in the processor's cache.
 CHUNK = 2048
-# Up to this many targets the four wrists of a pass are solved at once: calls of numpy are what counts then.
-FEW = 64
 
 
 @dataclass(frozen=True)
@@ -29,6 +27,14 @@ class ClosedForm:
     q: Array
     reason: NDArray[np.int8]
     singular: Bools
+
+    @staticmethod
+    def of(q: Array, reason: NDArray[np.int8], singular: Bools) -> ClosedForm:
+        """From arrays (8, 6, n), (8, n) and (8, 3, n): what is missing has neither angles nor marks."""
+        missing = reason != Reason.FOUND
+        q.swapaxes(0, 1)[:, missing] = np.nan
+        singular.swapaxes(0, 1)[:, missing] = False
+        return ClosedForm(np.moveaxis(q, -1, 0), reason.T, np.moveaxis(singular, -1, 0))
 
 
 def closed_form(arm: SphericalWristArm, T_base_flange: Array, near: Array) -> ClosedForm:
@@ -50,101 +56,69 @@ def closed_form(arm: SphericalWristArm, T_base_flange: Array, near: Array) -> Cl
     the targets are met within some 1e-15 of the arm's length, or ``BOUNDARY`` at the edge of reach.
     """
     n = len(T_base_flange)
-    q = np.empty((8, 6, n))
-    reason = np.zeros((8, n), dtype=np.int8)
-    singular = np.zeros((8, 3, n), dtype=np.bool_)
+    # Forks first: front and back, up and down, no flip and flip.
+    q = np.empty((2, 2, 2, 6, n))
+    reason = np.zeros((2, 2, 2, n), dtype=np.int8)
+    singular = np.zeros((2, 2, 2, 3, n), dtype=np.bool_)
     for start in range(0, n, CHUNK):
         part = slice(start, start + CHUNK)
         T = np.ascontiguousarray(np.moveaxis(T_base_flange[part], 0, -1))
-        _solve(arm, T, near[part].T, q[:, :, part], reason[:, part], singular[:, :, part])
-    missing = reason != Reason.FOUND
-    q.swapaxes(0, 1)[:, missing] = np.nan
-    singular.swapaxes(0, 1)[:, missing] = False
-    return ClosedForm(np.moveaxis(q, -1, 0), reason.T, np.moveaxis(singular, -1, 0))
+        _solve(arm, T, near[part].T, q[..., part], reason[..., part], singular[..., part])
+    return ClosedForm.of(q.reshape(8, 6, n), reason.reshape(8, n), singular.reshape(8, 3, n))
 
 
 def _solve(arm: SphericalWristArm, T: Array, near: Array, q: Array, reason: NDArray[np.int8], singular: Bools) -> None:
-    """One pass: T (4, 4, k), near (6, k), and views of the results, poses last."""
-    R, p = T[:3, :3], T[:3, 3]
-    x1, y1, z1 = arm.B1.T @ (p + times(R, arm.wrist.centre_flange) - arm.p1[:, None])
+    """One pass: T (4, 4, k), near (6, k), and views of the results, forks first and poses last."""
+    R, p, margin = T[:3, :3], T[:3, 3], arm.margin_m
+    place = arm.B1.T @ (p + times(R, arm.wrist.centre_flange) - arm.p1[:, None])
     # Axis 6 and the x beside it, in B1 coordinates: what the wrist has to bring about.
     hand = (arm.B1.T @ times(R, arm.wrist.z6_flange), arm.B1.T @ times(R, arm.wrist.x6_flange))
-    margin = arm.margin_m
-    radius = np.hypot(x1, y1)
-    across = (arm.along_2 - arm.cos12 * z1) / arm.sin12
+    radius = np.hypot(place[0], place[1])
+    across = (arm.along_2 - arm.cos12 * place[2]) / arm.sin12
     swing = 2.0 * np.arctan2(root(radius - across), root(radius + across))
     free = (radius < BOUNDARY * arm.length) & (np.abs(across) < margin)
-    straight = np.arctan2(y1, x1)
-    reason[:, np.abs(across) - radius > margin] = Reason.SHOULDER
-    hands: list[list[Array]] = []
-    for back in (0, 1):
-        side = arm.front * (1.0 - 2.0 * back)
-        q1 = np.where(free, near[0] + np.pi * back, straight - side * swing)
-        cos, sin = np.cos(q1), np.sin(q1)
-        place = np.stack([cos * x1 + sin * y1, cos * y1 - sin * x1, z1])
-        rows = slice(4 * back, 4 * back + 4)
-        q[rows, 0] = q1
-        singular[rows, 0] = np.abs(place[1]) < SINGULAR * arm.length
-        turned = [arm.R_21 @ np.stack([cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]]) for v in hand]
-        seen = (arm.R_21 @ place)[:2] - arm.t_21[:2, None]
-        hands += _solve_elbow(arm, seen, turned, side * arm.front, near, q[rows], reason[rows], singular[rows])
-    if T.shape[-1] <= FEW:
-        _solve_wrists(arm, hands, near, q, reason, singular)
-        return
-    for i, turned in enumerate(hands):
-        rows = slice(2 * i, 2 * i + 2)
-        solve_wrist(arm.wrist, turned, near[3], arm.margin_rad, q[rows], reason[rows], singular[rows])
+    q1 = np.where(free, near[0] + np.pi * (FORK < 0.0), np.arctan2(place[1], place[0]) - arm.front * FORK * swing)
+    place = _seen(q1, place)
+    hand = (_in_basis(arm.R_21, _seen(q1, hand[0])), _in_basis(arm.R_21, _seen(q1, hand[1])))
+    wrist = _in_basis(arm.R_21, place)[:2] - arm.t_21[:2, None, None]
 
-
-def _solve_wrists(
-    arm: SphericalWristArm, hands: list[list[Array]], near: Array, q: Array, reason: NDArray[np.int8], singular: Bools
-) -> None:
-    """The wrists of all four arms in one call, side by side."""
-    k = q.shape[-1]
-    z6, x6 = (np.concatenate(parts, axis=1) for parts in zip(*hands, strict=True))
-    # Rows (flip), columns (arm, target) of what solve_wrist reads and writes.
-    side = reason.reshape(4, 2, k).swapaxes(0, 1).reshape(2, 4 * k)
-    angles, marks = np.empty((2, 6, 4 * k)), np.zeros((2, 3, 4 * k), dtype=np.bool_)
-    solve_wrist(arm.wrist, (z6, x6), np.tile(near[3], 4), arm.margin_rad, angles, side, marks)
-    for flip in (0, 1):
-        q[flip::2, 3:] = angles[flip, 3:].reshape(3, 4, k).swapaxes(0, 1)
-        reason[flip::2] = side[flip].reshape(4, k)
-        singular[flip::2, 2] = marks[flip, 2].reshape(4, k)
-
-
-def _solve_elbow(
-    arm: SphericalWristArm,
-    wrist: Array,
-    hand: list[Array],
-    side: float,
-    near: Array,
-    q: Array,
-    reason: NDArray[np.int8],
-    singular: Bools,
-) -> list[list[Array]]:
-    """Joints 2 and 3 bring the wrist centre to ``wrist`` (2, k) across axis 2; returns what is left to the wrists."""
-    margin = arm.margin_m
+    # Joints 2 and 3 bring the wrist centre to ``wrist`` across axis 2.
     upper, fore = arm.upper, arm.fore
     distance = np.hypot(wrist[0], wrist[1])
     stretch = (upper + fore - distance) * (upper + fore + distance)
     fold = (distance - abs(upper - fore)) * (distance + abs(upper - fore))
-    reason[:, (distance - upper - fore > margin) & (reason[0] == 0)] = Reason.TOO_FAR
-    reason[:, (abs(upper - fore) - distance > margin) & (reason[0] == 0)] = Reason.TOO_NEAR
     bend = 2.0 * np.arctan2(root(stretch), root(fold))
-    towards = np.arctan2(wrist[1], wrist[0])
-    free = distance < BOUNDARY * arm.length
-    singular[:, 1] = (bend < SINGULAR) | (np.pi - bend < SINGULAR)
-    hands = []
-    for down in (0, 1):
-        elbow = arm.elbow_up * side * (1.0 - 2.0 * down) * bend
-        q2 = towards - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
-        q2 = np.where(free, near[1], q2)
-        rows = slice(2 * down, 2 * down + 2)
-        q[rows, 1], q[rows, 2] = q2, arm.sign3 * (elbow - arm.elbow_zero)
-        pitch = q2 + elbow - arm.elbow_zero
-        cos, sin = np.cos(pitch), np.sin(pitch)
-        hands.append([arm.R_42 @ np.stack([cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]]) for v in hand])
-    return hands
+    elbow = arm.elbow_up * (FORK[:, None] * FORK) * bend[:, None]
+    q2 = np.arctan2(wrist[1], wrist[0])[:, None] - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
+    q2 = np.where((distance < BOUNDARY * arm.length)[:, None], near[1], q2)
+    pitch = q2 + elbow - arm.elbow_zero
+    z6, x6 = (_in_basis(arm.R_42, _seen(pitch, v[:, :, None])) for v in hand)
+
+    turned = solve_wrist(arm.wrist, (z6, x6), near[3], arm.margin_rad)
+    q[..., 0, :], q[..., 1, :] = q1[:, None, None], q2[:, :, None]
+    q[..., 2, :] = (arm.sign3 * (elbow - arm.elbow_zero))[:, :, None]
+    q[..., 3:, :] = turned.q
+    singular[..., 0, :] = (np.abs(place[1]) < SINGULAR * arm.length)[:, None, None]
+    singular[..., 1, :] = ((bend < SINGULAR) | (np.pi - bend < SINGULAR))[:, None, None]
+    singular[..., 2, :] = turned.singular[..., None, :]
+    # What comes first on the way from the base counts, so it is written last.
+    np.copyto(reason, Reason.ORIENTATION, where=turned.out[..., None, :], casting="unsafe")
+    np.copyto(reason, Reason.TOO_NEAR, where=(abs(upper - fore) - distance > margin)[:, None, None], casting="unsafe")
+    np.copyto(reason, Reason.TOO_FAR, where=(distance - upper - fore > margin)[:, None, None], casting="unsafe")
+    np.copyto(reason, Reason.SHOULDER, where=np.abs(across) - radius > margin, casting="unsafe")
+
+
+def _seen(angle: Array, v: Array) -> Array:
+    """Vectors (3, ...) as seen from axes turned by angles (...) about z."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    out = np.empty((3, *angle.shape))
+    out[0], out[1], out[2] = cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]
+    return out
+
+
+def _in_basis(R: Array, v: Array) -> Array:
+    """``R v`` for one rotation (3, 3) and vectors (3, ...)."""
+    return np.asarray((R @ v.reshape(3, -1)).reshape(v.shape))
 
 
 def times(R: Array, v: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.axis_lines import axis_lines
-from robots.kinematics import forward_kinematics, tool_position
+from robots.kinematics import forward_kinematics, jacobian_at
 from robots.robot import Robot
 
 # Solutions closer than this in every joint (rad, whole turns aside) are one.
@@ -40,20 +40,6 @@ class Found:
     beyond: Bools
 
 
-def residual(robot: Robot, q: Array, T_base_flange: Array) -> Array:
-    """Way from the flange at q (n, dof) to the target (n, 4, 4): (n, 6), m and rad (rotation vector), base frame."""
-    frames = forward_kinematics(robot, q)
-    turn = T_base_flange[:, :3, :3] @ np.swapaxes(frames.R_flange, 1, 2)
-    return np.concatenate([T_base_flange[:, :3, 3] - frames.p_flange, _rotation_vectors(turn)], axis=1)
-
-
-def _rotation_vectors(R: Array) -> Array:
-    """Rotation vectors (n, 3) rad of rotations (n, 3, 3)."""
-    from scipy.spatial.transform import Rotation  # which arms with a closed form do not need
-
-    return np.asarray(Rotation.from_matrix(R).as_rotvec())
-
-
 def refine(robot: Robot, q: Array, T_base_flange: Array, *, steps: int = 60) -> tuple[Array, Bools]:
     """Damped least squares from q (k, dof) rad to flange targets (k, 4, 4).
 
@@ -77,7 +63,7 @@ def refine(robot: Robot, q: Array, T_base_flange: Array, *, steps: int = 60) -> 
         if not len(running):
             break
         here = q[running]
-        error, J = _error_and_jacobian(robot, here, T_base_flange[running])
+        error, J = residual_and_jacobian(robot, here, T_base_flange[running])
         error, J = error * scale, J * scale[:, None]
         size = np.linalg.norm(error, axis=1)
         better = size < best[running]
@@ -95,14 +81,17 @@ def refine(robot: Robot, q: Array, T_base_flange: Array, *, steps: int = 60) -> 
     return kept, met
 
 
-def _error_and_jacobian(robot: Robot, q: Array, T: Array) -> tuple[Array, Array]:
-    """Residual (k, 6) and geometric Jacobian (k, 6, dof) at the flange from one pass of forward kinematics."""
+def residual_and_jacobian(robot: Robot, q: Array, T: Array) -> tuple[Array, Array]:
+    """Way from the flange at q (k, dof) to the target (k, 4, 4), m and rad (rotation vector), (k, 6), base frame.
+
+    With the geometric Jacobian (k, 6, dof) at the flange from the same pass of forward kinematics.
+    """
+    from scipy.spatial.transform import Rotation  # which arms with a closed form do not need
+
     frames = forward_kinematics(robot, q)
-    lever = tool_position(robot, frames, np.zeros(3))[:, None, :] - frames.p[:, 1:]
-    z = frames.axis * robot.sign[None, :, None]
-    J = np.concatenate([np.swapaxes(np.cross(z, lever), 1, 2), np.swapaxes(z, 1, 2)], axis=1)
-    turn = _rotation_vectors(T[:, :3, :3] @ np.swapaxes(frames.R_flange, 1, 2))
-    return np.concatenate([T[:, :3, 3] - frames.p_flange, turn], axis=1), J
+    turn = Rotation.from_matrix(T[:, :3, :3] @ np.swapaxes(frames.R_flange, 1, 2)).as_rotvec()
+    residual = np.concatenate([T[:, :3, 3] - frames.p_flange, turn], axis=1)
+    return residual, jacobian_at(robot, frames, frames.p_flange)
 
 
 def search(

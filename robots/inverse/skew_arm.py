@@ -68,16 +68,13 @@ def skew_arm(robot: Robot) -> SkewArm | None:
 
 
 def _moves_freely(arm: SkewArm, lines: AxisLines) -> bool:
-    angle = np.array([[0.3, 1.1, -2.0, 2.7], [0.7, -1.3, 2.2, -0.4]])
-    best = 0.0
-    for q2, q3 in angle.T:
-        at3 = _turn(arm.a[2], np.full(1, q3), (arm.centre - arm.p[2])[:, None]) + arm.p[2][:, None]
-        at2 = _turn(arm.a[1], np.full(1, q2), at3 - arm.p[1][:, None])[:, 0] + arm.p[1]
-        a3, p3 = (_turn(arm.a[1], np.full(1, q2), v[:, None])[:, 0] for v in (arm.a[2], arm.p[2] - arm.p[1]))
-        columns = [np.cross(arm.a[0], at2 - arm.p[0]), np.cross(arm.a[1], at2 - arm.p[1])]
-        columns.append(np.cross(a3, at2 - arm.p[1] - p3))
-        best = max(best, abs(float(np.linalg.det(np.array(columns) / lines.length))))
-    return best > DEGENERATE
+    q2, q3 = np.array([[0.3, 1.1, -2.0, 2.7], [0.7, -1.3, 2.2, -0.4]])
+    (a1, a2, a3), (p1, p2, p3) = arm.a[:, :, None], arm.p[:, :, None]
+    from_2 = _turn(arm.a[1], q2, _turn(arm.a[2], q3, arm.centre[:, None] - p3) + p3 - p2)
+    from_3 = from_2 - _turn(arm.a[1], q2, p3 - p2)
+    levers = ((a1, from_2 + p2 - p1), (a2, from_2), (_turn(arm.a[1], q2, a3), from_3))
+    moved = np.stack([np.cross(axis, lever, axis=0) for axis, lever in levers])
+    return bool((np.abs(np.linalg.det(np.moveaxis(moved, -1, 0) / lines.length)) > DEGENERATE).any())
 
 
 def solve_skew_arm(arm: SkewArm, T_base_flange: Array, near: Array) -> ClosedForm:
@@ -95,45 +92,39 @@ def solve_skew_arm(arm: SkewArm, T_base_flange: Array, near: Array) -> ClosedFor
     in cos q3, sin q3; what remains is |u| and a quartic for q3. Where axes 1 and 2 meet or are parallel one of the
     three gives q3 alone, and |u| two points u for each.
     """
-    n = len(T_base_flange)
-    q = np.full((8, 6, n), np.nan)
-    reason = np.zeros((8, n), dtype=np.int8)
-    singular = np.zeros((8, 3, n), dtype=np.bool_)
-    T = np.moveaxis(T_base_flange, 0, -1)
-    R = T[:3, :3]
-    from_1 = T[:3, 3] + times(R, arm.wrist.centre_flange) - arm.p[0][:, None]
-    hand = (times(R, arm.wrist.z6_flange), times(R, arm.wrist.x6_flange))
+    R, p, near = np.moveaxis(T_base_flange[:, :3, :3], 0, -1), T_base_flange[:, :3, 3].T, near.T
+    from_1 = p + times(R, arm.wrist.centre_flange) - arm.p[0][:, None]
     across = np.linalg.norm(from_1 - np.outer(arm.a[0], arm.a[0] @ from_1), axis=0)
-    q3s, points, double = _circles(arm, from_1)
-    exists = np.isfinite(q3s)
-    reason[:] = np.repeat(np.where(exists, Reason.FOUND, Reason.NO_SUCH), 2, axis=0)
-    reason[:, ~exists.any(axis=0)] = Reason.OUT_OF_REACH
-    margin = max(BOUNDARY, 100.0 * arm.deviation)
-    for i in range(4):
-        rows = slice(2 * i, 2 * i + 2)
-        q3, v = np.where(exists[i], q3s[i], 0.0), np.where(exists[i], points[i], 0.0)
-        q1 = np.where(across < BOUNDARY * arm.length, near.T[0], _angle_about(arm.a[0], v, from_1))
-        from_2 = _turn(arm.a[2], q3, np.outer(arm.centre - arm.p[2], np.ones(n))) + (arm.p[2] - arm.p[1])[:, None]
-        radius = np.linalg.norm(np.cross(arm.a[1], from_2.T), axis=1)
-        to = v + (arm.p[0] - arm.p[1])[:, None]
-        q2 = np.where(radius < BOUNDARY * arm.length, near.T[1], _angle_about(arm.a[1], from_2, to))
-        seen = list(hand)
-        for axis, angle in zip(arm.a, (q1, q2, q3), strict=True):
-            seen = [_turn(axis, -angle, h) for h in seen]
-        q[rows, 0], q[rows, 1], q[rows, 2] = q1, q2, q3
-        singular[rows, 0] = across < SINGULAR * arm.length
-        singular[rows, 1] = double[i]
-        solve_wrist(
-            arm.wrist, [arm.wrist.B4.T @ h for h in seen], near.T[3], margin, q[rows], reason[rows], singular[rows]
-        )
-    missing = reason != Reason.FOUND
-    q.swapaxes(0, 1)[:, missing] = np.nan
-    singular.swapaxes(0, 1)[:, missing] = False
-    return ClosedForm(np.moveaxis(q, -1, 0), reason.T, np.moveaxis(singular, -1, 0))
+    q3, v, double = _circles(arm, from_1)
+    exists = np.isfinite(q3)
+    q3, v = np.where(exists, q3, 0.0), np.where(exists, v, 0.0)
+    q1 = np.where(across < BOUNDARY * arm.length, near[0], _angle_about(arm.a[0], v, from_1[:, None]))
+    from_2 = _turn(arm.a[2], q3, (arm.centre - arm.p[2])[:, None, None]) + (arm.p[2] - arm.p[1])[:, None, None]
+    radius = np.linalg.norm(np.cross(arm.a[1], from_2, axisb=0, axisc=0), axis=0)
+    to = v + (arm.p[0] - arm.p[1])[:, None, None]
+    q2 = np.where(radius < BOUNDARY * arm.length, near[1], _angle_about(arm.a[1], from_2, to))
+    hand = [times(R, axis)[:, None] for axis in (arm.wrist.z6_flange, arm.wrist.x6_flange)]
+    for axis, angle in zip(arm.a, (q1, q2, q3), strict=True):
+        hand = [_turn(axis, -angle, h) for h in hand]
+    seen = [np.tensordot(arm.wrist.B4.T, h, 1) for h in hand]
+    turned = solve_wrist(arm.wrist, seen, near[3], max(BOUNDARY, 100.0 * arm.deviation))
+
+    n = len(T_base_flange)
+    q, singular = np.empty((4, 2, 6, n)), np.empty((4, 2, 3, n), dtype=np.bool_)
+    reason = np.zeros((4, 2, n), dtype=np.int8)
+    for joint, angle in enumerate((q1, q2, q3)):
+        q[:, :, joint] = angle[:, None]
+    q[:, :, 3:] = turned.q
+    for place, mark in enumerate((across < SINGULAR * arm.length, double[:, None], turned.singular[:, None])):
+        singular[:, :, place] = mark
+    np.copyto(reason, Reason.ORIENTATION, where=turned.out[:, None], casting="unsafe")
+    np.copyto(reason, Reason.NO_SUCH, where=~exists[:, None], casting="unsafe")
+    np.copyto(reason, Reason.OUT_OF_REACH, where=~exists.any(axis=0), casting="unsafe")
+    return ClosedForm.of(q.reshape(8, 6, n), reason.reshape(8, n), singular.reshape(8, 3, n))
 
 
 def _circles(arm: SkewArm, target: Array) -> tuple[Array, Array, Bools]:
-    """Angles q3 (4, k), NaN if missing, points v (4, 3, k) from ``p[0]`` on axis 1's circle, and double roots (4, k).
+    """Angles q3 (4, k), NaN if missing, points v (3, 4, k) from ``p[0]`` on axis 1's circle, and double roots (4, k).
 
     ``target`` (3, k): the wrist centre from ``p[0]``.
     """
@@ -155,7 +146,7 @@ def _circles(arm: SkewArm, target: Array) -> tuple[Array, Array, Bools]:
         v1, v2 = (inverse[:, 1] * second[i] + inverse[:, 2] * third[i] for i in (1, 2))
         mixed = np.array([v1 @ v1, 2.0 * (v1 @ v2), v2 @ v2])
         q3, double = quartic_roots((v0**2).sum(axis=0) - K, 2.0 * (v1 @ v0), 2.0 * (v2 @ v0), mixed)
-        v = v0 + v1[:, None] * np.cos(q3)[:, None] + v2[:, None] * np.sin(q3)[:, None]
+        v = v0[:, None] + np.multiply.outer(v1, np.cos(q3)) + np.multiply.outer(v2, np.sin(q3))
         return q3, v, double
     if arm.meeting:
         single, double = line_roots(third[1], third[2], 0.5 * K - third[0])
@@ -169,26 +160,28 @@ def _circles(arm: SkewArm, target: Array) -> tuple[Array, Array, Bools]:
         cross = a1 @ a2
         along_2 = second[0] + second[1] * cos + second[2] * sin
         x, y = along_1 - cross * along_2, along_2 - cross * along_1
-        flat = (a1[:, None] * x[:, None] + a2[:, None] * y[:, None]) / (normal @ normal)
+        flat = (np.multiply.outer(a1, x) + np.multiply.outer(a2, y)) / (normal @ normal)
         normal = normal / np.linalg.norm(normal)
     else:
         normal = np.cross(a1, d) / np.linalg.norm(d)
         towards = third[0] + third[1] * cos + third[2] * sin - 0.5 * K
-        flat = np.outer(a1, along_1) + d[:, None] * towards[:, None] / (d @ d)
-    rest = K - (flat**2).sum(axis=1)
+        flat = np.outer(a1, along_1)[:, None] + np.multiply.outer(d, towards) / (d @ d)
+    rest = K - (flat**2).sum(axis=0)
     q3[rest < -BOUNDARY * arm.length**2] = np.nan
     height = root(rest) * np.array([1.0, -1.0, 1.0, -1.0])[:, None]
     double = np.repeat(double, 2, axis=0) | (np.abs(height) < SINGULAR * arm.length)
-    return q3, flat + normal[:, None] * height[:, None], double
+    return q3, flat + np.multiply.outer(normal, height), double
 
 
 def _turn(axis: Array, angle: Array, v: Array) -> Array:
-    """Rotate v (3, k) about an axis (3,) by angles (k,)."""
+    """Rotate vectors v (3, ...) about an axis (3,) by angles (...)."""
     cos, sin = np.cos(angle), np.sin(angle)
-    return np.asarray(cos * v + sin * np.cross(axis, v.T).T + (1.0 - cos) * np.outer(axis, axis @ v))
+    along = np.multiply.outer(axis, np.tensordot(axis, v, 1))
+    return np.asarray(cos * v + sin * np.cross(axis, v, axisb=0, axisc=0) + (1.0 - cos) * along)
 
 
 def _angle_about(axis: Array, start: Array, end: Array) -> Array:
-    """Angle (k,) about an axis that takes start to end, (3, k) each."""
-    turned = axis @ np.cross(start.T, end.T).T
-    return np.asarray(np.arctan2(turned, (start * end).sum(axis=0) - (axis @ start) * (axis @ end)))
+    """Angle (...) about an axis that takes start to end, (3, ...) each."""
+    turned = np.tensordot(axis, np.cross(start, end, axis=0), 1)
+    along = np.tensordot(axis, start, 1) * np.tensordot(axis, end, 1)
+    return np.asarray(np.arctan2(turned, (start * end).sum(axis=0) - along))

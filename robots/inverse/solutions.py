@@ -6,6 +6,7 @@ import numpy as np
 
 from robots.arrays import Array, Bools
 from robots.errors import InputError
+from robots.frames import inverse
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.branches import BRANCH_NAMES, InverseSolutions, Reason, as_near, twins_of
 from robots.inverse.closed_form import ClosedForm, closed_form
@@ -56,7 +57,7 @@ def inverse_kinematics(
     tool = as_frames(tool[None] if tool.ndim == 2 else tool, "tool frame")
     if len(tool) != 1:
         raise InputError("tool frame", value=f"shape {tool.shape}", allowed="(4, 4)", remedy="give one tool")
-    flange = targets @ _inverse(tool[0])
+    flange = targets @ inverse(tool[0])
     wanted = as_near(robot, near, len(targets))
     if why_not_spherical(robot) is None:
         arm = spherical_wrist_arm(robot)
@@ -149,12 +150,6 @@ def _twins(q: Array, reached: Bools, singular: Bools) -> Bools:
     if len(rows):
         twin[rows] = twins_of(q[rows], reached[rows])
     return twin
-
-
-def _inverse(T: Array) -> Array:
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = T[:3, :3].T, -T[:3, :3].T @ T[:3, 3]
-    return out
 
 
 def as_frames(T: Array, what: str) -> Array:

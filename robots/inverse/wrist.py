@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import AxisLines, basis
-from robots.inverse.branches import Reason
 
 # A target this far out of reach (share of the arm's length; rad) is on the boundary, rounded.
 BOUNDARY = 1e-10
 # Flagged as singular: double roots spread a rounding of 1e-16 to its square root, 1e-8.
 SINGULAR = 1e-7
+# The two ways at a fork of the solutions, poses behind them: front and back, up and down, no flip and flip.
+FORK = np.array([[1.0], [-1.0]])
 
 
 @dataclass(frozen=True)
@@ -78,53 +78,53 @@ def _angle(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def solve_wrist(
-    wrist: Wrist,
-    hand: Sequence[Array],
-    near4: Array,
-    margin: float,
-    q: Array,
-    reason: NDArray[np.int8],
-    singular: Bools,
-) -> None:
-    """Joints 4, 5, 6 turn axis 6 and the x beside it to given directions, for k targets; both flips.
+@dataclass(frozen=True)
+class Turned:
+    """Both ways to turn a wrist, no flip first, for targets (..., k).
+
+    ``q`` (..., 2, 3, k) rad: joints 4, 5, 6. ``out`` (..., k): skew axes cannot take the orientation; ``singular``
+    (..., k): the wrist is straight or folded to ``SINGULAR``.
+    """
+
+    q: Array
+    out: Bools
+    singular: Bools
+
+
+def solve_wrist(wrist: Wrist, hand: Sequence[Array], near4: Array, margin: float) -> Turned:
+    """Joints 4, 5, 6 turn axis 6 and the x beside it to given directions.
 
     Parameters
     ----------
-    hand : two (3, k): where axis 6 and that x have to point, seen from body 3, in ``B4`` coordinates
+    hand : two (3, ..., k): where axis 6 and that x have to point, seen from body 3, in ``B4`` coordinates
     near4 : (k,) rad, joint 4 where axes 4 and 6 fall into one line and leave it free
     margin : rad, an orientation out of reach by less counts as on the edge
-    q : (2, 6, k), rows 3 to 5 are written; no flip first
-    reason : (2, k), written where it is FOUND and the orientation is out of reach of skew axes
-    singular : (2, 3, k), row 2 is written: straight or folded to ``SINGULAR``
     """
-    z6, x6 = hand
+    z6, x6 = (v[..., None, :] for v in hand)
     alpha, beta = wrist.alpha, wrist.beta
     off_axis = np.hypot(z6[0], z6[1])
     between = np.arctan2(off_axis, z6[2])  # angle between axes 4 and 6
     nearest, farthest = abs(alpha - beta), min(alpha + beta, 2.0 * np.pi - alpha - beta)
-    out = (nearest - between > margin) | (between - farthest > margin)
-    reason[:, out & (reason[0] == 0)] = Reason.ORIENTATION
     # Spherical triangle of axes 4, 5, 6: half the angle at axis 5 from its three sides.
     bend = 2.0 * np.arctan2(
         root(np.sin(0.5 * (between + alpha - beta)) * np.sin(0.5 * (between - alpha + beta))),
         root(np.sin(0.5 * (alpha + beta + between)) * np.sin(0.5 * (alpha + beta - between))),
     )
-    singular[:, 2] = (bend < SINGULAR) | (np.pi - bend < SINGULAR)
     cos5, sin5 = np.cos(bend), np.sin(bend)
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     asked = np.arctan2(z6[1], z6[0])
     given = np.arctan2(sb * sin5, ca * sb * cos5 - sa * cb)
-    free = off_axis < BOUNDARY
-    for flip in (0, 1):
-        sign = wrist.outward * (1.0 - 2.0 * flip)
-        q4 = np.where(free, near4, asked - sign * given)
-        cos4, sin4 = np.cos(q4), np.sin(q4)
-        x, y = cos4 * x6[0] + sin4 * x6[1], cos4 * x6[1] - sin4 * x6[0]
-        x, z = ca * x + sa * x6[2], ca * x6[2] - sa * x
-        x, y = cos5 * x + sign * sin5 * y, cos5 * y - sign * sin5 * x
-        q[flip, 3], q[flip, 4] = q4, sign * bend - wrist.zero
-        q[flip, 5] = np.arctan2(y, cb * x - sb * z)
+    sign = wrist.outward * FORK
+    q4 = np.where(off_axis < BOUNDARY, near4, asked - sign * given)
+    cos4, sin4 = np.cos(q4), np.sin(q4)
+    x, y = cos4 * x6[0] + sin4 * x6[1], cos4 * x6[1] - sin4 * x6[0]
+    x, z = ca * x + sa * x6[2], ca * x6[2] - sa * x
+    x, y = cos5 * x + sign * sin5 * y, cos5 * y - sign * sin5 * x
+    return Turned(
+        np.stack([q4, sign * bend - wrist.zero, np.arctan2(y, cb * x - sb * z)], axis=-2),
+        ((nearest - between > margin) | (between - farthest > margin))[..., 0, :],
+        ((bend < SINGULAR) | (np.pi - bend < SINGULAR))[..., 0, :],
+    )
 
 
 def root(square: Array) -> Array:

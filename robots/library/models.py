@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import ExitStack
 from importlib import resources
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from robots.errors import InputError
 from robots.files.reading import parse_toml, read_text, recording
 from robots.files.validated import validated
 from robots.files.written import write_whole
-from robots.library.surface_files import SurfaceCopies, with_absolute_surfaces
+from robots.library.surface_files import with_absolute_surfaces, with_copied_surfaces
 from robots.robot import Robot, robot_from
 from robots.schema.description import ModelDescription
 from robots.urdf.reading import read_urdf
@@ -98,8 +99,9 @@ def save_description(description: ModelDescription, path: Path) -> None:
         )
     if not path.parent.is_dir():
         raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
-    with SurfaceCopies(path.parent) as copies:
-        write_whole(path, to_toml(copies.of(description)))
+    with ExitStack() as undo:
+        write_whole(path, to_toml(with_copied_surfaces(description, path.parent, undo)))
+        undo.pop_all()
 
 
 def content_hash(description: ModelDescription) -> str:

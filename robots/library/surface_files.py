@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from robots.errors import InputError
 from robots.files.reading import read_sha256
@@ -29,37 +27,19 @@ def with_absolute_surfaces(description: ModelDescription, folder: Path) -> Model
     return _with_files(description, lambda _, surface: str(folder / surface.file))
 
 
-class SurfaceCopies:
-    """Copies of surface files in ``folder/meshes``, taken back if the block that writes the model fails."""
+def with_copied_surfaces(description: ModelDescription, folder: Path, undo: ExitStack) -> ModelDescription:
+    """Copy the surface files into ``folder/meshes``; the description then holds their paths relative to the folder.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._made: list[Path] = []
+    ``undo`` gets what takes the copies back, for a model that cannot be written after all.
 
-    def __enter__(self) -> Self:
-        return self
+    Raises
+    ------
+    InputError
+        A surface file is gone, cannot be read or copied, or is not the one that was prepared.
+    """
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is None:
-            return
-        for path in reversed(self._made):
-            with contextlib.suppress(OSError):
-                path.rmdir() if path.is_dir() else path.unlink()
-
-    def of(self, description: ModelDescription) -> ModelDescription:
-        """Copy the surface files; the description then holds their paths relative to the folder.
-
-        Raises
-        ------
-        InputError
-            A surface file is gone, cannot be read or copied, or is not the one that was prepared.
-        """
-        return _with_files(description, self._copy)
-
-    def _copy(self, link: str, surface: Surface) -> str:
-        source = Path(surface.file)
+    def copied(link: str, surface: Surface) -> str:
+        source, meshes = Path(surface.file), folder / FOLDER
         found = _digest(link, source)
         if found != surface.sha256:
             raise InputError(
@@ -68,31 +48,38 @@ class SurfaceCopies:
                 allowed=surface.sha256,
                 remedy="import the link again",
             )
-        meshes = self._folder / FOLDER
         same = next((p for p in sorted(meshes.glob(f"*-{found[:8]}{_SUFFIX}")) if _digest(link, p) == found), None)
         if same is None:
             same = meshes / surface_file_name(link, found)
-            self._write(link, source, same)
-        return same.relative_to(self._folder).as_posix()
+            _copy(link, source, same, undo)
+        return same.relative_to(folder).as_posix()
 
-    def _write(self, link: str, source: Path, target: Path) -> None:
-        if target.exists():
-            raise InputError(
-                f"surface file {target} of link {link} exists with other content",
-                remedy="move it away, or choose another folder",
-            )
-        try:
-            if not target.parent.is_dir():
-                target.parent.mkdir()
-                self._made.append(target.parent)
-            with written_whole(target) as draft:
-                shutil.copyfile(source, draft)
-        except OSError as error:
-            raise InputError(
-                f"surface file {target} of link {link} cannot be written ({error.strerror or error})",
-                remedy="choose another folder",
-            ) from error
-        self._made.append(target)
+    return _with_files(description, copied)
+
+
+def _copy(link: str, source: Path, target: Path, undo: ExitStack) -> None:
+    if target.exists():
+        raise InputError(
+            f"surface file {target} of link {link} exists with other content",
+            remedy="move it away, or choose another folder",
+        )
+    try:
+        if not target.parent.is_dir():
+            target.parent.mkdir()
+            undo.callback(_if_possible, target.parent.rmdir)
+        with written_whole(target) as draft:
+            shutil.copyfile(source, draft)
+    except OSError as error:
+        raise InputError(
+            f"surface file {target} of link {link} cannot be written ({error.strerror or error})",
+            remedy="choose another folder",
+        ) from error
+    undo.callback(_if_possible, target.unlink)
+
+
+def _if_possible(remove: Callable[[], None]) -> None:
+    with suppress(OSError):
+        remove()
 
 
 def _with_files(description: ModelDescription, name: Callable[[str, Surface], str]) -> ModelDescription:

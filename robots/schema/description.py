@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from robots.errors import twice
 from robots.schema.effects import EffectNumber, EffectTable
 from robots.schema.links import (
     BoxSection,
@@ -28,6 +28,7 @@ from robots.schema.quantities import (
     Angle,
     AngleRange,
     Angles,
+    Direction,
     Length,
     Mass,
     Position,
@@ -116,14 +117,7 @@ class FrameRow(Strict):
 
     xyz: Position
     rpy: Angles | None = None
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    @field_validator("axis")
-    @classmethod
-    def _nonzero(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
-        if not np.linalg.norm(axis) > 1e-9:
-            raise ValueError("the joint axis must not have length zero")
-        return axis
+    axis: Direction = (0.0, 0.0, 1.0)
 
 
 class Joint(Strict):
@@ -157,13 +151,9 @@ class Joint(Strict):
         return coordinate
 
     @model_validator(mode="after")
-    def _one_placement(self) -> Self:
+    def _one_of_each(self) -> Self:
         if (self.dh is None) == (self.frame is None):
             raise ValueError(f"joint {self.name!r} needs exactly one of 'dh' and 'frame'")
-        return self
-
-    @model_validator(mode="after")
-    def _one_bearing(self) -> Self:
         if self.bearing is not None and (self.tilt_stiffness or self.translational_stiffness):
             raise ValueError(f"joint {self.name!r}: 'bearing' takes the place of tilt_ and translational_stiffness")
         if self.bearing is not None and self.bearing.rz is not None:
@@ -283,18 +273,13 @@ class ModelDescription(Strict):
 
 
 def _names_used_twice(model: ModelDescription) -> list[str]:
-    faults = []
-    for kind, names in (
-        ("joint", [joint.name for joint in model.joint]),
-        ("coordinate", [joint.coordinate for joint in model.joint]),
-        ("link", [link.name for link in model.link]),
-        ("effect", [effect.code for effect in model.effect]),
-    ):
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            word = "code" if kind == "effect" else "name"
-            faults.append(f"{kind} {word} used twice: {', '.join(twice)}")
-    return faults
+    named = (
+        ("joint name", [joint.name for joint in model.joint]),
+        ("coordinate name", [joint.coordinate for joint in model.joint]),
+        ("link name", [link.name for link in model.link]),
+        ("effect code", [effect.code for effect in model.effect]),
+    )
+    return [f"{kind} used twice: {', '.join(more)}" for kind, names in named if (more := twice(names))]
 
 
 def _unknown_names(model: ModelDescription) -> list[str]:
@@ -325,17 +310,13 @@ def _unknown_names(model: ModelDescription) -> list[str]:
 
 def _unlisted_sources(model: ModelDescription) -> list[str]:
     missing = _sources_used(model.model_dump()) - {*model.sources, *BUILT_IN_SOURCES}
-    if not missing:
-        return []
-    return [
+    fault = (
         f"source not listed under [sources]: {', '.join(sorted(missing))} (or use one of {', '.join(BUILT_IN_SOURCES)})"
-    ]
+    )
+    return [fault] if missing else []
 
 
 def _sources_used(node: Any) -> set[str]:
-    if isinstance(node, dict):
-        own = {node["source"]} if isinstance(node.get("source"), str) else set()
-        return own.union(*(_sources_used(child) for child in node.values()))
-    if isinstance(node, list | tuple):
-        return set().union(*(_sources_used(child) for child in node))
-    return set()
+    children = node.values() if isinstance(node, dict) else node if isinstance(node, list | tuple) else ()
+    own = {node["source"]} if isinstance(node, dict) and isinstance(node.get("source"), str) else set()
+    return own.union(*map(_sources_used, children))

@@ -7,22 +7,10 @@ from typing import Any
 from pydantic import Field, field_validator
 
 from robots.schema.quantities import Scalar, Strict
-from robots.schema.units import dimension_of
 
 
 class EffectNumber(Scalar):
     """A number of an effect's law; whether its unit fits is checked where the law is known (:mod:`fem.effects`)."""
-
-    @field_validator("unit")
-    @classmethod
-    def _known_unit(cls, unit: str) -> str:
-        dimension_of(unit)
-        return unit
-
-    @property
-    def dimension_here(self) -> str:
-        """The dimension of its unit."""
-        return dimension_of(self.unit)
 
 
 class EffectTable(Strict):

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio, Position, PositiveLength, Strict
+from robots.schema.quantities import Density, Direction, Mass, Modulus, PoissonsRatio, Position, PositiveLength, Strict
 
 FlangeCoupling = Literal["rigid", "distributing"]
 
@@ -116,7 +115,7 @@ class Link(Strict):
     section: Section
     section_end: Section | None = None
     via: tuple[Position, ...] = ()
-    beam_up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    beam_up: Direction = (0.0, 0.0, 1.0)
     mass: Mass | None = None
     opening: tuple[Opening, ...] = ()
     rim: Rim | None = None
@@ -124,21 +123,10 @@ class Link(Strict):
     flanges: dict[Literal["root", "tip", "pin"], FlangeCoupling] = Field(default_factory=dict)
     youngs_modulus: Modulus | None = None
 
-    @field_validator("beam_up")
-    @classmethod
-    def _nonzero(cls, beam_up: tuple[float, float, float]) -> tuple[float, float, float]:
-        if not np.linalg.norm(beam_up) > 1e-9:
-            raise ValueError("the direction must not have length zero")
-        return beam_up
-
     @model_validator(mode="after")
-    def _same_kind(self) -> Self:
+    def _of_one_kind(self) -> Self:
         if self.section_end is not None and self.section_end.kind != self.section.kind:
             raise ValueError(f"link {self.name!r} cannot taper from {self.section.kind} to another kind")
-        return self
-
-    @model_validator(mode="after")
-    def _openings_in_boxes(self) -> Self:
         if self.opening and self.section.kind != "box":
             raise ValueError(f"link {self.name!r} is a {self.section.kind}; only box casings can have openings")
         return self

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from numbers import Real
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from robots.arrays import Array
-from robots.schema.units import check_magnitude, factor
+from robots.schema.units import check_magnitude, dimension_of, factor
 
 # Of numbers without a unit of their own: squares of them, and products of a few, stay within what a float holds.
 LARGEST_NUMBER = 1e30
@@ -39,8 +37,23 @@ def _numbers_in(value: Any) -> Iterator[float]:
             yield from _numbers_in(entry)
 
 
+def _nonzero(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not max(map(abs, direction)) > 1e-9:
+        raise ValueError("the direction must not have length zero")
+    return direction
+
+
+Direction = Annotated[tuple[float, float, float], AfterValidator(_nonzero)]
+
+# Neither "12" nor true is a number, though pydantic's own reading takes both.
+Number = Annotated[float, Field(strict=True)]
+
+
 class Quantity(Strict):
-    """A number (or a list of them) with its unit and the source of the figure."""
+    """A number (or a list of them) with its unit and the source of the figure.
+
+    ``dimension``, an argument of the classes below: what the unit must be of; none: the unit may be any.
+    """
 
     dimension: ClassVar[str] = ""
 
@@ -49,40 +62,21 @@ class Quantity(Strict):
     source: str
     note: str | None = None
 
-    @field_validator("value", mode="before")
-    @classmethod
-    def _finite_numbers(cls, value: Any) -> Any:
-        # Before pydantic's own reading, which takes "12" for 12 and true for 1.
-        for entry in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(entry, bool) or not isinstance(entry, Real):
-                raise ValueError("must be a number or a list of numbers")  # noqa: TRY004 - as below
-            if not math.isfinite(entry):
-                raise ValueError("must be a finite number")
-        return value
+    def __init_subclass__(cls, dimension: str | None = None) -> None:
+        if dimension is not None:
+            cls.dimension = dimension
 
     @field_validator("unit")
     @classmethod
     def _known_unit(cls, unit: str) -> str:
-        factor(cls.dimension, unit)
+        factor(cls.dimension or dimension_of(unit), unit)
         return unit
 
     @model_validator(mode="after")
     def _of_an_arm(self) -> Self:
         for number in self.value if isinstance(self.value, tuple) else (self.value,):
-            check_magnitude(self.dimension_here, self.unit, number, positive=isinstance(self, _Positive))
+            check_magnitude(dimension_of(self.unit), self.unit, number, positive=isinstance(self, _Positive))
         return self
-
-    @property
-    def dimension_here(self) -> str:
-        """The dimension; of quantities that may be in any unit, that of their unit."""
-        return self.dimension
-
-    @property
-    def si(self) -> float:
-        """The single value in SI units."""
-        if isinstance(self.value, tuple):
-            raise TypeError("this quantity is a list; use si_array")
-        return self.value * factor(self.dimension, self.unit)
 
     @property
     def si_array(self) -> Array:
@@ -93,99 +87,71 @@ class Quantity(Strict):
 class Scalar(Quantity):
     """One number, not a list."""
 
-    @field_validator("value")
-    @classmethod
-    def _one(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if isinstance(value, tuple):
-            raise ValueError("must be one number, not a list")  # noqa: TRY004 - pydantic wants ValueError
-        return value
+    value: Number
+
+    @property
+    def si(self) -> float:
+        """The value in SI units."""
+        return self.value * factor(self.dimension, self.unit)
 
 
 class _Positive(Scalar):
-    @field_validator("value")
-    @classmethod
-    def _above_zero(cls, value: float) -> float:
-        if not value > 0.0:
-            raise ValueError("must be greater than zero")
-        return value
+    value: Annotated[Number, Field(gt=0.0)]
 
 
 class _Triple(Quantity):
-    @field_validator("value")
-    @classmethod
-    def _three(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if not isinstance(value, tuple) or len(value) != 3:
-            raise ValueError("must be a list of three numbers")
-        return value
+    value: Annotated[tuple[Number, ...], Field(min_length=3, max_length=3)]
 
 
 class _Range(Quantity):
+    value: tuple[Number, ...]
+
     @field_validator("value")
     @classmethod
-    def _ordered_pair(cls, value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-        if not isinstance(value, tuple) or len(value) != 2 or not value[0] < value[1]:
+    def _ordered_pair(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if len(value) != 2 or not value[0] < value[1]:
             raise ValueError("must be a pair [lower, upper] with lower < upper")
         return value
 
 
-class Length(Scalar):
+class Length(Scalar, dimension="length"):
     """A length, which may be zero or negative."""
 
-    dimension = "length"
 
-
-class PositiveLength(_Positive):
+class PositiveLength(_Positive, dimension="length"):
     """A length greater than zero."""
 
-    dimension = "length"
 
-
-class Position(_Triple):
+class Position(_Triple, dimension="length"):
     """Three lengths x, y, z."""
 
-    dimension = "length"
 
-
-class Angle(Scalar):
+class Angle(Scalar, dimension="angle"):
     """An angle."""
 
-    dimension = "angle"
 
-
-class Angles(_Triple):
+class Angles(_Triple, dimension="angle"):
     """Roll, pitch, yaw about fixed x, y, z, as in URDF."""
 
-    dimension = "angle"
 
-
-class AngleRange(_Range):
+class AngleRange(_Range, dimension="angle"):
     """Lower and upper angle."""
 
-    dimension = "angle"
 
-
-class Mass(_Positive):
+class Mass(_Positive, dimension="mass"):
     """A mass."""
 
-    dimension = "mass"
 
-
-class Density(_Positive):
+class Density(_Positive, dimension="density"):
     """A mass density."""
 
-    dimension = "density"
 
-
-class Modulus(_Positive):
+class Modulus(_Positive, dimension="pressure"):
     """An elastic modulus."""
 
-    dimension = "pressure"
 
-
-class Ratio(Scalar):
+class Ratio(Scalar, dimension="ratio"):
     """A pure number."""
-
-    dimension = "ratio"
 
 
 class PoissonsRatio(Ratio):
@@ -198,19 +164,13 @@ class PoissonsRatio(Ratio):
         return self
 
 
-class RotationalStiffness(_Positive):
+class RotationalStiffness(_Positive, dimension="rotational stiffness"):
     """A stiffness against rotation."""
 
-    dimension = "rotational stiffness"
 
-
-class TranslationalStiffness(_Positive):
+class TranslationalStiffness(_Positive, dimension="translational stiffness"):
     """A stiffness against displacement."""
 
-    dimension = "translational stiffness"
 
-
-class Compliance(Scalar):
+class Compliance(Scalar, dimension="compliance"):
     """A displacement per force, rotation per force or rotation per moment; may be negative off a diagonal."""
-
-    dimension = "compliance"

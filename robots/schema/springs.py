@@ -79,8 +79,6 @@ class TableLaw(Strict):
             raise ValueError("nodes_deg and stiffness_Nm_per_rad need as many numbers, two or more")
         if any(b <= a for a, b in pairwise(self.nodes_deg)):
             raise ValueError("nodes_deg must rise")
-        if not all(k > 0.0 for k in self.stiffness_Nm_per_rad):
-            raise ValueError("stiffness_Nm_per_rad must be greater than zero")
         for k in self.stiffness_Nm_per_rad:
             check_magnitude("rotational stiffness", "N m/rad", k, positive=True)
         return self

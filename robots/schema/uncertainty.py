@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from robots.errors import twice
 from robots.schema.quantities import Strict
 
 NumberVariable = Literal["1/value", "ln value", "value"]
@@ -67,11 +67,10 @@ class CalibrationUncertainty(Strict):
         for key in ("covariance", "undetermined_directions"):
             if any(len(row) != p for row in getattr(self, key)):
                 raise ValueError(f"every row of {key} needs {p} numbers, one for each parameter")
-        count = Counter([*self.parameters, *(u.name for u in self.undetermined)])
-        twice = sorted(name for name, times in count.items() if times > 1)
-        if twice:
-            raise ValueError(f"named twice: {', '.join(twice)}")
-        if not count:
+        names = (*self.parameters, *(u.name for u in self.undetermined))
+        if more := twice(names):
+            raise ValueError(f"named twice: {', '.join(more)}")
+        if not names:
             raise ValueError("names no number: leave the table out")
         if any(not nu > 0.0 for nu in self.degrees_of_freedom):
             raise ValueError("degrees_of_freedom must be above zero")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robots.arrays import Array
-from robots.errors import InputError, InputErrors, listed
+from robots.errors import InputError, listed, raise_any
 
 # Names that ROS-Industrial and others give the mounting plate; tool0 has its z axis out of the plate.
 _PLATES = (re.compile(r"(^|[^a-z0-9])tool0$", re.I), re.compile(r"(^|[^a-z0-9])flange$", re.I))
@@ -32,7 +32,7 @@ class Tree:
 class Chain:
     """The arm. ``moving``: its revolute joints from base to tip; ``flange``, ``tip``: links past the last one.
 
-    ``merged``: names of the fixed joints on the way.
+    ``merged``: names of the fixed joints on the way; ``links``: all links on it.
     """
 
     base: str
@@ -40,6 +40,7 @@ class Chain:
     flange: str
     tip: str
     merged: tuple[str, ...]
+    links: frozenset[str]
 
 
 def transform(joint: Any) -> Array:
@@ -81,8 +82,7 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
                 )
             )
         above.setdefault(joint.child, joint)
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(where, faults)
+    raise_any(where, faults)
     links = {link.name: link for link in robot.links}
     roots = [name for name in links if name not in above]
     if len(roots) > 1:
@@ -118,14 +118,10 @@ def links_below(tree: Tree, link: str) -> list[str]:
 
 def rigid_group(tree: Tree, link: str) -> dict[str, Array]:
     """Links that move with a link, itself included: name -> T_link_other (4, 4)."""
+    fixed = {name: tuple(filter(is_fixed, joints)) for name, joints in tree.below.items()}
     group = {link: np.eye(4)}
-    waiting = [link]
-    while waiting:
-        parent = waiting.pop()
-        for joint in tree.below[parent]:
-            if is_fixed(joint):
-                group[joint.child] = group[parent] @ transform(joint)
-                waiting.append(joint.child)
+    for joint in _joints_below(fixed, link):
+        group[joint.child] = group[joint.parent] @ transform(joint)
     return group
 
 
@@ -149,7 +145,7 @@ def find_chain(tree: Tree, base: str | None, tip: str | None) -> Chain:
     start = tree.root if base is None else base
     end = _default_tip(tree, start) if tip is None else tip
     joints = _way(tree, start, end)
-    _refuse_others(tree, joints)
+    raise_any(tree.name, [_no_revolute(tree, joint) for joint in joints if not (is_fixed(joint) or _turns(joint))])
     moving = [joint for joint in joints if not is_fixed(joint)]
     if not moving:
         raise InputError(
@@ -160,7 +156,8 @@ def find_chain(tree: Tree, base: str | None, tip: str | None) -> Chain:
     frames = [joint.child for joint in joints[last:]]
     plate = _plate(frames)
     merged = tuple(joint.name for joint in joints[:last] if is_fixed(joint))
-    return Chain(start, tuple(moving), end if plate is None else plate, end, merged)
+    links = frozenset((start, *(joint.child for joint in joints)))
+    return Chain(start, tuple(moving), end if plate is None else plate, end, merged, links)
 
 
 def _way(tree: Tree, base: str, tip: str) -> list[Any]:
@@ -174,15 +171,9 @@ def _way(tree: Tree, base: str, tip: str) -> list[Any]:
                 allowed=f"a link below {base}: {listed(links_below(tree, base)) or 'there is none'}",
                 remedy="name another tip, or another base",
             )
-        joints.insert(0, tree.above[link])
-        link = joints[0].parent
-    return joints
-
-
-def _refuse_others(tree: Tree, joints: list[Any]) -> None:
-    faults = [_no_revolute(tree, joint) for joint in joints if not (is_fixed(joint) or _turns(joint))]
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(tree.name, faults)
+        joints.append(tree.above[link])
+        link = joints[-1].parent
+    return joints[::-1]
 
 
 def _no_revolute(tree: Tree, joint: Any) -> InputError:

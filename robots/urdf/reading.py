@@ -13,7 +13,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from robots.arrays import Array
-from robots.errors import InputError, InputErrors
+from robots.errors import InputError, raise_any
+from robots.frames import rpy_of
 from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 from robots.schema.quantities import AngleRange, Angles, Mass, Position
 from robots.schema.units import DIMENSIONS
@@ -76,7 +77,8 @@ def read_urdf(path: str | Path, *, tip: str | None = None, base: str | None = No
     text = read_urdf_text(file)
     tree = kinematic_tree(text.robot, f"URDF {file.name}")
     chain = find_chain(tree, base, tip)
-    _check_joints(tree, chain)
+    where = f"{tree.name}: joint"
+    raise_any(tree.name, [fault for joint in chain.moving for fault in _faults_of(f"{where} {joint.name}", joint)])
     names, renamed = _safe_names([joint.name for joint in chain.moving])
     bodies = dict(zip(("base", *names), (chain.base, *(j.child for j in chain.moving)), strict=True))
     tool = set() if chain.flange == bodies[names[-1]] else set(links_below(tree, chain.flange))
@@ -122,58 +124,36 @@ def _quantities_of(where: str) -> Iterator[None]:
         ) from error
 
 
-def _check_joints(tree: Tree, chain: Chain) -> None:
-    """Axes and limits of the joints that are used; those of grippers are often left to their simulators."""
-    faults = []
-    for joint in chain.moving:
-        where = f"{tree.name}: joint {joint.name}"
-        if not np.linalg.norm(joint.axis) > 1e-9:
-            faults.append(
-                InputError(
-                    f"{where}: axis", value=joint.axis.tolist(), allowed="a direction", remedy="correct it in the file"
-                )
-            )
-        length = float(np.linalg.norm(transform(joint)[:3, 3]))
-        if not length < _LONGEST_M:
-            faults.append(
-                InputError(
-                    f"{where}: origin",
-                    value=f"{length:g} m away from its parent",
-                    allowed=f"less than {_LONGEST_M:g} m",
-                    remedy="give lengths in m, as URDF has them",
-                )
-            )
-        if joint.type == "continuous":
-            continue
-        lower, upper = (None, None) if joint.limit is None else (joint.limit.lower, joint.limit.upper)
-        if lower is None or upper is None:
-            faults.append(
-                InputError(
-                    f"{where} has no limits",
-                    allowed="<limit lower=... upper=... /> in rad",
-                    remedy="add them, or make the joint continuous where it turns without end",
-                )
-            )
-        elif not lower < upper:
-            faults.append(
-                InputError(
-                    f"{where}: limits",
-                    value=f"{lower:g} to {upper:g} rad",
-                    allowed="lower < upper",
-                    remedy="correct them, or make the joint fixed where it stands still",
-                )
-            )
-        elif not max(-lower, upper) <= _WIDEST_rad:
-            faults.append(
-                InputError(
-                    f"{where}: limits",
-                    value=f"{lower:g} to {upper:g} rad",
-                    allowed=f"at most {_WIDEST_rad:g} rad in size",
-                    remedy="make the joint continuous if it turns without end",
-                )
-            )
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(tree.name, faults)
+def _faults_of(where: str, joint: Any) -> Iterator[InputError]:
+    """Faults of a joint's axis, place and limits; only of joints that are used: a gripper's are its simulator's."""
+    if not np.linalg.norm(joint.axis) > 1e-9:
+        yield InputError(
+            f"{where}: axis", value=joint.axis.tolist(), allowed="a direction", remedy="correct it in the file"
+        )
+    length = float(np.linalg.norm(transform(joint)[:3, 3]))
+    if not length < _LONGEST_M:
+        yield InputError(
+            f"{where}: origin",
+            value=f"{length:g} m away from its parent",
+            allowed=f"less than {_LONGEST_M:g} m",
+            remedy="give lengths in m, as URDF has them",
+        )
+    if joint.type == "continuous":
+        return
+    if joint.limit is None or joint.limit.lower is None or joint.limit.upper is None:
+        yield InputError(
+            f"{where} has no limits",
+            allowed="<limit lower=... upper=... /> in rad",
+            remedy="add them, or make the joint continuous where it turns without end",
+        )
+        return
+    lower, upper = joint.limit.lower, joint.limit.upper
+    allowed, remedy = "lower < upper", "correct them, or make the joint fixed where it stands still"
+    if lower < upper:
+        allowed = f"at most {_WIDEST_rad:g} rad in size"
+        remedy = "make the joint continuous if it turns without end"
+    if not lower < upper or not max(-lower, upper) <= _WIDEST_rad:
+        yield InputError(f"{where}: limits", value=f"{lower:g} to {upper:g} rad", allowed=allowed, remedy=remedy)
 
 
 def _joints(tree: Tree, chain: Chain, names: list[str]) -> list[Joint]:
@@ -211,7 +191,7 @@ def _between(tree: Tree, link: str, below: str) -> Array:
 def _pose(T: Array) -> dict[str, Any]:
     """``xyz`` and ``rpy`` figures of a transform; round-off of 1e-15 is cut off, zero angles are left out."""
     xyz = Position(value=_three(T[:3, 3]), unit="m", source=SOURCE)
-    rpy = _three(roll_pitch_yaw(T[:3, :3]))
+    rpy = _three(rpy_of(T[:3, :3]))
     return {"xyz": xyz, "rpy": Angles(value=rpy, unit="rad", source=SOURCE) if any(rpy) else None}
 
 
@@ -222,18 +202,6 @@ def _three(values: Array) -> tuple[float, float, float]:
 def _floats(values: Array) -> tuple[float, float, float]:
     x, y, z = (float(value) + 0.0 for value in values)  # no -0.0
     return x, y, z
-
-
-def roll_pitch_yaw(R: Array) -> Array:
-    """Fixed-axis roll, pitch and yaw (3,) rad of a rotation (3, 3).
-
-    Yaw first, then roll and pitch of what remains: near a pitch of 90 deg, where roll and yaw are hardly told
-    apart, the three still give the rotation back to round-off. Separate arctangents lose half the digits.
-    """
-    yaw = np.arctan2(R[1, 0], R[0, 0])
-    c, s = np.cos(yaw), np.sin(yaw)
-    rest = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ R
-    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])
 
 
 def _masses(tree: Tree, groups: dict[str, dict[str, Array]]) -> dict[str, Mass]:
@@ -282,9 +250,8 @@ def _notes_of_chain(
         notes.append(f"left out of the last body, as the tool: links {', '.join(sorted(tool))}")
     if chain.base != tree.root:
         notes.append(f"left out: all that does not hang on link {chain.base}")
-    on_the_way = set(_way_of(tree, chain))
     for body, group in groups.items():
-        beside = [link for link in group if link not in on_the_way and _has_substance(tree.links[link])]
+        beside = [link for link in group if link not in chain.links and _has_substance(tree.links[link])]
         if beside:
             notes.append(f"fixed to {body} and counted with it: links {', '.join(beside)}")
     used = {joint.name for joint in chain.moving}
@@ -295,14 +262,6 @@ def _notes_of_chain(
                 how = joint.type if joint.mimic is None else f"{joint.type}, coupled to {joint.mimic.joint}"
                 notes.append(f"left out: joint {joint.name} ({how}) with links {carried}")
     return notes
-
-
-def _way_of(tree: Tree, chain: Chain) -> list[str]:
-    """The links from base to tip."""
-    links = [chain.tip]
-    while links[-1] != chain.base:
-        links.append(tree.above[links[-1]].parent)
-    return links
 
 
 def _has_substance(link: Any) -> bool:

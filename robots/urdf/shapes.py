@@ -103,17 +103,15 @@ def _is_file(path: Path) -> bool:
 
 
 def _package_folders(package: str, urdf: Path) -> Iterator[Path]:
-    for folder in urdf.parents:
+    ros, ament = (
+        [Path(entry) for entry in os.environ.get(name, "").split(os.pathsep) if entry]
+        for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
+    for folder in (*urdf.parents, *ros):
         if folder.name == package:
             yield folder
         yield folder / package
-    for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
-        if entry:
-            yield from ([Path(entry)] if Path(entry).name == package else [])
-            yield Path(entry) / package
-    for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if entry:
-            yield Path(entry) / "share" / package
+    yield from (folder / "share" / package for folder in ament)
 
 
 def _hint(name: str) -> str:

@@ -9,11 +9,12 @@ import hashlib
 import io
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robots.errors import InputError, InputErrors
+from robots.errors import InputError, raise_any, twice
 from robots.files.reading import BYTE_ORDER_MARK, read_bytes
 
 JOINT_TYPES = ("revolute", "continuous", "fixed", "prismatic", "floating", "planar")
@@ -78,9 +79,7 @@ def read_urdf_text(path: Path) -> UrdfText:
         notes.append(f"the robot has no name in the file: called {path.stem}")
     _drop_unused(root)
     notes += _drop_shapes_without_form(root)
-    faults = [*_faults_of_links(root), *_faults_of_joints(root), *_faults_of_numbers(root)]
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(f"URDF {path.name}", faults)
+    raise_any(f"URDF {path.name}", [*_faults_of_links(root), *_faults_of_joints(root), *_faults_of_numbers(root)])
     return UrdfText(_yourdfpy_robot(root), hashlib.sha256(data).hexdigest(), tuple(notes))
 
 
@@ -160,84 +159,54 @@ def _place(element: Any) -> str:
     return f"{owner.tag} {owner.get('name') or f'at line {owner.sourceline}'}"
 
 
-def _faults_of_links(root: Any) -> list[InputError]:
-    faults = [_nameless(link) for link in root.findall("link") if not link.get("name")]
-    faults += _twice("link", [link.get("name") for link in root.findall("link")])
+def _faults_of_links(root: Any) -> Iterator[InputError]:
+    yield from _faults_of_names(root, "link")
     for mass in root.iter("mass"):
         value = _numbers(mass.get("value", "0"))
         if value and value[0] < 0.0:
-            faults.append(
-                InputError(f"{_place(mass)}: mass", value=value[0], allowed="0 kg or more", remedy="correct it")
-            )
-    return faults
+            yield InputError(f"{_place(mass)}: mass", value=value[0], allowed="0 kg or more", remedy="correct it")
 
 
-def _faults_of_joints(root: Any) -> list[InputError]:
+def _faults_of_joints(root: Any) -> Iterator[InputError]:
+    yield from _faults_of_names(root, "joint")
     links = {link.get("name") for link in root.findall("link")}
-    faults = [_nameless(joint) for joint in root.findall("joint") if not joint.get("name")]
-    faults += _twice("joint", [joint.get("name") for joint in root.findall("joint")])
     for joint in root.findall("joint"):
-        if joint.get("type") not in JOINT_TYPES:
-            faults.append(
-                InputError(
-                    f"{_place(joint)}: type",
-                    value=joint.get("type") or "none",
-                    allowed=", ".join(JOINT_TYPES),
+        for what, place, known, allowed in (
+            ("type", "@type", set(JOINT_TYPES), ", ".join(JOINT_TYPES)),
+            ("parent link", "parent/@link", links, "the name of a link of the file"),
+            ("child link", "child/@link", links, "the name of a link of the file"),
+        ):
+            value = joint.xpath(f"string({place})")
+            if value not in known:
+                yield InputError(
+                    f"{_place(joint)}: {what}",
+                    value=value or "none",
+                    allowed=allowed,
                     remedy="correct it in the file",
                 )
-            )
-        for end in ("parent", "child"):
-            element = joint.find(end)
-            name = None if element is None else element.get("link")
-            if name not in links:
-                faults.append(
-                    InputError(
-                        f"{_place(joint)}: {end} link",
-                        value=name or "none",
-                        allowed="the name of a link of the file",
-                        remedy="correct it in the file",
-                    )
-                )
-    return faults
 
 
-def _faults_of_numbers(root: Any) -> list[InputError]:
-    faults = []
+def _faults_of_numbers(root: Any) -> Iterator[InputError]:
     for element in root.iter(*_NUMBERS):
         for attribute, counts in _NUMBERS[element.tag].items():
             text = element.get(attribute)
-            if text is None:
-                continue
-            numbers = _numbers(text)
-            if numbers is None or len(numbers) not in counts:
-                count = " or ".join(str(c) for c in counts)
-                faults.append(
-                    InputError(
-                        f"{_place(element)}: {element.tag} {attribute}",
-                        value=text,
-                        allowed=f"{count} finite number{'s' if counts != (1,) else ''}, separated by spaces",
-                        remedy="correct it in the file",
-                    )
+            fault = None if text is None else _fault_of_numbers(element.tag, text, counts)
+            if fault is not None:
+                yield InputError(
+                    f"{_place(element)}: {element.tag} {attribute}", value=text, allowed=fault[0], remedy=fault[1]
                 )
-            elif max(map(abs, numbers)) > (most := _LARGEST_LIMIT if element.tag == "limit" else _LARGEST):
-                faults.append(
-                    InputError(
-                        f"{_place(element)}: {element.tag} {attribute}",
-                        value=text,
-                        allowed=f"at most {most:g} in size",
-                        remedy="correct it in the file; URDF has metres, radians and kilograms",
-                    )
-                )
-            elif element.tag in _NEEDED and 0.0 in numbers:
-                faults.append(
-                    InputError(
-                        f"{_place(element)}: {element.tag} {attribute}",
-                        value=text,
-                        allowed="numbers other than zero",
-                        remedy="correct it in the file",
-                    )
-                )
-    return faults
+
+
+def _fault_of_numbers(tag: str, text: str, counts: tuple[int, ...]) -> tuple[str, str] | None:
+    """What is allowed in place of an attribute's text and what to do, or None where it can be taken."""
+    remedy, numbers = "correct it in the file", _numbers(text)
+    if numbers is None or len(numbers) not in counts:
+        count = " or ".join(str(c) for c in counts)
+        return f"{count} finite number{'s' if counts != (1,) else ''}, separated by spaces", remedy
+    most = _LARGEST_LIMIT if tag == "limit" else _LARGEST
+    if max(map(abs, numbers)) > most:
+        return f"at most {most:g} in size", f"{remedy}; URDF has metres, radians and kilograms"
+    return ("numbers other than zero", remedy) if tag in _NEEDED and 0.0 in numbers else None
 
 
 def _numbers(text: str) -> list[float] | None:
@@ -249,13 +218,10 @@ def _numbers(text: str) -> list[float] | None:
     return numbers if all(math.isfinite(number) for number in numbers) else None
 
 
-def _nameless(element: Any) -> InputError:
-    return InputError(f"{element.tag} at line {element.sourceline} has no name", remedy="give it one")
-
-
-def _twice(kind: str, names: list[str | None]) -> list[InputError]:
-    twice = sorted({name for name in names if name and names.count(name) > 1})
-    return [
-        InputError(f"{kind} name used twice", value=name, allowed="each name once", remedy="rename one")
-        for name in twice
-    ]
+def _faults_of_names(root: Any, kind: str) -> Iterator[InputError]:
+    elements = root.findall(kind)
+    for element in elements:
+        if not element.get("name"):
+            yield InputError(f"{kind} at line {element.sourceline} has no name", remedy="give it one")
+    for name in twice(element.get("name") for element in elements if element.get("name")):
+        yield InputError(f"{kind} name used twice", value=name, allowed="each name once", remedy="rename one")

@@ -144,10 +144,8 @@ def map_slice(
     >>> m.data.layout.kind
     'slice'
     """
-    options = {"--plane": plane, "--at": None if at_mm is None else f"{at_mm:g}", "--pose": pose}
-    if step_mm is not None:
-        options |= _stepped(arm, plane, step_mm)
-    return _mapped(arm, "slice", direction, options, seed)
+    stepped = {} if step_mm is None else _stepped(arm, plane, step_mm)
+    return _mapped(arm, "slice", direction, {"--plane": plane, "--at": at_mm, "--pose": pose, **stepped}, seed)
 
 
 def map_box(
@@ -174,8 +172,7 @@ def map_box(
     >>> m.data.layout.n
     2
     """
-    ranges = {"--x": _range(x_mm), "--y": _range(y_mm), "--z": _range(z_mm)}
-    return _mapped(arm, "box", direction, ranges | {"--pose": pose}, seed)
+    return _mapped(arm, "box", direction, {"--x": x_mm, "--y": y_mm, "--z": z_mm, "--pose": pose}, seed)
 
 
 def map_cylinder(
@@ -202,34 +199,39 @@ def map_cylinder(
     >>> sa.map_cylinder(arm, r_mm=1000, phi_deg=(0, 90, 90), z_mm=800, pose="best-gamma").data.layout.n
     2
     """
-    ranges = {"--r": _range(r_mm), "--phi": _range(phi_deg), "--z": _range(z_mm)}
-    return _mapped(arm, "cylinder", direction, ranges | {"--pose": pose}, seed)
+    return _mapped(arm, "cylinder", direction, {"--r": r_mm, "--phi": phi_deg, "--z": z_mm, "--pose": pose}, seed)
 
 
 def _mapped(
-    arm: Arm, kind: str, direction: Sequence[float], options: Mapping[str, str | None], seed: int = 0
+    arm: Arm, kind: str, direction: Sequence[float], options: Mapping[str, Range | str | None], seed: int = 0
 ) -> Map:  # fmt: skip
     from stiffarm.commands.maps.options import read_map_options
     from stiffarm.commands.maps.request import engine_of
     from stiffarm.commands.maps.step import metadata
     from surrogate.maps.assembled import computed_map
 
-    along = ",".join(f"{float(v):.17g}" for v in direction)
+    typed = {option: _as_typed(value) for option, value in options.items()}
+    typed["--direction"] = ",".join(map(_as_typed_number, direction))
     with called():
-        asked = read_map_options(arm, kind, {**options, "--direction": along}, seed)
+        asked = read_map_options(arm, kind, typed, seed)
         engine = engine_of(asked.request, arm.description, arm.model)
         data = computed_map(engine, metadata(arm, asked))
         data.require_reached("move or widen the grid, or let the orientation be free: pose='stiffest'")
     return Map(arm, data)
 
 
-def _range(values: Range | None) -> str | None:
-    if values is None:
-        return None
-    return f"{values:g}" if isinstance(values, int | float) else ":".join(f"{v:g}" for v in values)
+def _as_typed(value: Range | str | None) -> str | None:
+    """An argument as one would type it, with all its digits."""
+    if value is None or isinstance(value, str):
+        return value
+    return _as_typed_number(value) if isinstance(value, int | float) else ":".join(map(_as_typed_number, value))
 
 
-def _stepped(arm: Arm, plane: str, step_mm: float) -> dict[str, str | None]:
+def _as_typed_number(value: float) -> str:
+    return repr(float(value))
+
+
+def _stepped(arm: Arm, plane: str, step_mm: float) -> dict[str, Range]:
     """Ranges of a plane's two axes with a step, over all that the tool reaches."""
     from surrogate.maps.layouts import range_for, reach_of
 
@@ -238,7 +240,7 @@ def _stepped(arm: Arm, plane: str, step_mm: float) -> dict[str, str | None]:
     reach = reach_of(arm.robot, arm.robot.T_flange_tool[:3, 3])
     ends = {axis: 1e3 * np.array([reach.lower[k], reach.upper[k]]) for k, axis in enumerate("xyz")}
     values = {axis: range_for(float(ends[axis][0]), float(ends[axis][1]), step_mm) for axis in plane}
-    return {f"--{axis}": _range((v[0], v[-1], step_mm)) for axis, v in values.items()}
+    return {f"--{axis}": (v[0], v[-1], step_mm) for axis, v in values.items()}
 
 
 def _finite(values: Array) -> Array:

@@ -1,16 +1,17 @@
-"""The shop floor: posture along a path, placement of the base, programs, and their verification."""
+"""The shop floor: posture along a path, and placement of the base."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import InputError
-from stiffarm.face.arms import Arm
+from robots import InputError, Robot
+from robots.arrays import Array
+from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown
 
@@ -21,9 +22,7 @@ if TYPE_CHECKING:
     from machining.cutting.milling_file import Cut
     from machining.placement.study import PlacedStep
     from machining.posture.posing import Posed
-    from machining.programs.run import PostRun
     from machining.setup import Setup
-    from machining.verification.verify import Verification
 
 # First value, last value and step.
 Range = tuple[float, float, float]
@@ -53,6 +52,14 @@ class Posture(Shown):
 
         return pd.DataFrame(rows(self.found))
 
+    def plot(self, file: str | Path | None = None) -> Picture:
+        """Draw the joint angles along the path, the recommended course and others, with limits; ``file``: a PNG."""
+        from machining.posture.posing import CHOSEN
+
+        f = self.found
+        courses = {CHOSEN: f.course.q} | {name: course.q for name, course in f.others.items()}
+        return joints_picture(f.model.robot, f.arc_mm, courses).kept(file)
+
 
 @dataclass(frozen=True, repr=False)
 class Placement(Shown):
@@ -73,57 +80,16 @@ class Placement(Shown):
 
         return pd.DataFrame(rows(self.found))
 
+    def plot(self, file: str | Path | None = None) -> Picture:
+        """Draw stiffness and surface error along the path, before and after; ``file``: a PNG to write."""
+        from stiffarm.commands.place.figures import along_figure
+        from stiffarm.commands.place.payload import named
+        from stiffarm.face.pictures import picture_of
 
-@dataclass(frozen=True, repr=False)
-class Program(Shown):
-    """Programs that were written and read back: ``files`` by their names."""
-
-    robot: str
-    files: tuple[Path, ...]
-    found: PostRun
-
-    def title(self) -> str:
-        """Robot, number of moves and of files."""
-        return f"Program for {self.robot}: {self.found.posted.program.n} moves, {len(self.files)} files"
-
-    def to_frame(self) -> pd.DataFrame:
-        """One row a format: how far the program that was read back is from what was written."""
-        import pandas as pd
-
-        trips = self.found.trips
-        return pd.DataFrame(
-            {
-                "format": [target.folder for target in trips],
-                "tip_um": [trip.tip * 1e6 for trip in trips.values()],
-                "turned_urad": [trip.turned * 1e6 for trip in trips.values()],
-            }
-        )
-
-
-@dataclass(frozen=True, repr=False)
-class Checked(Shown):
-    """A verified program; ``clean``: whether it may run."""
-
-    robot: str
-    found: Verification
-
-    @property
-    def clean(self) -> bool:
-        """Whether nothing was found that must not happen."""
-        return self.found.clean
-
-    def title(self) -> str:
-        """Robot, and whether the program may run."""
-        errors = len(self.found.errors)
-        return f"Verification for {self.robot}: " + ("clean" if self.clean else f"{errors} offences, must not run")
-
-    def to_frame(self) -> pd.DataFrame:
-        """One row an offence: line, what it is, where."""
-        import pandas as pd
-
-        from stiffarm.commands.verify.payload import offence_rows
-
-        return pd.DataFrame(offence_rows(self.found))
+        found = named(self.found)
+        stiffness = {name: one.stiffness * 1e-3 for name, one in found.items()}
+        error = {name: one.error.normal * 1e6 for name, one in found.items()}
+        return picture_of(along_figure(self.found.arc_mm, stiffness, error)).kept(file)
 
 
 def posture(
@@ -164,12 +130,12 @@ def posture(
 
     with called():
         require_springs(arm, "posture")
-        setup, cut = _setup(arm, cell), _cut(force_N, "base", milling)
+        setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
         task = setup.task(read_given_path(Path(path)).path)
         request = PostureRequest(
             task,
             Objective(quantity, None if cut is None else cut.force.along(task).force, aim),
-            _gammas(gamma_deg),
+            gammas(gamma_deg),
             setup.drive(Drive()),
             seed=seed,
             cut=cut,
@@ -230,7 +196,7 @@ def place(
             cell=described,
             given=read_given_path(Path(path)),
             goal=Goal(aim, cut.force),
-            gamma=_gammas(gamma_deg),
+            gamma=gammas(gamma_deg),
             drive=Drive(speed=described.joint_speed),
             how=How(mode),
             ranges={},
@@ -243,99 +209,8 @@ def place(
     return Placement(arm.name, found)
 
 
-def post(
-    arm: Arm,
-    path: str | Path,
-    folder: str | Path,
-    *,
-    cell: str | Path | None = None,
-    formats: Sequence[str] = ("json",),
-    coordinates: Literal["cartesian", "joint", "both"] = "both",
-    gamma_deg: float | Range = 0.0,
-    tolerance_um: float = 100.0,
-    seed: int = 0,
-) -> Program:
-    """Write robot programs from a tool path, read them back and compare.
-
-    Parameters
-    ----------
-    arm : the arm
-    path : tool path (APT, CLS, G-code or CSV)
-    folder : where the programs go; it must not hold any yet
-    cell : cell file; default: the model's tool, the part's frame in the robot's base
-    formats : names of program formats, as "krl", "rapid", "val3", "sinumerik", "json"
-    coordinates : "cartesian", "joint" or "both"
-    gamma_deg : one angle about the tool axis, or first and last angle and step to choose the stiffest from
-    tolerance_um : allowed deviation of joint motion from a straight line between points
-    seed : of the random numbers
-
-    Raises
-    ------
-    InputError
-        A point out of reach, an unknown format, a folder that is not empty, or a program that does not read back.
-    """
-    from machining import Drive, Objective
-    from machining.cutting import stiffness_uncertainty
-    from machining.programs.posting import PostSettings
-    from machining.programs.run import PostRequest, run_post
-    from machining.programs.write_options import WriteOptions
-    from machining.toolpaths import read_toolpath
-    from stiffarm.commands.post.targets import parse_targets
-
-    place = Path(folder)
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InputError("folder", value=str(place), allowed="a new or empty folder", remedy="choose another name")
-    with called():
-        targets = parse_targets(",".join(formats), coordinates)
-        setup, motions = _setup(arm, cell), read_toolpath(Path(path))
-        axes = len(setup.cell.linear_axes)
-        settings = PostSettings(
-            gamma=float(np.radians(gamma_deg)) if isinstance(gamma_deg, int | float) else _gammas(gamma_deg),
-            objective=Objective(),
-            drive=setup.drive(Drive(), clear=False),
-            travel=np.zeros(axes) if axes else None,
-            tolerance=tolerance_um * 1e-6,
-            seed=seed,
-            clearance=setup.clearance(),
-        )
-        stiffness = stiffness_uncertainty(arm.model, arm.description, arm.own)
-        request = PostRequest(motions, setup, settings, targets, WriteOptions(), stiffness=stiffness)
-        files: list[Path] = []
-
-        def path_of(name: str) -> Path:
-            files.append(place / name)
-            files[-1].parent.mkdir(parents=True, exist_ok=True)
-            return files[-1]
-
-        found = run_post(arm.model, request, path_of)
-    return Program(arm.name, tuple(files), found)
-
-
-def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
-    """Check a neutral program (JSON) for collisions, limits, speeds, singularities and deviations from the path.
-
-    Parameters
-    ----------
-    arm : the arm
-    program : part.json of the format "json"
-    cell : cell file
-
-    Raises
-    ------
-    InputError
-        A program of another arm or cell, or one that cannot be read.
-    """
-    from machining.cell import arm_bodies, read_cell
-    from machining.verification import Demands, verify
-    from machining.verification.given import read_program
-
-    with called():
-        bodies = arm_bodies(arm.description)
-        given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
-        return Checked(arm.name, verify(given.program, bodies, Demands(), nc_lines=given.lines))
-
-
-def _setup(arm: Arm, cell: str | Path | None) -> Setup:
+def setup_of(arm: Arm, cell: str | Path | None) -> Setup:
+    """The cell of a file, or one without surfaces: the model's tool, the part's frame in the robot's base."""
     from machining.cell import Cell, Tool, arm_bodies, read_cell
     from machining.setup import Setup
 
@@ -355,7 +230,17 @@ def _cut(force_N: Sequence[float] | None, axes: Axes, milling: str | Path | None
     return None if force_N is None else Cut(ConstantForce(np.array(force_N, dtype=np.float64), axes))
 
 
-def _gammas(degrees: Range) -> GammaRange:
+def joints_picture(robot: Robot, arc_mm: Array, courses: Mapping[str, Array]) -> Picture:
+    """Joint angles (n, dof) rad of courses by name along a path, with the limits."""
+    from stiffarm.commands.posture.figures.courses import joints_figure
+    from stiffarm.face.pictures import picture_of
+
+    degrees = {name: np.degrees(q) for name, q in courses.items()}
+    return picture_of(joints_figure(arc_mm, degrees, robot.coordinates, np.degrees(robot.limits)))
+
+
+def gammas(degrees: Range) -> GammaRange:
+    """First angle, last angle and step in deg, as the engines take them."""
     from machining import GammaRange
 
     first, last, step = np.radians(degrees)

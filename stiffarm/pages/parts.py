@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from robots import Robot
 from robots.arrays import Array
+from robots.frames import framed
 
 
 def render_page(template: str, data: dict[str, Any], scripts: tuple[str, ...], **words: Any) -> str:
@@ -69,7 +70,7 @@ def chain_data(robot: Robot) -> dict[str, Any]:
     para = robot.parallelogram
     return {
         "pre": [column_matrix(T) for T in robot.T_pre],
-        "post": [column_matrix(rigid(R)) for R in robot.R_post],
+        "post": [column_matrix(framed(R, np.zeros(3))) for R in robot.R_post],
         "sign": robot.sign.tolist(),
         "offset": robot.offset.tolist(),
         "flange": column_matrix(robot.T_last_flange),
@@ -82,13 +83,6 @@ def chain_data(robot: Robot) -> dict[str, Any]:
 def column_matrix(T: Array) -> list[float]:
     """A transform column by column, as WebGL has them."""
     return [float(v) for v in T.T.ravel()]
-
-
-def rigid(R: Array) -> Array:
-    """A rotation (3, 3) as a transform (4, 4)."""
-    T = np.eye(4)
-    T[:3, :3] = R
-    return T
 
 
 def packed(values: NDArray[Any], kind: str) -> str:

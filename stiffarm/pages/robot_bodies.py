@@ -10,6 +10,7 @@ from meshes.beams import body_index
 from robots import ModelDescription, Robot, forward_kinematics
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
+from robots.frames import framed
 from robots.kinematics import BodyFrames
 from robots.robot import middle_pose
 from stiffarm.pages.robot_drawing import DrawnBody, Role, draw_robot
@@ -39,9 +40,7 @@ def frame_transforms(robot: Robot, frames: BodyFrames, pose: int = 0) -> Array:
         root = p[para.crank_about + 1]
         R = np.concatenate([R, driven[None], own[None]])
         p = np.concatenate([p, root[None], (root + driven @ para.pin)[None]])
-    T = np.tile(np.eye(4), (len(R), 1, 1))
-    T[:, :3, :3], T[:, :3, 3] = R, p
-    return T
+    return framed(R, p)
 
 
 def framed_bodies(description: ModelDescription, robot: Robot) -> list[FramedBody]:

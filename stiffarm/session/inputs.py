@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import get_args
 
 from fem import FLANGES, LINK_KINDS, LinkKind
 from fem.arm import Arm, with_flanges
@@ -11,6 +12,7 @@ from fem.effects import LOAD_PATH, Maker
 from fem.effects import with_load_path as described_with_load_path
 from robots import InputError, LoadPath, ModelDescription, content_hash, load_description
 from stiffarm.session.console import progress, say
+from stiffarm.session.parsing import parse_word
 from stiffarm.session.softness import refuse_too_soft
 
 
@@ -49,9 +51,8 @@ def read_model(
 
 def as_load_path(text: str) -> LoadPath:
     """A load path by its name."""
-    if text not in ("parallelogram", "serial"):
-        raise InputError("--load-path", value=text, allowed="parallelogram, serial")
-    return "parallelogram" if text == "parallelogram" else "serial"
+    known: tuple[LoadPath, ...] = get_args(LoadPath)
+    return parse_word(text, known, "--load-path")
 
 
 def no_springs_note(arm: Arm) -> str | None:

@@ -82,8 +82,8 @@ def _stop(signum: int, frame: FrameType | None = None) -> None:
     for number in _USUAL:  # once is enough: no second line, and no tidying inside the tidying
         signal.signal(number, signal.SIG_IGN)
     # Whatever is to be put away was made after this module had been loaded.
-    unfinished = sys.modules.get("robots.files.unfinished")
-    tidy = getattr(unfinished, "tidy", None)
+    written = sys.modules.get("robots.files.written")
+    tidy = getattr(written, "tidy", None)
     if tidy is not None:
         tidy()
     # A progress bar hides the cursor. Not through Python's streams: they may be in the middle of a write.

@@ -17,8 +17,7 @@ from typing import Any, Self
 from robots import InputError
 from robots.files.published import Stage
 from robots.files.reading import read_sha256, recorded
-from robots.files.unfinished import tidied_by
-from robots.files.written import sha256_of
+from robots.files.written import sha256_of, tidied_by
 from stiffarm.session.interruption import undisturbed
 from stiffarm.session.json_text import json_text
 

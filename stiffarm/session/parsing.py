@@ -7,9 +7,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots import InputError, InputErrors, Robot
+from robots import InputError, Robot
 from robots.arrays import Array
-from robots.robot import rotation_rpy, rpy_of
+from robots.errors import raise_any, twice
+from robots.frames import frame_mm_deg, rpy_of
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 # Far above any load; beyond about 1e150 squares overflow.
@@ -36,20 +37,17 @@ def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:
     return values if all(map(math.isfinite, values)) else None
 
 
-def parse_names(text: str | None, allowed: tuple[str, ...], option: str) -> tuple[str, ...] | None:
-    """A comma-separated list of known names, or None."""
+def parse_names(text: str | None, allowed: tuple[str, ...] | None, option: str) -> tuple[str, ...] | None:
+    """Names between commas, each once, or None; ``allowed``: those that are known, None where others check that."""
     if text is None:
         return None
     names = tuple(part.strip() for part in text.split(",") if part.strip())
+    known = None if allowed is None else ", ".join(allowed)
     for name in names:
-        if name not in allowed:
-            raise InputError(
-                option, value=name, allowed=", ".join(allowed), remedy="choose from these, separated by commas"
-            )
-    if not names or len(set(names)) != len(names):
-        raise InputError(
-            option, value=text, allowed=", ".join(allowed), remedy="name at least one, each once, separated by commas"
-        )
+        if allowed is not None and name not in allowed:
+            raise InputError(option, value=name, allowed=known, remedy="choose from these, separated by commas")
+    if not names or twice(names):
+        raise InputError(option, value=text, allowed=known, remedy="name at least one, each once, separated by commas")
     return names
 
 
@@ -86,8 +84,7 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
             faults.append(InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one"))
         else:
             out[name] = value
-    if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(option, faults)
+    raise_any(option, faults)
     return out
 
 
@@ -168,11 +165,7 @@ def parse_frame(text: str, option: str) -> Array:
     values = parse_numbers(text)
     if values is None or len(values) not in (3, 6):
         raise InputError(option, value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0")
-    T = np.eye(4)
-    T[:3, 3] = np.array(values[:3]) * 1e-3
-    if len(values) == 6:
-        T[:3, :3] = rotation_rpy(np.radians(values[3:]))
-    return T
+    return frame_mm_deg(values)
 
 
 def tool_of(robot: Robot, text: str | None) -> Array:
@@ -219,18 +212,3 @@ def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) ->
                 remedy=f"give --fixed {name}=..., or make it one of --inputs",
             )
     return fixed
-
-
-def parse_parameters(text: str | None) -> tuple[str, ...] | None:
-    """Names of parameters separated by commas; the model knows which there are."""
-    if text is None:
-        return None
-    names = tuple(part.strip() for part in text.split(",") if part.strip())
-    if not names or len(set(names)) < len(names):
-        raise InputError(
-            "--free",
-            value=text,
-            allowed="names of parameters, each once, separated by commas",
-            remedy="as in --free j2.stiffness,j3.stiffness",
-        )
-    return names

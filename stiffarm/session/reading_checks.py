@@ -1,4 +1,4 @@
-"""What every command asks of a measurement table before it takes it: signs, and the units for this class of arm."""
+"""What commands ask of a measurement table before they take it: signs, units for this class of arm, that it tells."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from doe import Measurements, read_measurements
+from doe.estimation.problem import problem
+from doe.tables.frozen import refuse_frozen
+from doe.tables.telling import refuse_telling_nothing
 from doe.tables.units_check import check_units
 from fem.arm import Arm
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
@@ -35,6 +38,18 @@ def check_readings(given: Arm, data: Measurements, *, confirm_units: bool = Fals
     for remark in (against_load(data), *notes):
         if remark is not None:
             say(f"note: {remark}")
+
+
+def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
+    """Refuse a table in which a gauge stood still, and readings of it, those ``used``, that tell nothing.
+
+    Raises
+    ------
+    InputError
+        Naming file, column and value, or what of the readings is left beside any passive arm.
+    """
+    refuse_frozen(given.model, table)
+    refuse_telling_nothing(problem(given.model, used, ()), used.source)
 
 
 def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False) -> Measurements:

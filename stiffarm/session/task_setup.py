@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, get_args
 
 import numpy as np
 import typer
@@ -12,12 +12,13 @@ import typer
 import machining.cell as cells
 from fem.arm import Arm
 from machining.cutting import ConstantForce, Cut, read_milling
+from machining.cutting.force import Axes
 from machining.setup import Setup
 from machining.toolpaths.motions import Note
 from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
-from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector
+from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector, parse_word
 
 CellOpt = Annotated[
     Path | None,
@@ -124,7 +125,5 @@ def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
         return read_milling(milling)
     if force is None:
         return None
-    known: dict[str, Literal["base", "part", "process"]] = {"base": "base", "part": "part", "process": "process"}
-    if axes not in known:
-        raise InputError("--force-axes", value=axes, allowed=", ".join(known), remedy="choose one of them")
-    return Cut(ConstantForce(parse_vector(force, "--force", "N"), known[axes]))
+    known: tuple[Axes, ...] = get_args(Axes)
+    return Cut(ConstantForce(parse_vector(force, "--force", "N"), parse_word(axes, known, "--force-axes")))

@@ -9,6 +9,7 @@ import numpy as np
 
 from robots import Robot, forward_kinematics, inverse_kinematics
 from robots.arrays import Array, Bools, Indices
+from robots.frames import framed
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
 from surrogate.maps.self_motion import NEARLY_THERE, THERE, brought_back, improve
@@ -70,9 +71,7 @@ class Arm:
         -------
         ``q`` (k, b, dof) rad; ``merit`` (k, b) times ``sign``, -inf where the pose cannot be taken; ``sure`` (k,)
         """
-        T = np.zeros((len(points), 4, 4))
-        T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = R, points, 1.0
-        found = inverse_kinematics(self.robot, T, T_flange_tool=self.T_flange_tool, generator=generator)
+        found = inverse_kinematics(self.robot, framed(R, points), T_flange_tool=self.T_flange_tool, generator=generator)
         q, valid = found.q, found.valid
         if self.last_is_free:
             q = q.copy()

@@ -21,9 +21,10 @@ from robots import (
     save_description,
 )
 from robots.arrays import Array
+from robots.frames import rotation_rpy, rpy_of
 from robots.library.models import parse_description, to_toml
-from robots.robot import Robot, robot_from, rotation_rpy
-from robots.urdf.reading import Primitive, UrdfRobot, Visual, roll_pitch_yaw
+from robots.robot import Robot, robot_from
+from robots.urdf.reading import Primitive, UrdfRobot, Visual
 from robots.urdf.shapes import find_mesh
 
 DATA = Path(__file__).parent / "data"
@@ -119,7 +120,7 @@ def test_angles_give_their_rotation_back(pitch: float, rng: np.random.Generator)
         # There and back: a rotation whose entries have errors of their own, as after fixed joints.
         turn = rotation_rpy(np.array(other))
         R = rotation_rpy(np.array([roll, pitch, yaw])) @ turn @ turn.T
-        np.testing.assert_allclose(rotation_rpy(roll_pitch_yaw(R)), R, rtol=0, atol=ROUND_OFF)
+        np.testing.assert_allclose(rotation_rpy(rpy_of(R)), R, rtol=0, atol=ROUND_OFF)
 
 
 def test_limits_are_in_degrees(six_axis: UrdfRobot) -> None:

@@ -34,7 +34,7 @@ from machining.cell.schema import Strict
 from machining.programs.configuration import sides
 from machining.programs.controller import Controller
 from machining.programs.job import Job
-from machining.programs.orientation import framed, from_zyx_degrees, zyx_degrees
+from machining.programs.orientation import from_zyx_degrees, zyx_degrees
 from machining.programs.program import JointProgram
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
@@ -51,6 +51,7 @@ from machining.programs.write_options import Percent, WriteOptions
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.frames import framed
 
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 AXES = tuple(f"A{i + 1}" for i in range(ARM))

@@ -21,7 +21,7 @@ from machining.cell.schema import Positive, Strict
 from machining.programs.configuration import sides
 from machining.programs.controller import Controller
 from machining.programs.job import Job
-from machining.programs.orientation import framed, from_quaternions, quaternions
+from machining.programs.orientation import from_quaternions, quaternions
 from machining.programs.program import JointProgram
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
@@ -30,6 +30,7 @@ from machining.programs.write_options import WriteOptions
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.frames import framed
 
 EXTERNALS = 6
 UNUSED = "9E9"

@@ -22,7 +22,7 @@ import numpy as np
 from machining.programs.configuration import sides
 from machining.programs.controller import Controller
 from machining.programs.job import Job, external_axes, formatted
-from machining.programs.orientation import framed, from_xyz_degrees, xyz_degrees
+from machining.programs.orientation import from_xyz_degrees, xyz_degrees
 from machining.programs.program import JointProgram
 from machining.programs.rendering import rendered
 from machining.programs.sandbox import Sandbox
@@ -31,6 +31,7 @@ from machining.programs.write_options import WriteOptions
 from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array
+from robots.frames import framed
 
 _VALUE = re.compile(r"\s*<Value\s+([^<>]*?)/>\s*$")
 _DATA = re.compile(r'\s*<Data\s+name="(\w+)"')

@@ -141,7 +141,7 @@ def calibrate(
         plan = general_calibration.plan_of(given, table, scheme_file, staged=staged)
         options = Options(
             names,
-            parsing.parse_parameters(free),
+            parsing.parse_names(free, None, "--free"),
             campaign,
             chosen_loads,
             low,

@@ -35,7 +35,7 @@ from robots import InputError, ModelDescription
 from robots.arrays import Array, Integers
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
-from stiffarm.session.useless_readings import refuse_useless
+from stiffarm.session.reading_checks import refuse_useless
 
 
 @dataclass(frozen=True)

@@ -205,7 +205,8 @@ def plan(
             return
         _refuse({"--pose": pose, "--rated-N": rated}, False)
         wanted = Request(
-            poses=design_only or poses or 0, plain=design_only is not None, free=parsing.parse_parameters(free),
+            poses=design_only or poses or 0, plain=design_only is not None,
+            free=parsing.parse_names(free, None, "--free"),
             criterion=_criterion(criterion), forces=parsing.parse_loads(loads) or None,
             directions=None if directions is None else plan_options.parse_directions(directions),
             components=None if read is None else plan_options.parse_read(read), repeats=repeats, unloading=unloading,

@@ -37,7 +37,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
 from stiffarm.session import steps
-from stiffarm.session.useless_readings import refuse_useless
+from stiffarm.session.reading_checks import refuse_useless
 
 # Poses in which a coordinate is moved to see whether it matters.
 PROBES = 40

@@ -110,7 +110,7 @@ def sensitivity(
         options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
-        names = parsing.parse_parameters(free)
+        names = parsing.parse_names(free, None, "--free")
         given = frame.model(model, links, load_path, without="the sensitivities")
         table = frame.readings(given, data, confirm_units=confirm_units)
         frame.reads(campaign=campaign)

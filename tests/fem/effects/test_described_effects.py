@@ -148,7 +148,7 @@ def test_the_bar_of_a_load_path_that_came_by_an_effect() -> None:
         (BACKLASH.replace("0.5", "-0.5"), r"parameters.gap: got -0.5; allowed: 0 or more, plausible 0.2 to 1.8 mrad"),
         (BACKLASH.replace("value = 20", "value = 0"), r"parameters.crossing: got 0.*greater than 0"),
         (BACKLASH.replace("0.5", "nan"), r"gap.value: must be a finite number"),
-        (BACKLASH.replace("0.5", "[1, 2]"), r"effect.backlash:j2.parameters.gap.value: must be one number"),
+        (BACKLASH.replace("0.5", "[1, 2]"), r"effect.backlash:j2.parameters.gap.value: must be a valid number"),
         (BACKLASH.replace(', source = "assumed", note', ", note"), r"gap.source: this key is missing"),
         (BACKLASH.replace('source = "assumed", note', 'source = "nobody", note'), r"source not listed.*nobody"),
         (BACKLASH + BACKLASH, r"effect code used twice: backlash:j2"),

@@ -272,5 +272,5 @@ def test_no_bytes_break_the_session(session: Session, text: bytes) -> None:
 
 
 def test_numbers_of_thousands_of_digits_are_refused_in_our_words() -> None:
-    with pytest.raises(InputError, match=r"the whole number 9{20}\.\.\. is beyond 64 bits"):
+    with pytest.raises(InputError, match="a whole number beyond 64 bits"):
         read_line(b'{"id": ' + b"9" * 5000 + b', "do": "ping"}')

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from robots.files import unfinished, written
+from robots.files import written
 from robots.files.written import is_draft, settle, write_whole, written_whole
 
 
@@ -83,11 +83,11 @@ def test_what_is_unfinished_is_put_away_where_the_process_stops(tmp_path: Path) 
 
     with written_whole(tmp_path / "a") as draft:
         draft.write_text("half")
-        with unfinished.tidied_by(lambda: done.append(1)), unfinished.tidied_by(fail):
-            unfinished.tidy()
+        with written.tidied_by(lambda: done.append(1)), written.tidied_by(fail):
+            written.tidy()
         assert done == [1]
         assert not draft.exists()
         draft.write_text("whole")
-    unfinished.tidy()
+    written.tidy()
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
     assert written.sha256_of(tmp_path / "a") == "5d5766cf2d78701614200418ee1450690d9af12c84d52545e4802f001ad53099"

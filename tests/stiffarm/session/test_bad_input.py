@@ -167,7 +167,7 @@ MODELS = {
     ),
     "negative mass": Case(
         "simulate FILE --out out",
-        ("mass", "greater than zero"),
+        ("mass", "must be greater than 0"),
         re.sub(r"(?m)^(mass = \{ value = )", r"\1-", MODEL),
         ".toml",
     ),

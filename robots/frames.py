@@ -1,0 +1,55 @@
+"""Rotations and rigid frames: made from angles and positions, read back, inverted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robots.arrays import Array
+
+# Cosine of a pitch below which roll and yaw turn about one axis, but for the rounding of a rotation.
+GIMBAL = 1e-15
+
+
+def rotation_rpy(rpy: Array) -> Array:
+    """3x3 rotation of fixed-axis roll, pitch, yaw (URDF's convention)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def rpy_of(R: Array) -> Array:
+    """The angles (3,) rad of :func:`rotation_rpy`; where the second is a right angle, the third is taken as 0.
+
+    Yaw first, then roll and pitch of what remains: near a pitch of 90 deg, where roll and yaw are hardly told
+    apart, the three still give the rotation back to round-off. Separate arctangents lose half the digits.
+    """
+    yaw = np.arctan2(R[1, 0], R[0, 0]) if np.hypot(R[0, 0], R[1, 0]) > GIMBAL else 0.0
+    rest = rotation_rpy(np.array([0.0, 0.0, -yaw])) @ R
+    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])
+
+
+def framed(R: Array, position: Array) -> Array:
+    """Frames (..., 4, 4) from rotations (..., 3, 3) and positions (..., 3) m, broadcast to one another."""
+    T = np.zeros((*np.broadcast_shapes(R.shape[:-2], position.shape[:-1]), 4, 4))
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, position, 1.0
+    return T
+
+
+def frame_mm_deg(values: Sequence[float]) -> Array:
+    """A frame (4, 4) m from x, y, z in mm and a, b, c in deg about the fixed axes x, then y, then z (none: 0)."""
+    turn = np.zeros(3)
+    turn[: len(values) - 3] = np.radians(values[3:])
+    return framed(rotation_rpy(turn), np.array(values[:3]) * 1e-3)
+
+
+def inverse(T: Array) -> Array:
+    """Inverse of rigid transforms (..., 4, 4)."""
+    back = np.swapaxes(T[..., :3, :3], -1, -2)
+    return framed(back, -(back @ T[..., :3, 3, None])[..., 0])

@@ -1,0 +1,180 @@
+"""Robot programs: written from a tool path and read back, and verified."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from robots import InputError
+from stiffarm.face.arms import Arm, Picture
+from stiffarm.face.calls import called
+from stiffarm.face.shop import Range, gammas, joints_picture, setup_of
+from stiffarm.face.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from machining.programs.run import PostRun
+    from machining.verification.verify import Verification
+
+
+@dataclass(frozen=True, repr=False)
+class Program(Shown):
+    """Programs that were written and read back: ``files`` by their names."""
+
+    robot: str
+    files: tuple[Path, ...]
+    found: PostRun
+
+    def title(self) -> str:
+        """Robot, number of moves and of files."""
+        return f"Program for {self.robot}: {self.found.posted.program.n} moves, {len(self.files)} files"
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a format: how far the program that was read back is from what was written."""
+        import pandas as pd
+
+        trips = self.found.trips
+        return pd.DataFrame(
+            {
+                "format": [target.folder for target in trips],
+                "tip_um": [trip.tip * 1e6 for trip in trips.values()],
+                "turned_urad": [trip.turned * 1e6 for trip in trips.values()],
+            }
+        )
+
+    def plot(self, file: str | Path | None = None) -> Picture:
+        """Draw the joint angles along the program with their limits; ``file``: a PNG to write."""
+        program = self.found.posted.program
+        steps = np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1)
+        way_mm = 1e3 * np.concatenate([[0.0], np.cumsum(steps)])
+        return joints_picture(self.found.model.robot, way_mm, {"program": program.q}).kept(file)
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(Shown):
+    """A verified program; ``clean``: whether it may run."""
+
+    robot: str
+    found: Verification
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing was found that must not happen."""
+        return self.found.clean
+
+    def title(self) -> str:
+        """Robot, and whether the program may run."""
+        errors = len(self.found.errors)
+        return f"Verification for {self.robot}: " + ("clean" if self.clean else f"{errors} offences, must not run")
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row an offence: line, what it is, where."""
+        import pandas as pd
+
+        from stiffarm.commands.verify.payload import offence_rows
+
+        return pd.DataFrame(offence_rows(self.found))
+
+    def plot(self, file: str | Path | None = None) -> Picture:
+        """Draw how near bodies come to each other in each move; ``file``: a PNG to write."""
+        from stiffarm.commands.verify.figures import clearance_figure
+        from stiffarm.face.pictures import picture_of
+
+        return picture_of(clearance_figure(self.found)).kept(file)
+
+
+def post(
+    arm: Arm,
+    path: str | Path,
+    folder: str | Path,
+    *,
+    cell: str | Path | None = None,
+    formats: Sequence[str] = ("json",),
+    coordinates: Literal["cartesian", "joint", "both"] = "both",
+    gamma_deg: float | Range = 0.0,
+    tolerance_um: float = 100.0,
+    seed: int = 0,
+) -> Program:
+    """Write robot programs from a tool path, read them back and compare.
+
+    Parameters
+    ----------
+    arm : the arm
+    path : tool path (APT, CLS, G-code or CSV)
+    folder : where the programs go; it must not hold any yet
+    cell : cell file; default: the model's tool, the part's frame in the robot's base
+    formats : names of program formats, as "krl", "rapid", "val3", "sinumerik", "json"
+    coordinates : "cartesian", "joint" or "both"
+    gamma_deg : one angle about the tool axis, or first and last angle and step to choose the stiffest from
+    tolerance_um : allowed deviation of joint motion from a straight line between points
+    seed : of the random numbers
+
+    Raises
+    ------
+    InputError
+        A point out of reach, an unknown format, a folder that is not empty, or a program that does not read back.
+    """
+    from machining import Drive, Objective
+    from machining.cutting import stiffness_uncertainty
+    from machining.programs.posting import PostSettings
+    from machining.programs.run import PostRequest, run_post
+    from machining.programs.write_options import WriteOptions
+    from machining.toolpaths import read_toolpath
+    from stiffarm.commands.post.targets import parse_targets
+
+    place = Path(folder)
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise InputError("folder", value=str(place), allowed="a new or empty folder", remedy="choose another name")
+    with called():
+        targets = parse_targets(",".join(formats), coordinates)
+        setup, motions = setup_of(arm, cell), read_toolpath(Path(path))
+        axes = len(setup.cell.linear_axes)
+        settings = PostSettings(
+            gamma=float(np.radians(gamma_deg)) if isinstance(gamma_deg, int | float) else gammas(gamma_deg),
+            objective=Objective(),
+            drive=setup.drive(Drive(), clear=False),
+            travel=np.zeros(axes) if axes else None,
+            tolerance=tolerance_um * 1e-6,
+            seed=seed,
+            clearance=setup.clearance(),
+        )
+        stiffness = stiffness_uncertainty(arm.model, arm.description, arm.own)
+        request = PostRequest(motions, setup, settings, targets, WriteOptions(), stiffness=stiffness)
+        files: list[Path] = []
+
+        def path_of(name: str) -> Path:
+            files.append(place / name)
+            files[-1].parent.mkdir(parents=True, exist_ok=True)
+            return files[-1]
+
+        found = run_post(arm.model, request, path_of)
+    return Program(arm.name, tuple(files), found)
+
+
+def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
+    """Check a neutral program (JSON) for collisions, limits, speeds, singularities and deviations from the path.
+
+    Parameters
+    ----------
+    arm : the arm
+    program : part.json of the format "json"
+    cell : cell file
+
+    Raises
+    ------
+    InputError
+        A program of another arm or cell, or one that cannot be read.
+    """
+    from machining.cell import arm_bodies, read_cell
+    from machining.verification import Demands, verify
+    from machining.verification.given import read_program
+
+    with called():
+        bodies = arm_bodies(arm.description)
+        given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
+        return Checked(arm.name, verify(given.program, bodies, Demands(), nc_lines=given.lines))

@@ -1,0 +1,70 @@
+"""The Python face: joint twists, imported arms, and pictures of what the shop floor's steps find."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cli_runs import run_here
+from urdf_arms import Arm as MadeArm
+
+import stiffarm as sa
+
+PART = Path(__file__).resolve().parents[3] / "docs" / "examples" / "kr60_posture"
+PNG = b"\x89PNG"
+
+
+def test_an_identification_is_that_of_the_command_line(tmp_path: Path) -> None:
+    found = sa.identify(sa.load("tx200"), synthetic=True, law="constant")
+    asked = run_here("identify", "tx200", "--synthetic", "--law", "constant", "--out", tmp_path / "out", "--json")
+    assert asked.code == 0, asked.err
+    rows = found.to_frame().drop_duplicates(["joint", "row"]).set_index(["joint", "row"])["stiffness"]
+    written = (tmp_path / "out" / "stiffnesses.csv").read_text(encoding="utf-8").splitlines()
+    assert len(written) == len(found.to_frame()) + 1
+    for line in written[1:]:
+        joint, row, *_, stiffness, _, _, _, _ = line.split(",")
+        assert float(stiffness) == rows[joint, row]
+    assert found.arm.model.link_kind == "rigid"
+    assert not found.arm.joints_without_springs
+    assert found.plot().png.startswith(PNG)
+
+
+def test_tables_or_a_made_up_campaign_are_asked_for() -> None:
+    with pytest.raises(sa.InputError, match="tables and synthetic"):
+        sa.identify(sa.load("tx200"))
+    with pytest.raises(sa.InputError, match="window_mm"):
+        sa.identify(sa.load("tx200"), synthetic=True, window_mm=(0.0, 0.0, -1.0, 1.0))
+
+
+@pytest.mark.slow
+def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
+    urdf = MadeArm().write(tmp_path / "arm")
+    made = sa.import_arm(urdf, tmp_path / "out", size_mm=40, wall_mm={"upper_arm": 10.0}, material="aluminium")
+    frame = made.to_frame().set_index("link")
+    assert list(frame.index) == ["column", "upper_arm", "forearm"]
+    assert list(frame["wall_mm"]) == [6.0, 10.0, 6.0]
+    assert made.arm.model.link_kind == "shell"
+    assert made.plot().png == (tmp_path / "out" / "import.png").read_bytes()
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "model.toml", "meshes", "import.json", "import.png", "run.json",
+    }  # fmt: skip
+
+
+def test_a_length_that_is_none_is_refused(tmp_path: Path) -> None:
+    urdf = MadeArm().write(tmp_path / "arm")
+    with pytest.raises(sa.InputError, match=r"wall_mm: upper_arm \(mm\): got 0"):
+        sa.import_arm(urdf, tmp_path / "out", wall_mm={"upper_arm": 0.0})
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_what_the_shop_floor_finds_draws_itself(tmp_path: Path) -> None:
+    arm = sa.load("kr60-3", links="rigid")
+    path = tmp_path / "path.csv"
+    path.write_text("\n".join((PART / "path.csv").read_text(encoding="utf-8").splitlines()[:12]), encoding="utf-8")
+    posture = sa.posture(arm, path, cell=PART / "cell.toml", gamma_deg=(-180, 180, 30))
+    assert posture.plot(tmp_path / "posture.png").png.startswith(PNG)
+    program = sa.post(arm, path, tmp_path / "programs", cell=PART / "cell.toml")
+    assert program.plot().png.startswith(PNG)
+    checked = sa.verify(arm, tmp_path / "programs" / "json" / "part.json", PART / "cell.toml")
+    assert checked.plot().png.startswith(PNG)
