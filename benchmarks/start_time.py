@@ -75,7 +75,10 @@ def main() -> None:
     print(text)
     if options.write:
         PAGE.write_text(
-            "# How long commands take to start\n\nMeasured by `python benchmarks/start_time.py --write`: user and "
+            "# How long commands take to start\n\n"
+            "`stiffarm --help` takes three times the processor time of `import numpy`, a query eight times, a pose of "
+            "`simulate` or\n`index` nine to ten times.\n"
+            "\nMeasured by `python benchmarks/start_time.py --write`: user and "
             f"system time of a process, least of {options.runs} runs.\n\n{text}\n\n{WHY}\n",
             encoding="utf-8",
         )

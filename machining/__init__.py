@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     )
     from machining.stiffness.objective import Objective
     from machining.task import Task, ToolPath, tool_path
-    from machining.toolpaths.path_file import read_path
+    from machining.toolpaths.tables import read_path
 else:
     __getattr__ = lazily(__name__)
 

@@ -45,6 +45,11 @@ WAYS = ("proposed", "random")
 
 HEADING = """# What to measure next: proposed against random set-ups
 
+After nine proposed set-ups the right family of effects is named in 91 % of the sets, after nine random ones in 82 %;
+a wrong one in 6 and 5 %. In the 31 sets that needed a proposal, proposed set-ups were right sooner in 10 and random
+ones in 2 (p = 0.039). How much is gained depends on the noise model at nine poses: with another one the same sets
+gave 88 against 86 %, which may be chance.
+
 Written by
 `python benchmarks/diagnosis/diagnosis_next.py --sets {sets} --seed {seed} --write docs/validation/diagnosis_next.md`.
 

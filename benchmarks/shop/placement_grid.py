@@ -23,7 +23,7 @@ import robots
 from machining.cell import Cell, LinearAxis, Tool
 from machining.cutting import ConstantForce
 from machining.placement import Along, Goal, How, Placed, Problem, follow, place, space_of
-from machining.placement.along import along
+from machining.placement.following import along
 from machining.placement.search import Look, Looker
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange

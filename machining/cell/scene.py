@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.cell.arm_solids import ArmBodies
-from machining.cell.bounds import Bounds, bounds_of, stacked
 from machining.cell.cell import FLOOR, Cell
-from machining.cell.exact import ExactSolid, exact_distance
+from machining.cell.separation import Bounds, ExactSolid, bounds_of, exact_distance, stacked
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
 from robots.arrays import Array, Integers

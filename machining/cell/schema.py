@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 SCHEMA = "stiffarm-cell/1"
 
@@ -24,6 +24,22 @@ Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
 Size = Annotated[float, Field(ge=THINNEST, le=WIDEST)]
 Triple = tuple[float, float, float]
 Pair = tuple[float, float]
+
+
+def _a_direction(direction: Triple) -> Triple:
+    if not np.linalg.norm(direction) > 1e-9:
+        raise ValueError("the direction must not have length zero")
+    return direction
+
+
+def _a_range(limits: Pair) -> Pair:
+    if not limits[0] < limits[1]:
+        raise ValueError("must be a pair [lower, upper] with lower < upper")
+    return limits
+
+
+Direction = Annotated[Triple, AfterValidator(_a_direction)]
+Range = Annotated[Pair, AfterValidator(_a_range)]
 
 
 class Strict(BaseModel):
@@ -159,44 +175,24 @@ class LinearAxisTable(Strict):
     """A linear axis; the first in the file stands on the floor, the last carries the robot."""
 
     name: str
-    direction: Triple
-    limits_mm: Pair
+    direction: Direction
+    limits_mm: Range
     speed_mm_s: Positive | None = None
     acceleration_mm_s2: Positive | None = None
     compliance_um_per_N: Triple | None = None  # noqa: N815 - units are in the names of the file's keys
     compliance_urad_per_Nm: Triple | None = None  # noqa: N815
     carriage: CarriageTable | None = None
 
-    @field_validator("direction")
-    @classmethod
-    def _nonzero(cls, direction: Triple) -> Triple:
-        return _a_direction(direction)
-
-    @field_validator("limits_mm")
-    @classmethod
-    def _rising(cls, limits: Pair) -> Pair:
-        return _a_range(limits)
-
 
 class TurntableTable(Strict):
     """The axis that carries the part; exactly one of ``limits_deg`` and ``endless = true``."""
 
     point_mm: Triple
-    axis: Triple
-    limits_deg: Pair | None = None
+    axis: Direction
+    limits_deg: Range | None = None
     endless: bool = False
     speed_deg_s: Positive | None = None
     acceleration_deg_s2: Positive | None = None
-
-    @field_validator("axis")
-    @classmethod
-    def _nonzero(cls, axis: Triple) -> Triple:
-        return _a_direction(axis)
-
-    @field_validator("limits_deg")
-    @classmethod
-    def _rising(cls, limits: Pair | None) -> Pair | None:
-        return None if limits is None else _a_range(limits)
 
     @model_validator(mode="after")
     def _one_kind_of_limit(self) -> Self:
@@ -219,15 +215,3 @@ class CellFile(Strict):
     linear_axis: tuple[LinearAxisTable, ...] = Field(default=(), max_length=3)
     turntable: TurntableTable | None = None
     allowed_contacts: tuple[tuple[str, str], ...] = ()
-
-
-def _a_direction(direction: Triple) -> Triple:
-    if not np.linalg.norm(direction) > 1e-9:
-        raise ValueError("the direction must not have length zero")
-    return direction
-
-
-def _a_range(limits: Pair) -> Pair:
-    if not limits[0] < limits[1]:
-        raise ValueError("must be a pair [lower, upper] with lower < upper")
-    return limits

@@ -5,16 +5,15 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from machining.placement.along import Along
     from machining.placement.file import Placement, placement_content, read_placement
-    from machining.placement.following import Found, axis_rates, follow
+    from machining.placement.following import Along, Found, axis_rates, follow
     from machining.placement.moving import find_moving
     from machining.placement.placing import MODES, How, Placed, place
     from machining.placement.problem import AIMS, Goal, Problem, on_axes
     from machining.placement.search import Look, Survey, find_fixed, survey
     from machining.placement.space import Space, space_of, start_of
     from machining.placement.steps import find_steps
-    from machining.placement.study import PlacedStep, PlaceRequest, place_along, scene_for
+    from machining.placement.study import PlacedStep, place_along, scene_for
 else:
     __getattr__ = lazily(__name__)
 
@@ -26,7 +25,6 @@ __all__ = [
     "Goal",
     "How",
     "Look",
-    "PlaceRequest",
     "Placed",
     "PlacedStep",
     "Placement",

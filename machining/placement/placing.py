@@ -8,8 +8,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from machining.placement.along import Along, along
-from machining.placement.following import Found, follow, merit_of
+from machining.placement.following import Along, Found, along, follow, merit_of
 from machining.placement.moving import find_moving
 from machining.placement.problem import Problem
 from machining.placement.search import FINE_ROWS, Looker, Survey, find_fixed, refined, survey

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.cell import Cell, LinearAxis
+from machining.cell import Cell
 from robots import InputError
 from robots.arrays import Array
 
 # Travels and angles that lie outside by less are rounded onto the limit (m, rad).
 ROUNDING = 1e-9
+# From SI to the units that a user reads.
+SHOWN = {"mm": 1e3, "deg": float(np.degrees(1.0))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Space:
     @property
     def shown(self) -> Array:
         """Factors (d,) from SI to :attr:`units`."""
-        return np.array([1e3 if unit == "mm" else np.degrees(1.0) for unit in self.units])
+        return np.array([SHOWN[unit] for unit in self.units])
 
     def sites(self, x: ArrayLike) -> tuple[Array, Array]:
         """Travels (p, k) m of all linear axes and angles (p,) rad of the turntable at coordinates x (p, d)."""
@@ -107,19 +109,26 @@ def space_of(
         the axis's limits.
     """
     wanted = dict(ranges or {})
-    _check_names(cell, wanted)
+    known = [axis.name for axis in cell.linear_axes]
+    unknown = sorted(set(wanted) - set(known))
+    if unknown:
+        raise InputError(
+            f"linear axis of cell {cell.name}",
+            value=unknown[0],
+            allowed=", ".join(known) or "none: this cell has no linear axis",
+            remedy="correct the name, or add a [[linear_axis]] table to the cell file",
+        )
     free, low, high = [], [], []
     rest = np.zeros(len(cell.linear_axes))
     for i, axis in enumerate(cell.linear_axes):
-        lower, upper = _range_of(axis, wanted.get(axis.name))
+        what = f"range of axis {axis.name}"
+        lower, upper = _within(what, "mm", axis.limits, wanted.get(axis.name, tuple(axis.limits)))
         rest[i] = lower
         if upper > lower:
             free.append(i)
             low.append(lower)
             high.append(upper)
-    turns = isinstance(table, tuple)
-    angles = table if isinstance(table, tuple) else (table, table)
-    _check_table(cell, angles, turns)
+    turns, angles = _table_range(cell, table)
     if turns:
         low.append(angles[0])
         high.append(angles[1])
@@ -130,7 +139,7 @@ def space_of(
             allowed="one to three [[linear_axis]] tables, or a range of the turntable",
             remedy="describe the rail in the cell file: [[linear_axis]] with name, direction, limits_mm",
         )
-    return Space(cell, tuple(free), np.array(low), np.array(high), rest, float(angles[0]), turns)
+    return Space(cell, tuple(free), np.array(low), np.array(high), rest, angles[0], turns)
 
 
 def start_of(space: Space) -> tuple[Array, float]:
@@ -147,51 +156,38 @@ def start_of(space: Space) -> tuple[Array, float]:
     return e, 0.0 if low <= 0.0 <= high else float(0.5 * (low + high))
 
 
-def _check_names(cell: Cell, wanted: Mapping[str, tuple[float, float]]) -> None:
-    known = [axis.name for axis in cell.linear_axes]
-    unknown = sorted(set(wanted) - set(known))
-    if unknown:
-        raise InputError(
-            f"linear axis of cell {cell.name}",
-            value=unknown[0],
-            allowed=", ".join(known) or "none: this cell has no linear axis",
-            remedy="correct the name, or add a [[linear_axis]] table to the cell file",
-        )
-
-
-def _range_of(axis: LinearAxis, wanted: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = map(float, axis.limits)
-    if wanted is None:
-        return low, high
-    said = f"{low * 1e3:g} to {high * 1e3:g} mm"
-    a, b = wanted
+def _within(what: str, unit: str, limits: Array | None, wanted: tuple[float, float]) -> tuple[float, float]:
+    """A range (m or rad) within limits, rounded onto them; ``limits`` None: without end."""
+    said, (a, b) = _span(wanted, unit), wanted
     if not (np.isfinite(a) and np.isfinite(b) and a <= b):
-        raise InputError(f"range of axis {axis.name}", value=f"{a * 1e3:g} to {b * 1e3:g} mm", allowed="from below to")
+        raise InputError(what, value=said, allowed="from below to")
+    if limits is None:
+        return float(a), float(b)
+    low, high = map(float, limits)
     if a < low - ROUNDING or b > high + ROUNDING:
-        raise InputError(
-            f"range of axis {axis.name}",
-            value=f"{a * 1e3:g} to {b * 1e3:g} mm",
-            allowed=f"within its limits, {said}",
-            remedy="narrow the range",
-        )
+        allowed = f"within its limits, {_span((low, high), unit)}"
+        raise InputError(what, value=said, allowed=allowed, remedy="narrow the range")
     return max(a, low), min(b, high)
 
 
-def _check_table(cell: Cell, angles: tuple[float, float], turns: bool) -> None:
-    a, b = angles
-    shown = f"{np.degrees(a):g} to {np.degrees(b):g} deg" if turns else f"{np.degrees(a):g} deg"
-    if cell.turntable is None:
-        if turns or a != 0.0:
-            raise InputError(
-                f"turntable of cell {cell.name}",
-                value=shown,
-                allowed="none: this cell has no turntable",
-                remedy="add a [turntable] table to the cell file",
-            )
-        return
-    if not (np.isfinite(a) and np.isfinite(b)) or (turns and not a < b):
-        raise InputError("range of the turntable", value=shown, allowed="from below to")
-    limits = cell.turntable.limits
-    if limits is not None and (a < limits[0] - ROUNDING or b > limits[1] + ROUNDING):
-        allowed = f"within its limits, {np.degrees(limits[0]):g} to {np.degrees(limits[1]):g} deg"
-        raise InputError("angle of the turntable", value=shown, allowed=allowed, remedy="narrow it")
+def _table_range(cell: Cell, table: float | tuple[float, float]) -> tuple[bool, tuple[float, float]]:
+    """Whether the turntable is searched, and its range rad."""
+    turns = isinstance(table, tuple)
+    a, b = table if isinstance(table, tuple) else (table, table)
+    if cell.turntable is not None:
+        if turns and a == b:
+            raise InputError("range of the turntable", value=_span((a, b), "deg"), allowed="from below to")
+        return turns, _within("range of the turntable", "deg", cell.turntable.limits, (a, b))
+    if turns or a != 0.0:
+        raise InputError(
+            f"turntable of cell {cell.name}",
+            value=_span((a, b), "deg"),
+            allowed="none: this cell has no turntable",
+            remedy="add a [turntable] table to the cell file",
+        )
+    return False, (0.0, 0.0)
+
+
+def _span(pair: tuple[float, float], unit: str) -> str:
+    low, high = (value * SHOWN[unit] for value in pair)
+    return f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"

@@ -213,6 +213,11 @@ def best_of(sweep: Sweep) -> Postures:
         A point that cannot be reached.
     """
     sweep.check_reached()
+    return _best_known(sweep)
+
+
+def _best_known(sweep: Sweep) -> Postures:
+    """Best posture of each point; the value is NaN at points that have none."""
     n, _, b = sweep.valid.shape
     rows, best = np.arange(n), sweep.merit.reshape(n, -1).argmax(axis=1)
     at, branch = np.divmod(best, b)
@@ -272,19 +277,14 @@ def best_postures(
     centre = refined_peaks(
         gammas, sweep.merit.max(axis=2), lambda gamma: look(gamma).merit.max(axis=2), starts, tolerance
     )
-    fine, rows = look(centre), np.arange(task.path.n)
-    merit = np.concatenate([objective.sign * best.value[:, None], fine.merit.max(axis=2)], axis=1)
-    choice = merit.argmax(axis=1)
-    better, at = choice > 0, np.maximum(choice - 1, 0)
-    branch = fine.merit[rows, at].argmax(axis=1)
-    found = rows, at, branch
-    names = max(best.names, fine.names, key=len)
+    fine = _best_known(look(centre))
+    better = objective.sign * fine.value > objective.sign * best.value
     return Postures(
-        np.where(better, centre[rows, at], best.gamma),
-        np.where(better[:, None], fine.q[found], best.q),
-        np.where(better, fine.value[found], best.value),
-        np.where(better, branch, best.branch),
-        names,
+        np.where(better, fine.gamma, best.gamma),
+        np.where(better[:, None], fine.q, best.q),
+        np.where(better, fine.value, best.value),
+        np.where(better, fine.branch, best.branch),
+        max(best.names, fine.names, key=len),
     )
 
 

@@ -86,11 +86,6 @@ class Posed:
         return self.found.course
 
     @property
-    def arc_mm(self) -> Array:
-        """Length (n,) mm of the path up to each point."""
-        return np.concatenate([[0.0], np.cumsum(self.request.task.path.lengths)]) * 1e3
-
-    @property
     def others(self) -> dict[str, Course]:
         """The courses that the recommended one is compared with, by what they are called."""
         named = {BEFORE: self.before, FIXED: self.found.fixed, EACH: self.found.each_point}

@@ -3,41 +3,61 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
-from machining.programs.commands import Commands, commands
 from machining.programs.convention import Convention, convention_for
-from machining.programs.format import Format
-from machining.programs.job import Job, Kind, external_axes, external_count, job_of, precision_notes
+from machining.programs.format import Format, ProgramFile, RoundTrip, Written
+from machining.programs.job import (
+    Commands,
+    Job,
+    Kind,
+    Move,
+    commands,
+    external_axes,
+    external_count,
+    farthest,
+    formatted,
+    job_of,
+    plain,
+)
+from machining.programs.orientation import ABC, Orientation
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
+from machining.programs.read_back import ReadMove, ReadMoves, collected
 from machining.programs.rendering import environment, rendered
-from machining.programs.round_trip import RoundTrip
-from machining.programs.sandbox import Sandbox
-from machining.programs.words import Configurations, Words, common
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import ProgramFile, ReadMoves, Written
 from robots import InputError, Robot
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools
+from robots.frames import framed
+
+# Joints of every arm that these controllers drive.
+ARM = 6
+# Moves formatted at a time: what is in memory as text at once.
+BLOCK = 1000
+# What a program may differ from the tool path by its decimals, m and rad.
+WANTED = 1e-6
 
 
 class Controller(Format):
-    """A controller's language."""
+    """A controller's language.
+
+    ``main``: names of the files that a program has once, the main one first, and their templates; ``part``: name of
+    the files that its moves go into by ``moves.j2``, "" where those of ``main`` have them. In names ``{name}`` stands
+    for the program's, ``{NAME}`` for that in capitals, ``{number}`` for the part's. ``orientation`` of Cartesian
+    programs; ``speed_unit``: m/s in the unit of speeds, None where none are written.
+    """
+
+    main: ClassVar[tuple[tuple[str, str], ...]]
+    part: ClassVar[str] = ""
+    orientation: ClassVar[Orientation] = ABC
+    speed_unit: ClassVar[float | None] = None
 
     @abstractmethod
-    def files(self, job: Job, made: Sandbox) -> list[ProgramFile]:
-        """The files of a job, the main one first.
-
-        Raises
-        ------
-        InputError
-            What the language cannot hold.
-        """
-
-    @abstractmethod
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
+    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
         """Moves of a program's files, main file first, written for the robot, cell and options given.
 
         Raises
@@ -46,22 +66,29 @@ class Controller(Format):
             Motion that the reader does not know, a number that is none, a sub-program that is not there.
         """
 
-    def frames(self, words: Array) -> Array:
-        """Tool frames (n, 4, 4) m in the part frame of the coordinates (n, k) of a Cartesian program."""
-        raise AssertionError("a format that writes frames reads them")
-
-    def configuration(
-        self, robot: Robot, q: Array, controller_deg: Array
-    ) -> Sequence[Sequence[object]] | Integers | None:
-        """Configurations (n) of a Cartesian program at q (n, dof) rad, also given in the controller's deg.
+    def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> np.ndarray | None:
+        """Configurations (n, k) of a Cartesian program at q (n, dof) rad, also given in the controller's deg.
 
         None: the language has no words for them.
         """
         return None
 
-    def orientation_digits(self, options: WriteOptions) -> tuple[str, int, float]:
-        """What orientations are written as, their decimals, and rad for each unit of the last digit."""
-        return "angles", options.decimals.angle, float(np.radians(1.0))
+    def own_context(self, job: Job) -> dict[str, object]:
+        """What the templates of this language know beyond others. Raises InputError for what it cannot hold."""
+        return {}
+
+    def coordinates(self, job: Job, part: slice) -> tuple[Array, Sequence[int]]:
+        """Coordinates (m, k) of moves, joint angles or tool frames, and the decimals of each."""
+        if job.kind == "cartesian":
+            return self._placed(job, job.program.T_part_tool[part])
+        angles = job.angles(part)
+        return angles, (job.options.decimals.angle,) * angles.shape[1]
+
+    def configurations(self, job: Job, part: slice) -> Sequence[Sequence[object]]:
+        """Words of each move's configuration; none in joint programs."""
+        q = job.program.q[part]
+        found = None if job.kind == "joint" else self.configuration(job.program.robot, q, job.angles(part))
+        return [()] * len(q) if found is None else found.tolist()
 
     def joint_moves(self, wanted: Commands, kind: Kind) -> Bools:
         """Which moves (n,) are joint moves: all of a joint program."""
@@ -69,12 +96,27 @@ class Controller(Format):
 
     def pace(self, found: ReadMoves, wanted: Commands, options: WriteOptions) -> float:
         """Largest difference of a move's speed, or time, from what was wanted, as a share of it."""
-        self.check_said(found.speed)
-        return float(np.abs(found.speed / wanted.speed - 1.0).max())
+        return self.off(found.speed, wanted.speed)
+
+    def off(self, said: Array, wanted: Array) -> float:
+        """Largest difference of speeds or times (n,) said from those wanted, as a share.
+
+        Raises
+        ------
+        InputError
+            One that a program does not say.
+        """
+        unsaid = np.isnan(said) & ~np.isnan(wanted)
+        if unsaid.any():
+            number = int(np.argmax(unsaid)) + 1
+            raise InputError(
+                f"{self.name} program, move {number}", value="no speed", allowed="a speed before each move"
+            )
+        return float(np.nanmax(np.abs(said / wanted - 1.0), initial=0.0))
 
     def notes(self, job: Job) -> list[str]:
         """What a user has to know before the program runs."""
-        out = precision_notes(job, self.orientation_digits(job.options))
+        out = self._precision_notes(job)
         if job.kind == "cartesian":
             if job.program.cell.turntable is not None:
                 out.append("the part frame turns with the turntable: couple it to the turntable on the controller")
@@ -93,61 +135,122 @@ class Controller(Format):
 
     def write(self, program: JointProgram, kind: Kind, options: WriteOptions, templates: Path | None) -> Written:
         """See :class:`Format`."""
-        convention = self.convention(program.robot, external_count(program), options)
-        job = job_of(program, kind, options, convention)
-        files = self.files(job, environment(templates))
+        job = job_of(program, kind, options, self.convention(program.robot, external_count(program), options))
+        files = self._files(job, templates)
         joint_rapid = int((program.motions.rapid & job.commands.joint)[1:].sum())
         notes = self.notes(job)
         if joint_rapid:
             notes.append(f"{joint_rapid} rapid moves are joint moves: between their ends they leave the straight line")
         return Written(tuple(files), tuple(notes))
 
-    def context(self, job: Job) -> dict[str, object]:
-        """What every template of this language knows, its own options among ``o``."""
-        own = {} if self.table is None else {self.table[0]: job.options.own(self.table[1]).model_dump()}
-        return common(job) | {"o": job.options.model_dump() | own}
+    def frame(self, job: Job, T: Array | None) -> tuple[str, ...] | None:
+        """A frame (4, 4) m as text; None stays None."""
+        return None if T is None else formatted(*self._placed(job, T[None]))[0]
 
-    def part_files(
-        self,
-        job: Job,
-        made: Sandbox,
-        names: Sequence[str],
-        suffix: str,
-        shared: Mapping[str, object],
-        moves: tuple[Words, Configurations, Callable[[slice], list[str]]],
-    ) -> list[ProgramFile]:
-        """A file for each part of the moves, by the template ``moves.j2``; ``moves`` as :meth:`Job.moves` has them."""
+    def _placed(self, job: Job, T: Array) -> tuple[Array, Sequence[int]]:
+        """Positions mm and orientations of frames (m, 4, 4) m, and the decimals of each."""
+        decimals, turned = job.options.decimals, self.orientation.write(T[:, :3, :3])
+        digits = getattr(decimals, self.orientation.decimals)
+        return np.column_stack([T[:, :3, 3] * 1e3, turned]), (decimals.length,) * 3 + (digits,) * turned.shape[1]
 
-        def part(name: str, first: int, last: int) -> Iterator[str]:
-            own = {
-                "part": name,
+    def _speeds(self, job: Job, part: slice) -> list[str]:
+        """Speeds as text, to seven digits and never with an exponent."""
+        speed = job.commands.speed[part]
+        return [""] * len(speed) if self.speed_unit is None else [plain(v) for v in (speed / self.speed_unit).tolist()]
+
+    def _files(self, job: Job, templates: Path | None) -> list[ProgramFile]:
+        """The files of a job, the main one first; their texts are made when they are asked for."""
+        made, o = environment(templates), job.options
+        names = {"name": o.name, "NAME": o.name.upper()}
+        ranges = job.parts() if self.part else []
+        parts = [self.part.format(number=i, **names) for i in range(1, len(ranges) + 1)]
+        own = {} if self.table is None else {self.table[0]: o.own(self.table[1]).model_dump()}
+        shared = {
+            **job.context(),
+            "o": o.model_dump() | own,
+            "parts": [Path(part).stem for part in parts],
+            **self.own_context(job),
+        }
+
+        def pieces(file: str, template: str, first: int, last: int) -> Iterator[str]:
+            here = {
+                "part": Path(file).stem,
                 "first": first + 1,
                 "last": last,
-                "moves": job.moves(first, last, *moves),
+                "moves": self._moves(job, first, last),
                 "after": shared["after"] if last == job.n else [],
             }
-            return rendered(made, f"{self.name}/moves.j2", {**shared, **own})
+            return rendered(made, f"{self.name}/{template}", {**shared, **here})
 
-        return [
-            ProgramFile(f"{name}{suffix}", lambda n=name, a=first, b=last: part(n, a, b))  # type: ignore[misc]
-            for name, (first, last) in zip(names, job.parts(), strict=True)
-        ]
+        rows = [(file.format(**names), template, 0, job.n) for file, template in self.main]
+        rows += [(file, "moves.j2", *ends) for file, ends in zip(parts, ranges, strict=True)]
+        return [ProgramFile(row[0], partial(pieces, *row)) for row in rows]
+
+    def _moves(self, job: Job, first: int, last: int) -> Iterator[Move]:
+        """Moves ``first`` to ``last`` (not with it), a block at a time."""
+        said: str | None = None
+        motions, joint = job.program.motions, job.commands.joint
+        for start in range(first, last, BLOCK):
+            part = slice(start, min(start + BLOCK, last))
+            before = motions.line[start - 1] if start else -1
+            rows = zip(
+                range(part.start, part.stop),
+                motions.line[part].tolist(),
+                (np.diff(motions.line[part], prepend=before) != 0).tolist(),
+                motions.rapid[part].tolist(),
+                joint[part].tolist(),
+                job.stops[part].tolist(),
+                formatted(*self.coordinates(job, part)),
+                formatted(job.externals(part), job.external_decimals),
+                self.configurations(job, part),
+                self._speeds(job, part),
+                motions.dwell[part].tolist(),
+                strict=True,
+            )
+            for i, line, new, rapid, jointly, stop, words, axes, sides, speed, dwell in rows:
+                changed = speed if speed != said else None
+                said = speed
+                rest, here = f"{dwell:.3f}" if dwell > 0.0 else None, job.happenings.get(i, ())
+                yield Move(i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here, rest)
+
+    def _precision_notes(self, job: Job) -> list[str]:
+        """Say where the decimals alone move the tool by more than ``WANTED``."""
+        decimals, program = job.options.decimals, job.program
+        half_mm, half_deg = 0.5 * 10.0**-decimals.length, 0.5 * 10.0**-decimals.angle
+        reach = farthest(program)
+        linear = program.travel.shape[1] * half_mm * 1e-3
+        turning = np.radians(half_deg) * program.robot.dof
+        tip, turned = turning * reach + linear, turning
+        if program.cell.turntable is not None:
+            lever = float(np.abs(program.T_part_tool[:, :3, 3]).max()) + reach
+            tip, turned = tip + np.radians(half_deg) * lever, turned + np.radians(half_deg)
+        if job.kind == "cartesian":
+            digits = getattr(decimals, self.orientation.decimals)
+            tip, turned = np.sqrt(3.0) * half_mm * 1e-3, 3.0 * 0.5 * 10.0**-digits * self.orientation.unit
+        notes = []
+        if tip > WANTED:
+            notes.append(
+                f"decimals: rounding alone can move the tip by {tip * 1e6:.2g} um, more than {WANTED * 1e6:g} um"
+            )
+        if turned > WANTED:
+            notes.append(f"decimals: rounding alone can turn the tool by {turned:.2g} rad, more than {WANTED:g} rad")
+        return notes
 
     def round_trip(
         self, program: JointProgram, files: Mapping[str, str], kind: Kind, options: WriteOptions
     ) -> RoundTrip:
         """See :class:`Format`."""
-        found, wanted = self.read(files, program, options), commands(program, options)
+        found, wanted = collected(self.read(files, program, options)), commands(program, options)
         self._check_same(found, program, kind)
         convention = self.convention(program.robot, external_count(program), options)
         linear = len(program.cell.linear_axes)
         external = convention.external_back(found.external)
-        travel = external[:, :linear] * 1e-3
-        table = np.radians(external[:, linear]) if program.cell.turntable is not None else np.zeros(program.n)
         if kind == "joint":
+            travel = external[:, :linear] * 1e-3
+            table = np.radians(external[:, linear]) if program.cell.turntable is not None else np.zeros(program.n)
             T = tool_in_part(program.robot, program.cell, convention.radians(found.words), travel, table)
         else:
-            T = self.frames(found.words)
+            T = framed(self.orientation.read(found.words[:, 3:]), found.words[:, :3] * 1e-3)
         away, turned = frame_distance(T, program.T_part_tool)
         away_axes = np.abs(external - external_axes(program, slice(None)))
         return RoundTrip(
@@ -159,14 +262,6 @@ class Controller(Format):
             same_moves=bool((found.joint == self.joint_moves(wanted, kind)).all()),
             same_sides=kind == "joint" or self._same_sides(found, program, convention),
         )
-
-    def check_said(self, said: Array) -> None:
-        """Raise InputError for a move whose speed (n,) a program does not say."""
-        if np.isnan(said).any():
-            number = int(np.argmax(np.isnan(said))) + 1
-            raise InputError(
-                f"{self.name} program, move {number}", value="no speed", allowed="a speed before each move"
-            )
 
     def _check_same(self, found: ReadMoves, program: JointProgram, kind: Kind) -> None:
         """Raise InputError for another number of moves, another kind or other axes than were written."""

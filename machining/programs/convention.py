@@ -1,4 +1,9 @@
-"""How a controller counts the joints of an arm: sign and zero of each, its base and flange frame."""
+"""How a controller counts the joints of an arm: sign and zero of each, its base and flange frame, and its sides.
+
+What the configurations of all controllers are made of are the sides of the same three singularities of an arm with a
+spherical wrist. They come from :func:`robots.inverse.singularities.configuration`, so that they hold for arms with an
+offset at the elbow too.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +18,11 @@ from pydantic import Field
 from machining.cell.reading import frame
 from machining.cell.schema import Placed, Strict
 from robots import InputError, Robot
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.files.reading import parse_toml
 from robots.files.validated import tuples, validated
+from robots.inverse.singularities import configuration
+from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
 
 SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 
@@ -76,11 +83,12 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     InputError
         Neither is there, or its lists are not as long as the robot has joints.
     """
-    table = _bundled(robot.name, language) if given is None else given
+    known = [] if given is not None else _bundled()
+    table = given or next((t for t in known if t.robot == robot.name and language in t.formats), None)
     if table is None:
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
-            allowed="known for " + ", ".join(f"{name} ({', '.join(formats)})" for name, formats in bundled()),
+            allowed="known for " + ", ".join(f"{t.robot} ({', '.join(t.formats)})" for t in known),
             remedy="give sign and offset_deg of each joint in [arm] of the options, or write json or csv",
         )
     for name, wanted in (("sign", robot.dof), ("offset_deg", robot.dof)):
@@ -100,16 +108,8 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     )
 
 
-def bundled() -> list[tuple[str, tuple[str, ...]]]:
-    """Robots and formats of the bundled conventions."""
-    return [(table.robot, table.formats) for table in _tables()]
-
-
-def _bundled(robot: str, language: str) -> ConventionTable | None:
-    return next((t for t in _tables() if t.robot == robot and language in t.formats), None)
-
-
-def _tables() -> list[ConventionTable]:
+def _bundled() -> list[ConventionTable]:
+    """The bundled conventions."""
     folder = files("machining.programs") / "conventions"
     found = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return [convention_table(parse_toml(f.read_text(encoding="utf-8"), f.name), f.name) for f in found]
@@ -124,3 +124,25 @@ def convention_table(data: Mapping[str, Any], where: str) -> ConventionTable:
         A key that does not fit.
     """
     return validated(ConventionTable, tuples(data), where)
+
+
+def sides(robot: Robot, q: Array, controller_deg: Array) -> tuple[Bools, Bools, Bools]:
+    """Whether poses stand behind axis 1, with the elbow backwards, with controller axis 5 negative, (n,) each.
+
+    ``q`` (n, 6) rad, ``controller_deg`` (n, 6) the same as the controller counts them.
+
+    Raises
+    ------
+    InputError
+        The robot has no spherical wrist.
+    """
+    why = why_not_spherical(robot)
+    if why is not None:
+        raise InputError(
+            f"configuration of {robot.name} in a Cartesian program: {why}",
+            allowed="arms with a spherical wrist",
+            remedy="write the joint program",
+        )
+    shoulder, elbow, _ = configuration(spherical_wrist_arm(robot), robot, q)
+    wrist = controller_deg[:, 4] - 360.0 * np.round(controller_deg[:, 4] / 360.0)
+    return shoulder < 0.0, elbow < 0.0, wrist < 0.0

@@ -7,7 +7,8 @@ words that names must avoid, and its limits. To add one, add a module there with
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -17,12 +18,89 @@ from machining.cell import Cell
 from machining.cell.schema import Strict
 from machining.programs.job import Kind
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
-from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import ProgramFile, Written
 from robots import InputError, Robot
+from robots.files.written import written_whole
 
 BOTH: tuple[Kind, ...] = ("cartesian", "joint")
+# Share by which a speed may differ: it is written to seven digits, and single precision on some controllers.
+SAME_PACE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramFile:
+    """A file of a program: ``name``, and ``pieces``, called for its text each time it is needed."""
+
+    name: str
+    pieces: Callable[[], Iterator[str]]
+
+    def text(self) -> str:
+        """The whole text."""
+        return "".join(self.pieces())
+
+    def write(self, path: Path) -> None:
+        """Write it piece by piece, whole or not at all."""
+        with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+            file.writelines(self.pieces())
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A program's files, the main one first, and ``notes``: what a user has to know before it runs."""
+
+    files: tuple[ProgramFile, ...]
+    notes: tuple[str, ...]
+
+    def save(self, path_of: Callable[[str], Path]) -> None:
+        """Write all files; ``path_of`` gives the place of a name (as ``OutputFolder.path`` does)."""
+        for file in self.files:
+            file.write(path_of(file.name))
+
+    def texts(self) -> dict[str, str]:
+        """All texts by name."""
+        return {file.name: file.text() for file in self.files}
+
+
+@dataclass(frozen=True, eq=False)
+class RoundTrip:
+    """What a written program, read back, differs by from the tool path, the largest of all moves.
+
+    ``tip`` m and ``turned`` rad of the tool frames (joint programs by forward kinematics); ``travel`` m of linear
+    axes, ``table`` rad; ``pace``: speed or time of a move as a share of it; ``same_moves``: joint moves are where
+    they were asked for; ``same_sides``: the arm's configuration is that of the joint angles, where it decides.
+    """
+
+    tip: float
+    turned: float
+    travel: float
+    table: float
+    pace: float
+    same_moves: bool
+    same_sides: bool = True
+
+    def within(self, tolerance: float = 1e-6) -> bool:
+        """Whether nothing differs, and tool frames and axes by less than so many m and rad."""
+        return self.difference(tolerance) is None
+
+    def difference(self, tolerance: float = 1e-6) -> InputError | None:
+        """What differs first, as the error that it is; None where nothing does."""
+        off = max(self.tip, self.turned, self.travel, self.table)
+        template = "write it as the bundled template does"
+        if not self.same_moves:
+            return InputError("joint moves and straight ones", value="exchanged", allowed="as asked", remedy=template)
+        if not off < tolerance:
+            return InputError(
+                "off the tool path",
+                value=f"{max(self.tip, self.travel) * 1e6:.3g} um, {max(self.turned, self.table) * 1e6:.3g} urad",
+                allowed=f"{tolerance * 1e6:g} um, {tolerance * 1e6:g} urad",
+                remedy="give more decimals in the options; in your own templates write coordinates as bundled ones do",
+            )
+        if not self.same_sides:
+            return InputError("configuration of the arm", value="another", allowed="the path's", remedy=template)
+        if not self.pace < SAME_PACE:
+            value, allowed = f"by {100.0 * self.pace:.3g} %", f"{100.0 * SAME_PACE:g} %"
+            return InputError("speeds differ from the tool path's", value=value, allowed=allowed, remedy=template)
+        return None
 
 
 class Format(ABC):

@@ -10,17 +10,18 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+from machining.cell import Cell
 from machining.cell.schema import Strict
 from machining.programs import languages
-from machining.programs.format import Format, Neutral
+from machining.programs.format import Format, Neutral, RoundTrip, Written
 from machining.programs.job import Kind, external_count
+from machining.programs.neutral import SCHEMA
 from machining.programs.program import JointProgram
-from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import NAME_KEYS, WriteOptions
-from machining.programs.written import Written
-from robots import InputError
+from robots import InputError, Robot
 from robots.files.reading import parse_json, parse_toml, read_text
 from robots.files.validated import tuples, validated
 
@@ -82,6 +83,36 @@ def round_trip(
         What the readers refuse, or another number of moves than was written.
     """
     return format_of(name, kind).round_trip(program, files, kind, options or WriteOptions())
+
+
+@dataclass(frozen=True, eq=False)
+class GivenProgram:
+    """A program read from a file, and the line of the file that each move stands in, None where not known."""
+
+    program: JointProgram
+    lines: tuple[int, ...] | None
+
+
+def read_program(path: Path, robot: Robot, cell: Cell) -> GivenProgram:
+    """A neutral program for the robot and cell that it was written for.
+
+    Raises
+    ------
+    InputError
+        Another kind of file, and what the readers refuse.
+    """
+    kind = path.suffix.lower()
+    if kind not in NEUTRAL:
+        raise InputError(
+            f"program {path.name}",
+            value=kind or "no ending",
+            allowed=f"{' or '.join(NEUTRAL)}, {SCHEMA}",
+            remedy="write the program with `stiffarm post` in one of these formats; controllers' own are not replayed",
+        )
+    text = read_text(path, "program")
+    program = NEUTRAL[kind].program(text, robot, cell, path.name)
+    lines = NEUTRAL[kind].lines(text, program.n)
+    return GivenProgram(program, None if lines is None else tuple(lines))
 
 
 def read_options(path: str | Path) -> WriteOptions:

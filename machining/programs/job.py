@@ -1,27 +1,156 @@
-"""A writing job: the program with the controller's angles, frames and axes, and its moves as formatted text."""
+"""A writing job: the program with the controller's angles, frames and axes, and what else it is told.
+
+That is speeds, kinds of moves and times, and what happens between moves; and moves as formatted text.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from machining.programs.commands import Commands, Happening, commands, happenings
 from machining.programs.convention import Convention
 from machining.programs.program import JointProgram
+from machining.programs.source_text import SourceText
 from machining.programs.write_options import WriteOptions
+from machining.toolpaths.motions import Motions
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, Bools
+from robots.constants import MM, MM_MIN, RPM
 from robots.kinematics import stretched_length
 
 Kind = Literal["cartesian", "joint"]
+# Shortest time of a move (s): an inverse time must stay a number that a controller reads.
+SHORTEST = 1e-4
+# Changes of the tip (m) and of angles (rad) below these are rounding: they give no time to a move.
+STILL = 1e-9
 
-# Moves formatted at a time: what is in memory as text at once.
-BLOCK = 1000
-# What a program may differ from the tool path by its decimals, m and rad.
-WANTED = 1e-6
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """For n moves: tip ``speed`` (n,) m/s, ``joint`` (n,) joint moves, ``duration`` (n,) s, NaN of the first.
+
+    A move takes the time of its tip, or longer if the tool would turn faster than ``rotation_deg_s``. Where neither tip
+    nor tool moves in the part frame, the axes take the time that those speeds give them.
+    """
+
+    speed: Array
+    joint: Bools
+    duration: Array
+
+
+def commands(program: JointProgram, options: WriteOptions) -> Commands:
+    """Speeds, kinds and times of all moves.
+
+    Raises
+    ------
+    InputError
+        Moves at feed without a feed, and no default.
+    """
+    speed = _speed(program.motions, options)
+    joint = np.full(program.n, False)
+    if options.rapid == "joint":
+        joint |= program.motions.rapid
+    joint[:1] = True
+    return Commands(speed, joint, _durations(program, speed, np.radians(options.rotation_deg_s), options))
+
+
+def _speed(motions: Motions, options: WriteOptions) -> Array:
+    rapid = motions.rapid.copy()
+    rapid[:1] = True
+    speed = np.where(rapid, options.rapid_mm_s * MM, motions.feed)
+    unknown = np.isnan(speed)
+    if unknown.any():
+        if options.default_feed_mm_min is None:
+            first = int(motions.line[np.argmax(unknown)])
+            raise InputError(
+                f"feed of {int(unknown.sum())} moves, the first of source line {first}",
+                allowed="known for all moves that are not rapid",
+                remedy="give default_feed_mm_min in the options",
+            )
+        speed[unknown] = options.default_feed_mm_min * MM_MIN
+    return np.asarray(speed)
+
+
+def _durations(program: JointProgram, speed: Array, turning: float, options: WriteOptions) -> Array:
+    T = program.T_part_tool
+    away = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
+    chord = np.linalg.norm(np.diff(T[:, :3, :3], axis=0), axis=(1, 2)) / np.sqrt(8.0)
+    turned = 2.0 * np.arcsin(np.clip(chord, 0.0, 1.0))
+    time = np.maximum(away / speed[1:], turned / turning)
+    still = (away < STILL) & (turned < STILL)
+    angles = np.diff(np.column_stack([program.q, program.table]), axis=0)
+    axes = np.abs(angles).max(axis=1) / turning
+    if program.travel.shape[1]:
+        travel = np.linalg.norm(np.diff(program.travel, axis=0), axis=1)
+        axes = np.maximum(axes, travel / (options.rapid_mm_s * MM))
+    time = np.where(still, axes, time)
+    return np.concatenate([np.full(min(1, program.n), np.nan), np.maximum(time, SHORTEST)])
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What is not motion: ``kind`` "tool", "spindle", "operation" or "event"; texts are :class:`SourceText`.
+
+    Tool: ``number`` ("" without), ``name``, ``diameter_mm`` ("" without). Spindle: ``rpm`` ("0": stop), ``clockwise``.
+    Operation: ``name``. Event: ``name`` its word, ``text``. ``line``: of the source, 0 unknown.
+    """
+
+    kind: str
+    name: SourceText = SourceText("")  # noqa: RUF009 - immutable
+    text: SourceText = SourceText("")  # noqa: RUF009
+    number: str = ""
+    diameter_mm: str = ""
+    rpm: str = ""
+    clockwise: bool = True
+    line: int = 0
+
+
+def happenings(motions: Motions) -> dict[int, list[Happening]]:
+    """What comes before each move; after the last under ``motions.n``."""
+    out: dict[int, list[Happening]] = {}
+
+    def put(move: int, happening: Happening) -> None:
+        out.setdefault(int(move), []).append(happening)
+
+    for event in motions.events:
+        put(
+            min(max(event.move, 0), motions.n),
+            Happening("event", SourceText(event.word), SourceText(event.text), line=event.line),
+        )
+    for move in _changes(motions.operation):
+        name = motions.operations[motions.operation[move]]
+        if name.strip():
+            put(move, Happening("operation", SourceText(name), line=int(motions.line[move])))
+    for move in _changes(motions.tool):
+        tool = motions.tools[motions.tool[move]]
+        if tool.number is None and not tool.name.strip():
+            continue
+        diameter = f"{tool.diameter * 1e3:.6g}" if np.isfinite(tool.diameter) else ""
+        number = "" if tool.number is None else str(int(tool.number))
+        put(
+            move,
+            Happening("tool", SourceText(tool.name), number=number, diameter_mm=diameter, line=int(motions.line[move])),
+        )
+    turning = 0.0
+    for move in _changes(np.nan_to_num(motions.spindle, nan=np.inf)):
+        spindle = float(motions.spindle[move])
+        if np.isfinite(spindle) and spindle != turning:
+            turning = spindle
+            rpm = f"{abs(spindle) / RPM:.6g}"
+            put(move, Happening("spindle", rpm=rpm, clockwise=spindle > 0.0, line=int(motions.line[move])))
+    return out
+
+
+def _changes(values: NDArray[np.generic]) -> list[int]:
+    """Moves whose value differs from the one before; the first counts."""
+    if len(values) == 0:
+        return []
+    return [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist()]
 
 
 @dataclass(slots=True)
@@ -53,8 +182,8 @@ class Move:
 class Job:
     """What the writers share.
 
-    ``external_names`` of the linear axes and the turntable, if there is one; ``T_base``: part frame in the
-    controller's robot frame, None where the program cannot state it; ``T_tool`` in the controller's flange frame.
+    ``T_base``: part frame in the controller's robot frame, None where the program cannot state it; ``T_tool`` in the
+    controller's flange frame.
     """
 
     program: JointProgram
@@ -85,63 +214,51 @@ class Job:
         linear = (self.options.decimals.length,) * len(self.program.cell.linear_axes)
         return linear + (self.options.decimals.angle,) * (self.program.cell.turntable is not None)
 
-    def moves(
-        self,
-        first: int,
-        last: int,
-        words: Callable[[slice], tuple[Array, Sequence[int]]],
-        configurations: Callable[[slice], Sequence[Sequence[object]]],
-        feeds: Callable[[slice], list[str]],
-    ) -> Iterator[Move]:
-        """Moves ``first`` to ``last`` (not with it), a block at a time.
-
-        ``words``: coordinates (m, k) of a slice and the decimals of each; ``feeds``: text of each move's feed.
-        """
-        said: str | None = None
-        motions, c, stops = self.program.motions, self.commands, self.stops()
-        for start in range(first, last, BLOCK):
-            part = slice(start, min(start + BLOCK, last))
-            coordinates = formatted(*words(part))
-            external = formatted(self.externals(part), self.external_decimals)
-            sides, feed = configurations(part), feeds(part)
-            before = motions.line[start - 1] if start else -1
-            new_line = np.diff(motions.line[part], prepend=before) != 0
-            rows = zip(
-                range(part.start, part.stop),
-                motions.line[part].tolist(),
-                new_line.tolist(),
-                motions.rapid[part].tolist(),
-                c.joint[part].tolist(),
-                motions.dwell[part].tolist(),
-                coordinates,
-                external,
-                sides,
-                feed,
-                strict=True,
-            )
-            for i, line, new, rapid, joint, dwell, word, axes, side, value in rows:
-                stop = i in stops or dwell > 0.0 or self.options.blend_mm == 0.0
-                changed = value if value != said else None
-                said = value
-                text = f"{dwell:.3f}" if dwell > 0.0 else None
-                here = self.happenings.get(i, ())
-                yield Move(i + 1, i, line, new, rapid, joint, stop, word, axes, side, changed, here, text)
-
-    def stops(self) -> set[int]:
-        """Moves that end in an exact stop: the last, and those before a change of tool or spindle.
+    @cached_property
+    def stops(self) -> Bools:
+        """Moves (n,) that end in an exact stop: the last, those with a dwell, before a change of tool or spindle.
 
         In Cartesian programs those between joint and straight moves too, which controllers blend each in its own way;
-        not those before other events: a stop in the cut would leave a mark.
+        not those before other events: a stop in the cut would leave a mark. Without a zone for blending all.
         """
-        changes = {m - 1 for m, found in self.happenings.items() if any(h.kind in ("tool", "spindle") for h in found)}
+        stops = (self.program.motions.dwell > 0.0) | (self.options.blend_mm == 0.0)
+        changes = [m - 1 for m, found in self.happenings.items() if any(h.kind in ("tool", "spindle") for h in found)]
+        stops[changes] = True
         if self.kind == "cartesian":
-            changes.update(np.flatnonzero(np.diff(self.commands.joint)).tolist())
-        return changes | {self.n - 1}
+            stops[:-1] |= np.diff(self.commands.joint)
+        stops[-1] = True
+        return stops
 
     def parts(self) -> list[tuple[int, int]]:
         """First and last (not with it) move of each file."""
         step = self.options.moves_per_file
         return [(start, min(start + step, self.n)) for start in range(0, self.n, step)]
+
+    def head(self) -> list[SourceText]:
+        """Lines for the head of a program; texts from files among them."""
+        program = self.program
+        axes = [f"{axis.name}, mm" for axis in program.cell.linear_axes]
+        axes += ["turntable, deg"] * (program.cell.turntable is not None)
+        lines = [
+            "written by stiffarm",
+            f"tool path: {program.motions.source}",
+            f"robot {program.robot.name}, cell {program.cell.name}, {self.kind} coordinates, {self.n} moves",
+        ]
+        return [SourceText(line) for line in [*lines, *(f"E{i}: {name}" for i, name in enumerate(axes, 1))]]
+
+    def context(self) -> dict[str, object]:
+        """What every template knows: ``head`` lines, ``count`` of moves, those ``after`` them, figures."""
+        o = self.options
+        return {
+            "head": self.head(),
+            "count": self.n,
+            "cartesian": self.kind == "cartesian",
+            "after": self.happenings.get(self.n, []),
+            "blend_mm": plain(o.blend_mm),
+            "joint_percent": plain(o.joint_percent),
+            "rotation_deg_s": plain(o.rotation_deg_s),
+            "first_speed": plain(float(self.commands.speed[0]) * 1e3),
+        }
 
 
 def external_axes(program: JointProgram, part: slice) -> Array:
@@ -194,26 +311,8 @@ def farthest(program: JointProgram) -> float:
     return stretched_length(program.robot, program.cell.tool.T_flange_tool[:3, 3])
 
 
-def precision_notes(job: Job, orientation: tuple[str, int, float]) -> list[str]:
-    """Say where the decimals alone move the tool by more than ``WANTED``.
-
-    ``orientation``: what orientations are written as, their decimals, and rad for each unit of the last digit.
-    """
-    decimals, program = job.options.decimals, job.program
-    half_mm, half_deg = 0.5 * 10.0**-decimals.length, 0.5 * 10.0**-decimals.angle
-    reach = farthest(program)
-    linear = program.travel.shape[1] * half_mm * 1e-3
-    turning = np.radians(half_deg) * program.robot.dof
-    tip, turned = turning * reach + linear, turning
-    if program.cell.turntable is not None:
-        lever = float(np.abs(program.T_part_tool[:, :3, 3]).max()) + reach
-        tip, turned = tip + np.radians(half_deg) * lever, turned + np.radians(half_deg)
-    if job.kind == "cartesian":
-        _, digits, unit = orientation
-        tip, turned = np.sqrt(3.0) * half_mm * 1e-3, 3.0 * 0.5 * 10.0**-digits * unit
-    notes = []
-    if tip > WANTED:
-        notes.append(f"decimals: rounding alone can move the tip by {tip * 1e6:.2g} um, more than {WANTED * 1e6:g} um")
-    if turned > WANTED:
-        notes.append(f"decimals: rounding alone can turn the tool by {turned:.2g} rad, more than {WANTED:g} rad")
-    return notes
+def plain(value: float, digits: int = 7) -> str:
+    """A positive number to so many digits, without exponent: controllers differ in what they read."""
+    decimals = max(0, digits - 1 - int(np.floor(np.log10(value)))) if value > 0.0 else 0
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

@@ -1,28 +1,27 @@
-"""Neutral programs: everything of a :class:`JointProgram` as JSON, and as CSV; written without templates.
+"""Neutral programs: everything of a :class:`JointProgram` as columns of moves; written without templates.
 
 Schema ``stiffarm-program/1``. Each move has its source line; joint angles are the project's own (no controller's sign
-or zero); lengths in mm, angles in deg, feeds in mm/min, speeds in rpm. Numbers have all their digits.
-
-JSON is one object: ``schema``, ``source``, ``robot``, ``cell``, ``joints``, ``linear_axes``, ``turntable``,
-``branches``, ``tools``, ``operations``, ``events``, ``notes``, ``columns``, and ``moves``, a list of rows, one a line.
-In it everything comes back. CSV has ``# stiffarm-program/1`` first, then a line of names, then the same columns with
-tool and operation spelled out; tables, events and notes are not in it. What is not known is null, or an empty field.
+or zero); lengths in mm, angles in deg, feeds in mm/min, speeds in rpm. Numbers have all their digits. What is not known
+is null, or an empty field.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from machining.programs.orientation import quaternions
+from machining import magnitudes as limits
+from machining.cell import Cell
+from machining.programs.orientation import from_quaternions, quaternions
 from machining.programs.program import JointProgram
-from machining.programs.source_text import comment
-from robots.arrays import Array
+from machining.toolpaths.motions import Motions
+from robots import InputError, Robot
+from robots.arrays import Array, Integers
 from robots.constants import MM_MIN, RPM
-from robots.files.csv_text import rows_text
+from robots.frames import framed
 
 SCHEMA = "stiffarm-program/1"
 BLOCK = 2000
@@ -31,12 +30,24 @@ FRONT = (
     "line", "inserted", "rapid", "feed_mm_min", "tool", "spindle_rpm", "dwell_s", "operation", "branch", "gamma_deg",
 )  # fmt: skip
 FRAME = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+# Degrees, and mm of external axes.
+LARGEST_ANGLE = limits.FARTHEST * 1e3
+_WHOLE = ("line", "inserted", "rapid", "tool", "operation", "branch")
+_RANGES = {
+    **dict.fromkeys(("line", "tool", "operation", "branch"), (-1.0, float(limits.LARGEST_NUMBER))),
+    **dict.fromkeys(("inserted", "rapid"), (0.0, 1.0)),
+    "feed_mm_min": (limits.SLOWEST / MM_MIN, limits.FASTEST / MM_MIN),
+    "spindle_rpm": (-limits.FASTEST_TURN / RPM, limits.FASTEST_TURN / RPM),
+    "dwell_s": (0.0, limits.LONGEST_REST),
+}
+# Quaternions farther from length 1 than this are a fault of the file, not of rounding.
+UNIT = 1e-6
 
 
-def columns(dof: int, linear: int) -> list[str]:
+def columns(robot: Robot, cell: Cell) -> list[str]:
     """Names of the columns of moves."""
-    joints, axes = [f"q{i + 1}_deg" for i in range(dof)], [f"e{i + 1}_mm" for i in range(linear)]
-    return [*FRONT, *joints, *axes, "table_deg", *FRAME]
+    joints = [f"q{i + 1}_deg" for i in range(robot.dof)]
+    return [*FRONT, *joints, *(f"e{i + 1}_mm" for i in range(len(cell.linear_axes))), "table_deg", *FRAME]
 
 
 def rows(program: JointProgram, first: int, last: int) -> Iterator[list[object]]:
@@ -67,66 +78,70 @@ def _nullable(column: Array) -> list[float | None]:
     return [v if math.isfinite(v) else None for v in column.tolist()]
 
 
-def json_pieces(program: JointProgram) -> Iterator[str]:
-    """The JSON text, a block of moves at a time."""
-    m, robot, cell = program.motions, program.robot, program.cell
-    head = {
-        "schema": SCHEMA,
-        "source": m.source,
-        "robot": robot.name,
-        "cell": cell.name,
-        "joints": robot.dof,
-        "linear_axes": [axis.name for axis in cell.linear_axes],
-        "turntable": cell.turntable is not None,
-        "branches": list(program.names),
-        "tools": [
-            {
-                "number": tool.number,
-                "name": tool.name,
-                "diameter_mm": _known(tool.diameter * 1e3),
-                "corner_radius_mm": _known(tool.corner_radius * 1e3),
-                "length_mm": _known(tool.length * 1e3),
-            }
-            for tool in m.tools
-        ],
-        "operations": list(m.operations),
-        "events": [{"line": e.line, "before_move": e.move, "word": e.word, "text": e.text} for e in m.events],
-        "notes": [{"line": note.line, "text": note.text, "count": note.count} for note in m.notes],
-        "columns": columns(robot.dof, len(cell.linear_axes)),
-    }
-    yield json.dumps(head, indent=1, allow_nan=False)[:-2] + ',\n "moves": [\n'
-    for first in range(0, program.n, BLOCK):
-        last = min(first + BLOCK, program.n)
-        text = ",\n".join(json.dumps(row, allow_nan=False) for row in rows(program, first, last))
-        yield text + ("\n" if last == program.n else ",\n")
-    yield " ]\n}\n"
+def table_of(names: Sequence[str], rows: Sequence[Sequence[float]], where: str) -> dict[str, Array]:
+    """Columns (n,) by name, NaN where not known. Raises InputError for a number that is out of its range."""
+    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
+    table = dict(zip(names, values.T.copy(), strict=True))
+    for name, column in table.items():
+        least, most = _RANGES.get(name, (-LARGEST_ANGLE, LARGEST_ANGLE))
+        good = (column >= least) & (column <= most)
+        if name in ("feed_mm_min", "spindle_rpm"):
+            good |= np.isnan(column)
+        elif name in _WHOLE:
+            good &= column == np.rint(column)
+        if not good.all():
+            row = int(np.argmin(good))
+            allowed = f"a {'whole' if name in _WHOLE else 'finite'} number from {least:g} to {most:g}"
+            value = "none" if np.isnan(column[row]) else f"{column[row]:g}"
+            raise InputError(f"{where}, move {row + 1}, {name}", value=value, allowed=allowed)
+    return table
 
 
-def csv_pieces(program: JointProgram) -> Iterator[str]:
-    """The CSV text, a block of moves at a time.
+def program_of(robot: Robot, cell: Cell, table: Mapping[str, Array], where: str, **others: Any) -> JointProgram:
+    """The program of columns (n,); ``others``: fields of programs and motions that are no columns of numbers.
 
-    Names of tools and operations are made harmless as in comments.
+    Raises
+    ------
+    InputError
+        A frame whose quaternion is none, and as :class:`Motions` and :class:`JointProgram`.
     """
-    names = columns(program.robot.dof, len(program.cell.linear_axes))
-    tool, operation, branch = (names.index(name) for name in ("tool", "operation", "branch"))
-    inserted, rapid = names.index("inserted"), names.index("rapid")
-    tools = [comment(f"{'' if t.number is None else t.number} {t.name}") for t in program.motions.tools]
-    operations = [comment(name) for name in program.motions.operations]
-    yield f"# {SCHEMA}\r\n"
-    yield ",".join(names) + "\r\n"
-    for first in range(0, program.n, BLOCK):
-        cells = []
-        for row in rows(program, first, min(first + BLOCK, program.n)):
-            row[tool], row[operation] = tools[_index(row[tool])], operations[_index(row[operation])]
-            row[branch] = comment(program.names[_index(row[branch])]) if program.names else ""
-            row[inserted], row[rapid] = int(row[inserted] is True), int(row[rapid] is True)
-            cells.append(row)
-        yield rows_text(cells, "\r\n")
+    values = np.stack([table[name] for name in FRAME], axis=1)
+    off = np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0)
+    if (off > UNIT).any():
+        raise InputError(f"{where}, move {int(np.argmax(off > UNIT)) + 1}, qw to qz", allowed="a unit quaternion")
+    T = framed(from_quaternions(values[:, 3:]), values[:, :3] * 1e-3)
+    of_program = {name: others.pop(name) for name in ("branch", "names")}
+    axes = len(cell.linear_axes)
+    motions = Motions(
+        points=np.ascontiguousarray(T[:, :3, 3]),
+        # The tool frame's z leads out of the holder through the tip.
+        axes=np.ascontiguousarray(-T[:, :3, 2]),
+        rapid=table["rapid"] != 0.0,
+        feed=table["feed_mm_min"] * MM_MIN,
+        line=integers(table["line"]),
+        spindle=table["spindle_rpm"] * RPM,
+        dwell=table["dwell_s"],
+        **others,
+    )
+    return JointProgram(
+        robot=robot,
+        cell=cell,
+        motions=motions,
+        T_part_tool=T,
+        q=joints_of(robot, table),
+        travel=np.array([table[f"e{i + 1}_mm"] for i in range(axes)]).reshape(axes, len(T)).T * 1e-3,
+        table=np.radians(table["table_deg"]),
+        gamma=np.radians(table["gamma_deg"]),
+        inserted=table["inserted"] != 0.0,
+        **of_program,
+    )
 
 
-def _index(value: object) -> int:
-    return int(str(value))
+def joints_of(robot: Robot, table: Mapping[str, Array]) -> Array:
+    """Joint angles (n, dof) rad of columns."""
+    return np.radians(np.stack([table[f"q{i + 1}_deg"] for i in range(robot.dof)], axis=1))
 
 
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def integers(column: Array) -> Integers:
+    """A column of whole numbers as such."""
+    return np.asarray(np.rint(column), dtype=np.int64)

@@ -7,6 +7,10 @@ quaternion, scalar first).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -55,3 +59,21 @@ def quaternions(R: Array) -> Array:
 def from_quaternions(q: Array) -> Array:
     """Rotations (n, 3, 3) from quaternions (n, 4), scalar first, of about length 1."""
     return np.asarray(Rotation.from_quat(q, scalar_first=True).as_matrix())
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """How a language writes rotations (n, 3, 3), and reads them back.
+
+    ``decimals``: which of the options' digits its numbers have; ``unit``: rad for each unit of the last digit.
+    """
+
+    write: Callable[[Array], Array]
+    read: Callable[[Array], Array]
+    decimals: Literal["angle", "quaternion"] = "angle"
+    unit: float = float(np.radians(1.0))
+
+
+ABC = Orientation(zyx_degrees, from_zyx_degrees)
+RX_RY_RZ = Orientation(xyz_degrees, from_xyz_degrees)
+QUATERNION = Orientation(quaternions, from_quaternions, "quaternion", 2.0)

@@ -21,8 +21,7 @@ from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course, course_at
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.state import PostState, places, refined, source_line, task_of, tool_frames
-from machining.programs.subdivide import pieces_for
+from machining.programs.refining import PostState, pieces_for, places, refined, source_line, task_of, tool_frames
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
@@ -116,21 +115,20 @@ def post(
     split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
-    gamma, near = _given_gamma(settings, motions.n), _given_postures(settings, motions.n, model.robot.dof)
-    state = PostState(motions, travel, np.zeros(motions.n, dtype=np.bool_), gamma, near)
-    state = refined(state, pieces)
-    course: Course | None = None
-    for round_ in range(ROUNDS):
-        try:
-            course = _course(model, cell, state, settings, progress if round_ == 0 else None)
-        except PathError as error:
-            raise error.at(error.point, f"line {source_line(state, error.point)}") from None
-        state = replace(state, gamma=course.gamma)
-        bend = _bend(model, cell, state, course, settings)
+    n, given = motions.n, settings.gamma
+    chosen = isinstance(given, GammaRange) or np.ndim(given) == 0
+    gamma = None if chosen else _at_each_move("gamma", np.asarray(given, dtype=np.float64), (n,))
+    near = None if settings.near is None else _at_each_move("postures", settings.near, (n, model.robot.dof))
+    state = refined(PostState(motions, travel, np.zeros(n, dtype=np.bool_), gamma, near), pieces)
+    for _ in range(ROUNDS):
+        posted = _posted(model, cell, state, settings, progress)
+        progress = None
+        state = replace(state, gamma=posted.course.gamma)
         may = np.ones(state.motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~state.motions.rapid
+        bend = posted.bend
         coarse = may & (bend > settings.tolerance)
         if not coarse.any():
-            return Posted(_program(model, cell, state, course, settings), settings, course, bend)
+            return posted
         more = np.where(coarse, np.ceil(np.sqrt(1.1 * bend / settings.tolerance)), 1.0).astype(np.int64)
         state = refined(state, np.minimum(more, 64))
     worst = int(np.argmax(np.where(may, bend, 0.0)))
@@ -153,29 +151,14 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     program, cell, settings = posted.program, posted.program.cell, posted.settings
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
     state = PostState(motions, program.travel, program.inserted, program.gamma, program.q)
-    try:
-        course = _course(model, cell, state, settings, None)
-    except PathError as error:
-        raise error.at(error.point, f"line {source_line(state, error.point)}") from None
-    bend = _bend(model, cell, state, course, settings)
-    return Posted(_program(model, cell, state, course, settings), settings, course, bend)
+    return _posted(model, cell, state, settings, None)
 
 
-def _given_gamma(settings: PostSettings, n: int) -> Array | None:
-    """Gamma (n,) where each move has its own."""
-    if isinstance(settings.gamma, GammaRange) or np.ndim(settings.gamma) == 0:
-        return None
-    gamma = np.asarray(settings.gamma, dtype=np.float64)
-    if gamma.shape != (n,) or not np.isfinite(gamma).all():
-        raise InputError("gamma at each move", value=f"shape {gamma.shape}", allowed=f"finite ({n},) rad")
-    return gamma
-
-
-def _given_postures(settings: PostSettings, n: int, dof: int) -> Array | None:
-    near = settings.near
-    if near is not None and (near.shape != (n, dof) or not np.isfinite(near).all()):
-        raise InputError("postures at each move", value=f"shape {near.shape}", allowed=f"finite ({n}, {dof}) rad")
-    return near
+def _at_each_move(what: str, values: Array, shape: tuple[int, ...]) -> Array:
+    """Angles (rad) that each move has. Raises InputError for another shape, or what is not finite."""
+    if values.shape != shape or not np.isfinite(values).all():
+        raise InputError(f"{what} at each move", value=f"shape {values.shape}", allowed=f"finite {shape} rad")
+    return values
 
 
 def _with_reference(motions: Motions, settings: PostSettings) -> PostSettings:
@@ -221,6 +204,30 @@ def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
     return rows
 
 
+def _posted(
+    model: fem.ArmModel, cell: Cell, state: PostState, settings: PostSettings, progress: Progress | None
+) -> Posted:
+    """The program of moves. Raises PathError, with the line, where they cannot be driven."""
+    try:
+        course = _course(model, cell, state, settings, progress)
+    except PathError as error:
+        raise error.at(error.point, f"line {source_line(state, error.point)}") from None
+    program = JointProgram(
+        robot=model.robot,
+        cell=cell,
+        motions=state.motions,
+        T_part_tool=tool_frames(cell, state, settings.table, settings.reference, course.gamma),
+        q=course.q,
+        travel=state.travel,
+        table=np.full(state.motions.n, settings.table),
+        gamma=course.gamma,
+        branch=course.branch,
+        names=course.names,
+        inserted=state.inserted,
+    )
+    return Posted(program, settings, course, _bend(program))
+
+
 def _course(
     model: fem.ArmModel,
     cell: Cell,
@@ -250,31 +257,9 @@ def _course(
     )
 
 
-def _bend(model: fem.ArmModel, cell: Cell, state: PostState, course: Course, settings: PostSettings) -> Array:
+def _bend(program: JointProgram) -> Array:
     """Distance (n,) m of the tip from the straight line when all axes are half-way to each move's end."""
-    bend = np.zeros(state.motions.n)
-    if len(bend) < 2:
-        return bend
-    half_q = 0.5 * (course.q[1:] + course.q[:-1])
-    half_travel = 0.5 * (state.travel[1:] + state.travel[:-1])
-    table = np.full(len(half_q), settings.table)
-    tip = tool_in_part(model.robot, cell, half_q, half_travel, table)[:, :3, 3]
-    wanted = 0.5 * (state.motions.points[1:] + state.motions.points[:-1])
-    bend[1:] = np.linalg.norm(tip - wanted, axis=1)
-    return bend
-
-
-def _program(model: fem.ArmModel, cell: Cell, state: PostState, course: Course, settings: PostSettings) -> JointProgram:
-    return JointProgram(
-        robot=model.robot,
-        cell=cell,
-        motions=state.motions,
-        T_part_tool=tool_frames(cell, state, settings.table, settings.reference, course.gamma),
-        q=course.q,
-        travel=state.travel,
-        table=np.full(state.motions.n, settings.table),
-        gamma=course.gamma,
-        branch=course.branch,
-        names=course.names,
-        inserted=state.inserted,
-    )
+    points = program.motions.points
+    half = [0.5 * (values[1:] + values[:-1]) for values in (program.q, program.travel, program.table, points)]
+    tip = tool_in_part(program.robot, program.cell, *half[:3])[:, :3, 3]
+    return np.append(np.zeros(min(1, program.n)), np.linalg.norm(tip - half[3], axis=1))

@@ -5,7 +5,7 @@ come as :class:`~machining.programs.source_text.SourceText`, which only the filt
 
 To change a format, copy one file of ``templates/<format>/`` into a folder of the same name and edit it there:
 ``events.j2`` has the macros for tools, spindle, operations and events
-(:class:`~machining.programs.commands.Happening`), ``main.j2`` (VAL3: ``start.j2``, ``data.j2``) the head of a program,
+(:class:`~machining.programs.job.Happening`), ``main.j2`` (VAL3: ``start.j2``, ``data.j2``) the head of a program,
 ``moves.j2`` the lines of each move (:class:`~machining.programs.job.Move`). All know the options as ``o``, ``head``,
 ``count``, ``cartesian`` and ``after``. What is written is read back and compared with the tool path, so coordinates,
 configurations and speeds must stay readable in the form that the bundled templates have; lines that are no motion are

@@ -12,12 +12,11 @@ import fem
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.posture.points import GammaRange
 from machining.programs.compensation import CAP, Compensated, compensate
+from machining.programs.format import RoundTrip, Written
 from machining.programs.formats import FORMATS, round_trip, write_program
 from machining.programs.job import Kind
 from machining.programs.posting import Posted, PostSettings, post
-from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import Written
 from machining.setup import Setup
 from machining.toolpaths import Motions
 from robots import InputError

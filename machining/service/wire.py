@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -169,41 +169,32 @@ class Fields:
         """An error about a key that is missing."""
         return InputError(f"{self.do}: {key} is missing", allowed=allowed, remedy=f"give {key}")
 
+    def given(self, key: str, fits: Callable[[Any], bool], allowed: str) -> Any:
+        """The value of a key that fits, None where it is not given."""
+        value = self.take(key)
+        if value is not None and not fits(value):
+            raise self.fault(key, value, allowed)
+        return value
+
     def flag(self, key: str, default: bool) -> bool:
         """True or false."""
-        value = self.take(key)
-        if value is None:
-            return default
-        if not isinstance(value, bool):
-            raise self.fault(key, value, "true, false")
-        return value
+        value = self.given(key, lambda v: isinstance(v, bool), "true, false")
+        return default if value is None else value
 
     def choice(self, key: str, allowed: Sequence[str], default: str) -> str:
         """One of some words."""
-        value = self.take(key)
-        if value is None:
-            return default
-        if not isinstance(value, str) or value not in allowed:
-            raise self.fault(key, value, ", ".join(allowed))
-        return value
+        value = self.given(key, lambda v: isinstance(v, str) and v in allowed, ", ".join(allowed))
+        return default if value is None else value
 
     def number(self, key: str, low: float = -MOST, high: float = MOST) -> float | None:
         """A number from ``low`` to ``high``; None where it is not given."""
-        value = self.take(key)
-        if value is None:
-            return None
-        if not _is_number(value) or not low <= value <= high:
-            raise self.fault(key, value, f"a number from {low:g} to {high:g}")
-        return float(value)
+        value = self.given(key, lambda v: _is_number(v) and low <= v <= high, f"a number from {low:g} to {high:g}")
+        return None if value is None else float(value)
 
     def vector(self, key: str, size: int) -> tuple[float, ...] | None:
         """A list of ``size`` numbers; None where it is not given."""
-        value = self.take(key)
-        if value is None:
-            return None
-        if not isinstance(value, list) or len(value) != size or not all(map(_is_number, value)):
-            raise self.fault(key, value, f"{size} numbers of at most {MOST:g}")
-        return tuple(map(float, value))
+        value = self.given(key, lambda v: _are_numbers(v, size), f"{size} numbers of at most {MOST:g}")
+        return None if value is None else tuple(map(float, value))
 
     def direction(self, key: str) -> tuple[float, float, float] | None:
         """A unit vector along three numbers that are not all zero."""
@@ -228,13 +219,13 @@ class Fields:
         if not isinstance(value, list) or not value:
             raise self.fault(key, value, form)
         if not isinstance(value[0], list):
-            if len(value) != size or not all(map(_is_number, value)):
+            if not _are_numbers(value, size):
                 raise self.fault(key, value, form)
             return np.array(value, dtype=np.float64)
         if len(value) > most:
             raise self.fault(key, f"{len(value)} lists", form)
         for i, row in enumerate(value):
-            if not isinstance(row, list) or len(row) != size or not all(map(_is_number, row)):
+            if not _are_numbers(row, size):
                 raise self.fault(f"{key}, row {i}", row, form)
         return np.array(value, dtype=np.float64)
 
@@ -263,3 +254,7 @@ def _is_number(value: object) -> bool:
     kind = type(value)
     # NaN is not less than anything. Integers of any length compare.
     return (kind is float or kind is int) and -MOST <= value <= MOST  # type: ignore[operator]
+
+
+def _are_numbers(value: object, size: int) -> bool:
+    return isinstance(value, list) and len(value) == size and all(map(_is_number, value))

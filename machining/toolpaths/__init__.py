@@ -7,15 +7,14 @@ from robots.lazily import lazily
 if TYPE_CHECKING:
     from machining.toolpaths.apt.reader import read_apt
     from machining.toolpaths.arcs import ArcError, arc_points
-    from machining.toolpaths.conversion import CuttingPath, cutting_runs, to_tool_path
+    from machining.toolpaths.conversion import CuttingPath, GivenPath, cutting_runs, read_given_path, to_tool_path
     from machining.toolpaths.cycles import Cycle, Stroke
+    from machining.toolpaths.gcode.motion import tool_axis
     from machining.toolpaths.gcode.reader import read_gcode
-    from machining.toolpaths.given import GivenPath, read_given_path
     from machining.toolpaths.motions import Event, Motions, Note, Tool
-    from machining.toolpaths.neutral import read_motions, write_motions
     from machining.toolpaths.options import ReadOptions
     from machining.toolpaths.reading import read_toolpath
-    from machining.toolpaths.rotary import tool_axis
+    from machining.toolpaths.tables import read_motions, write_motions
 else:
     __getattr__ = lazily(__name__)
 

@@ -30,7 +30,7 @@ class ReadOptions:
         more numbers that Siemens NX writes, right for six or seven (Creo, SolidWorks CAM)
     max_bytes : largest file read
     max_moves : most moves kept; about 170 bytes of memory each
-    rotary : kinematics of the rotary axes in G-code, such as "table-AC" or "head-BC" (see :mod:`rotary`)
+    rotary : kinematics of the rotary axes in G-code, such as "table-AC" or "head-BC" (see :func:`tool_axis`)
     tcp : the program's X Y Z are the tool tip in the part frame from its first line, without G43.4 or TRAORI
     start : m, where the tool stands before the first G-code line, if known
     offsets : m, origin of each work offset by its word ("G54"); added to the coordinates

@@ -12,10 +12,9 @@ from machining.task import ToolPath
 from machining.toolpaths.apt.reader import read_apt
 from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.motions import Motions, Note
-from machining.toolpaths.neutral import MARK, read_motions
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.path_file import read_path
 from machining.toolpaths.source import content, lines
+from machining.toolpaths.tables import MARK, read_motions, read_path
 from robots import InputError
 from robots.files.reading import recording
 

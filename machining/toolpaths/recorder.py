@@ -23,6 +23,14 @@ UNIT = 1e-3
 TURN = float(np.cos(np.radians(10.0)))
 
 
+class StatementError(ValueError):
+    """A statement that cannot be read: what is wrong, what is allowed, what to do."""
+
+    def __init__(self, what: str, allowed: str | None = None, remedy: str | None = None) -> None:
+        super().__init__(what)
+        self.what, self.allowed, self.remedy = what, allowed, remedy
+
+
 class Recorder:
     """Moves, state, events, notes and faults of one file; :meth:`motions` makes the result or raises."""
 
@@ -30,8 +38,8 @@ class Recorder:
         self.source, self.max_moves = source, max_moves
         self.points, self.axes = array("d"), array("d")
         self.rapids, self.lines = array("b"), array("q")
-        self._starts, self._tools, self._operations = array("q"), array("q"), array("q")
-        self._feeds, self._spindles = array("d"), array("d")
+        # First move, feed, spindle, tool and operation of one state after the other.
+        self._states = array("d")
         self._dwells: dict[int, float] = {}
         self.tools: dict[Tool, int] = {}
         self.operations: dict[str, int] = {}
@@ -45,11 +53,9 @@ class Recorder:
 
     def state(self, feed: float, spindle: float, tool: Tool, operation: str) -> None:
         """Feed (m/s), spindle (rad/s), tool and operation of the moves from here on."""
-        self._starts.append(len(self.lines))
-        self._feeds.append(feed)
-        self._spindles.append(spindle)
-        self._tools.append(self.tools.setdefault(tool, len(self.tools)))
-        self._operations.append(self.operations.setdefault(clean(operation), len(self.operations)))
+        named = self.operations.setdefault(clean(operation), len(self.operations))
+        kept = self.tools.setdefault(tool, len(self.tools))
+        self._states.extend((len(self.lines), feed, spindle, kept, named))
 
     def move(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
         """One move to ``point`` (m) with tool axis ``axis`` of any length."""
@@ -87,8 +93,10 @@ class Recorder:
         elif seconds:
             self.note(line, "a dwell before the first move is left out")
 
-    def event(self, line: int, word: str, text: str = "") -> None:
-        """Keep a word that is no motion."""
+    def event(self, line: int, word: str, text: str = "", note: str = "") -> None:
+        """Keep a word that is no motion, and remark on it."""
+        if note:
+            self.note(line, note)
         if len(self.events) < EVENTS:
             self.events.append(Event(line, len(self.lines), clean(word), clean(text)))
         else:
@@ -147,9 +155,9 @@ class Recorder:
 
     def _check_states(self, line: Integers) -> None:
         """Faults of feeds and spindle speeds, each with the line of the first move that it holds for."""
-        starts = np.append(np.array(self._starts, dtype=np.int64), len(line))
+        start, feed, spindle, *_ = self._state_columns()
+        starts = np.append(start.astype(np.int64), len(line))
         rapid = np.append(np.array(self.rapids, dtype=bool), True)
-        feed, spindle = np.array(self._feeds), np.array(self._spindles)
         wrong = ~limits.feeds(feed), np.abs(spindle) > limits.FASTEST_TURN
         for i in np.flatnonzero(wrong[0] | wrong[1]):
             first, last = starts[i : i + 2]
@@ -164,6 +172,10 @@ class Recorder:
                 )
                 self.error(int(line[first]), "spindle speed, rpm", value=value, allowed=allowed)
 
+    def _state_columns(self) -> Array:
+        """First move, feed, spindle, tool and operation of each state, as columns."""
+        return np.array(self._states).reshape(-1, 5).T
+
     def _turns(self, axes: Array, rapid: Bools, line: Integers) -> None:
         """Remark on moves at feed that turn the tool far: how it turns on the way is the control's."""
         cosine = np.einsum("ij,ij->i", axes[1:], axes[:-1])
@@ -176,10 +188,10 @@ class Recorder:
 
     def _table(self, points: Array, axes: Array, line: Integers) -> Motions:
         n = len(line)
-        counts = np.diff(np.append(np.frombuffer(self._starts, dtype=np.int64), n))
+        start, *columns = self._state_columns()
+        counts = np.diff(np.append(start, n)).astype(np.int64)
+        feed, spindle, tool, operation = (np.repeat(column, counts) for column in columns)
         rapid = np.frombuffer(self.rapids, dtype=np.int8).astype(bool)
-        feed = np.repeat(np.frombuffer(self._feeds), counts)
-        spindle = np.repeat(np.frombuffer(self._spindles), counts)
         feed[rapid] = np.nan
         self._turns(axes, rapid, line)
         dwell = np.zeros(n)
@@ -195,10 +207,10 @@ class Recorder:
             rapid=rapid,
             feed=feed,
             line=line,
-            tool=np.repeat(np.frombuffer(self._tools, dtype=np.int64), counts),
+            tool=tool.astype(np.int64),
             spindle=spindle,
             dwell=dwell,
-            operation=np.repeat(np.frombuffer(self._operations, dtype=np.int64), counts),
+            operation=operation.astype(np.int64),
             tools=tuple(self.tools),
             operations=tuple(self.operations),
             events=tuple(self.events),

@@ -1,7 +1,7 @@
 """Verification of a program before the cell moves: what would go wrong, where, and what could not be proven."""
 
+from machining.verification.courses import MovingAxes, moving_axes
 from machining.verification.demands import Demands, Interpolation
-from machining.verification.moving_axes import MovingAxes, moving_axes
 from machining.verification.offences import KIND_WORDS, Kind, Offence, Severity
 from machining.verification.verify import Verification, verify
 

@@ -1,16 +1,22 @@
-"""The moves of a program as curves of all axes, as a controller would run them."""
+"""All axes of a cell, and the moves of a program as curves of them, as a controller would run them.
+
+Axes are columns of one table: joints, then linear axes, then the turntable.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from machining.cell import Cell, LinearAxis, Turntable
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
-from machining.verification.moving_axes import MovingAxes, moving_axes
+from robots import Robot
 from robots.arrays import Array, Bools, Integers
 from robots.frames import inverse
 from robots.inverse.search import refine
@@ -18,6 +24,74 @@ from robots.inverse.search import refine
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move
 # leaves the line by nearly a parabola, whose top lies in the middle: eight pieces see it to 2 %.
 PIECES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class MovingAxes:
+    """Names and bounds of a axes: dof joints, k linear axes, and the turntable if there is one.
+
+    ``lower``, ``upper`` (a,) rad or m; ``speed`` (a,) and ``acceleration`` (a,), inf where not known; ``linear`` (a,)
+    says which are in m.
+    """
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    speed: Array
+    acceleration: Array
+    linear: Bools
+    dof: int
+    travels: int
+
+    @property
+    def count(self) -> int:
+        """Number of axes."""
+        return len(self.names)
+
+    def unit(self, axis: int, per: str = "") -> str:
+        """Unit of an axis, as in "rad/s"."""
+        return ("m" if self.linear[axis] else "rad") + per
+
+    def table(self, q: Array, travel: Array, table: Array) -> Array:
+        """Columns (n, a) of q (n, dof), travel (n, k) and table (n,)."""
+        return np.concatenate([q, travel, table[:, None]], axis=1)[:, : self.count]
+
+    def parts(self, values: Array) -> tuple[Array, Array, Array]:
+        """Undo :meth:`table`; the turntable stands at 0 where there is none."""
+        k = self.dof + self.travels
+        table = values[:, k] if self.count > k else np.zeros(len(values))
+        return values[:, : self.dof], values[:, self.dof : k], table
+
+    def of(self, program: JointProgram) -> Array:
+        """Coordinates (n, a) of all axes at a program's points."""
+        return self.table(program.q, program.travel, program.table)
+
+
+def moving_axes(robot: Robot, cell: Cell) -> MovingAxes:
+    """Axes of a robot in its cell."""
+    others: list[LinearAxis | Turntable] = [*cell.linear_axes, *([] if cell.turntable is None else [cell.turntable])]
+    free = np.array([-np.inf, np.inf])
+    limits = np.array([*robot.limits, *(free if axis.limits is None else axis.limits for axis in others)])
+    return MovingAxes(
+        names=(
+            *(name.removesuffix("_deg") for name in robot.coordinates),
+            *(axis.name for axis in cell.linear_axes),
+            *(["turntable"] if cell.turntable else []),
+        ),
+        lower=limits[:, 0],
+        upper=limits[:, 1],
+        speed=_rates(cell.joint_speed, robot.dof, [axis.speed for axis in others]),
+        acceleration=_rates(cell.joint_acceleration, robot.dof, [axis.acceleration for axis in others]),
+        linear=np.repeat([False, True, False], [robot.dof, len(cell.linear_axes), cell.turntable is not None]),
+        dof=robot.dof,
+        travels=len(cell.linear_axes),
+    )
+
+
+def _rates(joints: ArrayLike | None, dof: int, others: Sequence[float | None]) -> Array:
+    """Greatest rates (a,) of joints and other axes; inf where not known."""
+    of_joints = np.broadcast_to(np.inf if joints is None else np.asarray(joints, dtype=np.float64), (dof,))
+    return np.array([*of_joints, *(np.inf if rate is None else rate for rate in others)])
 
 
 @dataclass(frozen=True, eq=False)

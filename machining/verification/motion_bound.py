@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from machining.cell import Scene
-from machining.verification.moving_axes import MovingAxes
+from machining.verification.courses import MovingAxes
 from robots import forward_kinematics
 from robots.arrays import Array, Bools, Integers
 

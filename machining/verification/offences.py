@@ -1,12 +1,25 @@
-"""Offences: what is wrong with a program, at which move and source line, and in which pose it first shows."""
+"""Offences: what is wrong with a program, at which move, line and pose it first shows; and how they are found."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from robots.arrays import Array
+import numpy as np
+
+from machining.cell.cell import LIMIT_TOLERANCE
+from machining.verification.courses import PIECES, Courses
+from machining.verification.demands import Demands
+from machining.verification.path_checks import SIGNS, PathChecks, counts
+from machining.verification.sweep import Swept
+from machining.verification.timing import Timing
+from robots.arrays import Array, Bools, Integers
+
+# Rates that exceed their limits by less are rounding.
+RATE_TOLERANCE = 1e-6
+# A move nearer to the tool axis than this cosine (18 deg) draws the tool out.
+RETRACT = 0.95
 
 
 class Kind(StrEnum):
@@ -64,7 +77,7 @@ class Offence:
     bodies : the two bodies, for collisions and clearances
     axis : name of the axis, for limits and rates
     text : more in words
-    q, travel, table : the pose in which it first shows: (dof,) rad, (k,) m, rad
+    values : (a,) coordinates of all axes in the pose in which it first shows
     """
 
     kind: Kind
@@ -80,9 +93,7 @@ class Offence:
     bodies: tuple[str, str] | None
     axis: str
     text: str
-    q: Array
-    travel: Array
-    table: float
+    values: Array
 
     @property
     def moves(self) -> int:
@@ -118,3 +129,205 @@ def merged(offences: Iterable[Offence]) -> tuple[Offence, ...]:
             running[offence.same] = len(out)
             out.append(offence)
     return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """Makes offences of moves: looks up lines and poses."""
+
+    courses: Courses
+    nc_lines: Sequence[int] | None
+
+    def offence(
+        self,
+        kind: Kind,
+        move: int,
+        at: float,
+        value: float,
+        limit: float,
+        unit: str,
+        *,
+        bodies: tuple[str, str] | None = None,
+        axis: str = "",
+        text: str = "",
+        severity: Severity = Severity.ERROR,
+    ) -> Offence:
+        """An offence of one move."""
+        values, _ = self.courses.at(np.array([move]), np.array([float(at)]))
+        line = int(self.courses.program.motions.line[move])
+        nc_line = None if self.nc_lines is None else int(self.nc_lines[move])
+        return Offence(
+            kind, severity, int(move), int(move), line, nc_line, float(at), float(value), float(limit), unit, bodies,
+            axis, text, values[0],
+        )  # fmt: skip
+
+    def each(
+        self, kind: Kind, moves: Bools, at: Array | float, value: Array, limit: float, unit: str, *, text: str = ""
+    ) -> Iterator[Offence]:
+        """An offence of each of ``moves`` (n,), ``at`` and ``value`` (n,)."""
+        shares = np.broadcast_to(at, moves.shape)
+        for move in _where(moves):
+            yield self.offence(kind, move, shares[move], value[move], limit, unit, text=text)
+
+    def touching(
+        self, kind: Kind, swept: Swept, at: Array, pair: Integers, value: Array, limit: float = 0.0
+    ) -> Iterator[Offence]:
+        """An offence of two bodies, by ``pair`` (n,), at each of the shares ``at`` (n,) that are not NaN."""
+        for move in _where(np.isfinite(at)):
+            yield self.offence(kind, move, at[move], value[move], limit, "m", bodies=swept.names[pair[move]])
+
+
+def body_offences(reported: Reported, swept: Swept, rapid: Swept | None, safety: float) -> Iterator[Offence]:
+    """Collisions, small clearances, and what could not be proven."""
+    nothing, free = np.zeros(len(swept.hit)), np.isnan(swept.hit)
+    yield from reported.touching(Kind.COLLISION, swept, swept.hit, swept.hit_pair, nothing)
+    low = np.where(free, swept.low, np.nan)
+    yield from reported.touching(Kind.CLEARANCE, swept, low, swept.low_pair, swept.distance, safety)
+    for move in _where(np.isfinite(swept.unproven) & free):
+        yield _unproven(reported, move, swept)
+    text = "joints jump, or the line leaves the reach"
+    lost = np.isfinite(swept.lost)
+    yield from reported.each(Kind.UNFOLLOWED, lost, swept.lost, nothing + np.nan, np.nan, "", text=text)
+    if rapid is not None:
+        yield from _rapid_contacts(reported, rapid)
+
+
+def _unproven(reported: Reported, move: int, swept: Swept, severity: Severity = Severity.ERROR) -> Offence:
+    bodies = swept.names[swept.pair[move]] if swept.pair[move] >= 0 else None
+    value, at = max(float(swept.distance[move]), 0.0), float(swept.unproven[move])
+    return reported.offence(Kind.UNPROVEN, move, at, value, 0.0, "m", bodies=bodies, severity=severity)
+
+
+def _rapid_contacts(reported: Reported, rapid: Swept) -> Iterator[Offence]:
+    """Touches of cutter and part in rapid moves; a retract along the tool from where the cut ended is a warning."""
+    retracts: set[int] = set()
+    for move in _where(np.isfinite(rapid.hit)):
+        if rapid.hit[move] == 0.0 and _retracts(reported, move, retracts):
+            retracts.add(move)
+        yield reported.offence(
+            Kind.RAPID_CONTACT,
+            move,
+            rapid.hit[move],
+            0.0,
+            0.0,
+            "m",
+            bodies=rapid.names[rapid.hit_pair[move]],
+            text="retract from where the cut ended" if move in retracts else "",
+            severity=Severity.WARNING if move in retracts else Severity.ERROR,
+        )
+    for move in _where(np.isfinite(rapid.unproven) & np.isnan(rapid.hit)):
+        # A retract begins where the cut touched the part.
+        if not _retracts(reported, move, retracts):
+            yield _unproven(reported, move, rapid, Severity.WARNING)
+
+
+def _retracts(reported: Reported, move: int, retracts: set[int]) -> bool:
+    """Whether a move draws the tool out along itself, after a cut or more of the same."""
+    motions = reported.courses.program.motions
+    if move == 0 or not (motions.cutting[move - 1] or move - 1 in retracts):
+        return False
+    way = motions.points[move] - motions.points[move - 1]
+    return bool(way @ motions.axes[move - 1] > RETRACT * np.linalg.norm(way))
+
+
+def axis_offences(reported: Reported, timing: Timing) -> Iterator[Offence]:
+    """Limits, speeds and accelerations."""
+    courses, axes = reported.courses, reported.courses.axes
+    for move, at, values in _looked_at(courses):
+        yield from _limits(reported, move, at, values)
+    with np.errstate(invalid="ignore"):
+        fast = np.argwhere(timing.speed > axes.speed * (1.0 + RATE_TOLERANCE))
+    for move, axis in fast.tolist():
+        yield reported.offence(
+            Kind.SPEED, move, 0.5, timing.speed[move, axis], axes.speed[axis], axes.unit(axis, "/s"),
+            axis=axes.names[axis],
+        )  # fmt: skip
+    for move, axis, rate in zip(timing.corners, timing.corner_axis, timing.corner_rate, strict=True):
+        yield reported.offence(
+            Kind.ACCELERATION, int(move), 0.0, rate, axes.acceleration[axis], axes.unit(int(axis), "/s^2"),
+            axis=axes.names[axis],
+        )  # fmt: skip
+
+
+def _looked_at(courses: Courses) -> Iterator[tuple[int, float, Array]]:
+    """Move, share and coordinates (a,) of points beyond limits, the farthest beyond of each move.
+
+    Between two points inside, axes that move evenly stay inside: the limits bound a convex set.
+    """
+    for move in _where(_beyond(courses, courses.points) > 0.0):
+        if not courses.straight[move]:
+            yield move, 1.0, courses.points[move]
+    straight = np.flatnonzero(courses.straight)
+    if len(straight):
+        values, _ = courses.sampled(straight)
+        beyond = _beyond(courses, values.reshape(-1, values.shape[2])).reshape(values.shape[:2])
+        for row in _where(beyond.max(axis=1) > 0.0):
+            piece = int(beyond[row].argmax())
+            yield int(straight[row]), piece / PIECES, values[row, piece]
+
+
+def _beyond(courses: Courses, values: Array) -> Array:
+    """How far (m,) coordinates (m, a) are beyond the worst limit, less the tolerance; rad or m."""
+    axes = courses.axes
+    out = np.maximum(axes.lower - values, values - axes.upper).max(axis=1)
+    for c in courses.program.robot.couplings:
+        v = c.offset + values[:, : axes.dof] @ c.factors
+        out = np.maximum(out, np.maximum(c.lower - v, v - c.upper))
+    return np.asarray(out - LIMIT_TOLERANCE)
+
+
+def _limits(reported: Reported, move: int, at: float, values: Array) -> Iterator[Offence]:
+    axes = reported.courses.axes
+    checked = [(axes.names[i], values[i], axes.lower[i], axes.upper[i], axes.unit(i)) for i in range(axes.count)]
+    for c in reported.courses.program.robot.couplings:
+        checked.append((c.name, c.offset + float(c.factors @ values[: axes.dof]), c.lower, c.upper, "rad"))
+    for name, value, lower, upper, unit in checked:
+        if value < lower - LIMIT_TOLERANCE or value > upper + LIMIT_TOLERANCE:
+            limit = lower if value < lower else upper
+            yield reported.offence(Kind.LIMIT, move, at, value, limit, unit, axis=name)
+
+
+def path_offences(reported: Reported, path: PathChecks, demands: Demands) -> Iterator[Offence]:
+    """Singularities, branch jumps and deviations."""
+    courses, each = reported.courses, reported.each
+    counted, tolerance, turn = counts(courses), demands.tolerance, demands.axis_tolerance
+    near = counted & (path.singular < demands.singular_least)
+    yield from each(Kind.SINGULARITY, near, path.singular_at, path.singular, demands.singular_least, "")
+    for move in _where(path.changed.any(axis=1) | path.jumped):
+        yield _branch_jump(reported, move, path, demands, bool(counted[move]))
+    off = path.point > tolerance
+    text = "the point reached is another"
+    yield from each(Kind.DEVIATION, off, 1.0, path.point, tolerance, "m", text=text)
+    text = "the tool stands otherwise at the point"
+    yield from each(Kind.DEVIATION, ~off & (path.point_turn > turn), 1.0, path.point_turn, turn, "rad", text=text)
+    # Where points are off, so is the line between them; that is said once.
+    known = np.maximum(path.point, np.append(0.0, path.point[:-1]))
+    known[:1] = 0.0
+    left = path.run_line > tolerance + np.where(known > tolerance, known, 0.0)
+    text = "between points the tip leaves the straight line"
+    yield from each(Kind.DEVIATION, left, 0.5, path.run_line, tolerance, "m", text=text)
+    turned = ~left & ~courses.straight & (path.line_turn > turn)
+    text = "between points the tool turns otherwise"
+    yield from each(Kind.DEVIATION, turned, 0.5, path.line_turn, turn, "rad", text=text)
+
+
+def _branch_jump(reported: Reported, move: int, path: PathChecks, demands: Demands, counted: bool) -> Offence:
+    """Sides that change, or the joint that steps; where joints may move as they like it is no more than a remark."""
+    sides = [name for name, yes in zip(SIGNS, path.changed[move], strict=True) if yes]
+    axis = reported.courses.axes.names[path.step_axis[move]]
+    words = [f"{', '.join(sides)} changes sides"] if sides else []
+    words += [f"{axis} steps while the tool hardly moves"] if path.jumped[move] else []
+    return reported.offence(
+        Kind.BRANCH_JUMP,
+        move,
+        0.5,
+        path.step[move],
+        demands.jump,
+        "rad",
+        text="; ".join(words),
+        severity=Severity.ERROR if counted else Severity.WARNING,
+    )
+
+
+def _where(flags: Bools) -> list[int]:
+    return [int(i) for i in np.flatnonzero(flags)]

@@ -9,6 +9,7 @@ its ends are c0 and c1 and no two bodies move against each other by more than L 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,7 @@ LEAST_SHARE = 1e-6
 PROOF = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Swept:
     """What a sweep found, for n moves; those that were not asked for have no figures (NaN, -1).
 
@@ -45,37 +46,22 @@ class Swept:
     unproven, lost : (n,) first share at which a touch could not be excluded, or the straight line was lost
     samples : poses whose distances were worked out
     within : m, distances beyond are not worked out
+    safety : m, the distance that bodies were to keep
     """
 
-    distance: Array
-    proven: Array
     names: tuple[Pair, ...]
-    pair: Integers
-    hit: Array
-    hit_pair: Integers
-    low: Array
-    low_pair: Integers
-    unproven: Array
-    lost: Array
-    samples: int
-    within: float
-
-
-@dataclass
-class _Found:
-    """The arrays of :class:`Swept` while they are filled."""
-
     safety: float
+    within: float
+    samples: int
     distance: Array
     proven: Array
-    pair: Integers
     hit: Array
-    hit_pair: Integers
     low: Array
-    low_pair: Integers
     unproven: Array
     lost: Array
-    samples: int = 0
+    pair: Integers
+    hit_pair: Integers
+    low_pair: Integers
 
     def see(self, move: Integers, share: Array, distance: Array, pair: Integers) -> None:
         """Enter distances seen at shares of moves; several of one move may come at once."""
@@ -90,8 +76,7 @@ class _Found:
                 self.low[m], self.low_pair[m] = share[i], pair[i]
 
 
-@dataclass(frozen=True, eq=False)
-class _Intervals:
+class _Intervals(NamedTuple):
     """Intervals of moves: shares s, coordinates v and distances c at both ends."""
 
     move: Integers
@@ -103,15 +88,10 @@ class _Intervals:
     c1: Array
 
     def take(self, rows: Integers | Bools) -> _Intervals:
-        return _Intervals(*(getattr(self, name)[rows] for name in ("move", "s0", "s1", "v0", "v1", "c0", "c1")))
+        return _Intervals._make(part[rows] for part in self)
 
     def joined(self, other: _Intervals) -> _Intervals:
-        return _Intervals(
-            *(
-                np.concatenate([getattr(self, name), getattr(other, name)])
-                for name in ("move", "s0", "s1", "v0", "v1", "c0", "c1")
-            )
-        )
+        return _Intervals._make(np.concatenate(parts) for parts in zip(self, other, strict=True))
 
 
 def sweep(
@@ -139,26 +119,21 @@ def sweep(
     """
     n = courses.program.n
     wanted = np.flatnonzero(np.ones(n, dtype=np.bool_) if moves is None else moves)
-    nan, none = np.full(n, np.nan), np.full(n, -1, dtype=np.int64)
-    figures = (nan, nan, none, nan, none, nan, none, nan, nan)
-    found = _Found(safety, *(figure.copy() for figure in figures))  # type: ignore[arg-type]
+    within = safety + horizon
+    found = Swept(scene.names, safety, within, 0, *np.full((6, n), np.nan), *np.full((3, n), -1, dtype=np.int64))
     bound = motion_bound(scene, courses.axes)
     for start in range(0, len(wanted), CHUNK):
-        _sweep_some(courses, bound, wanted[start : start + CHUNK], resolution, safety + horizon, found)
+        _sweep_some(courses, bound, wanted[start : start + CHUNK], resolution, found)
         if progress is not None:
             progress(min(start + CHUNK, len(wanted)), len(wanted))
-    return Swept(
-        found.distance, np.minimum(found.proven, found.distance), scene.names, found.pair, found.hit, found.hit_pair,
-        found.low, found.low_pair, found.unproven, found.lost, found.samples, safety + horizon,
-    )  # fmt: skip
+    found.proven = np.minimum(found.proven, found.distance)
+    return found
 
 
-def _sweep_some(
-    courses: Courses, bound: MotionBound, moves: Integers, resolution: float, within: float, found: _Found
-) -> None:
+def _sweep_some(courses: Courses, bound: MotionBound, moves: Integers, resolution: float, found: Swept) -> None:
     needed = np.unique(np.concatenate([moves, np.maximum(moves - 1, 0)]))
     values = courses.points[needed]
-    distance, pair = _distances(courses, bound.scene, values, within, found)
+    distance, pair = _distances(courses, bound.scene, values, found)
     end = np.searchsorted(needed, moves)
     found.see(moves, np.ones(len(moves)), distance[end], pair[end])
     found.proven[moves] = distance[end]
@@ -172,14 +147,14 @@ def _sweep_some(
         straight = courses.straight[open_.move] & (open_.s1 == 1.0)
         if straight.any():
             cut = (number / FIRST_PIECES) * np.ones(int(straight.sum()))
-            open_ = open_.take(~straight).joined(_divided(courses, bound, open_.take(straight), cut, within, found))
+            open_ = open_.take(~straight).joined(_divided(courses, bound, open_.take(straight), cut, found))
     while len(open_.move):
         open_ = _undecided(courses, bound, open_, resolution, found)
         middle = 0.5 * (open_.s0 + open_.s1)
-        open_ = _divided(courses, bound, open_, middle, within, found)
+        open_ = _divided(courses, bound, open_, middle, found)
 
 
-def _undecided(courses: Courses, bound: MotionBound, at: _Intervals, resolution: float, found: _Found) -> _Intervals:
+def _undecided(courses: Courses, bound: MotionBound, at: _Intervals, resolution: float, found: Swept) -> _Intervals:
     """Intervals that must be divided further; what is decided goes into ``found``."""
     # What follows a touch in the same move makes it no worse.
     at = at.take(~(at.s0 >= found.hit[at.move]))
@@ -211,22 +186,20 @@ def _way(courses: Courses, at: _Intervals) -> Array:
     return way
 
 
-def _divided(
-    courses: Courses, bound: MotionBound, at: _Intervals, cut: Array, within: float, found: _Found
-) -> _Intervals:
+def _divided(courses: Courses, bound: MotionBound, at: _Intervals, cut: Array, found: Swept) -> _Intervals:
     """Intervals parted at shares ``cut``."""
     if not len(at.move):
         return at
     v, followed = courses.at(at.move, cut)
-    c, pair = _distances(courses, bound.scene, v, within, found)
+    c, pair = _distances(courses, bound.scene, v, found)
     found.see(at.move, cut, c, pair)
     np.fmin.at(found.lost, at.move[~followed], cut[~followed])
     first = _Intervals(at.move, at.s0, cut, at.v0, v, at.c0, c)
     return first.joined(_Intervals(at.move, cut, at.s1, v, at.v1, c, at.c1))
 
 
-def _distances(courses: Courses, scene: Scene, values: Array, within: float, found: _Found) -> tuple[Array, Integers]:
+def _distances(courses: Courses, scene: Scene, values: Array, found: Swept) -> tuple[Array, Integers]:
     q, travel, table = courses.axes.parts(values)
-    seen = clearance(scene, q, travel, table, within=within)
+    seen = clearance(scene, q, travel, table, within=found.within)
     found.samples += len(values)
     return seen.distance, seen.pair

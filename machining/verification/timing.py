@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from machining.verification.courses import PIECES, Courses
-from machining.verification.moving_axes import MovingAxes
+from machining.verification.courses import PIECES, Courses, MovingAxes
 from robots.arrays import Array, Integers
 
 # Shorter ways of the tip (m) count as none: the feed says nothing about turning on the spot.

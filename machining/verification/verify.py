@@ -11,12 +11,19 @@ import numpy as np
 from machining.cell import ArmBodies, Scene, scene_of
 from machining.cell.scene import CUTTER, PART
 from machining.programs.program import JointProgram
-from machining.verification.courses import Courses, courses_of
+from machining.verification.courses import Courses, MovingAxes, courses_of
 from machining.verification.demands import Demands
-from machining.verification.moving_axes import MovingAxes
-from machining.verification.offences import Kind, Offence, Severity, merged
+from machining.verification.offences import (
+    Kind,
+    Offence,
+    Reported,
+    Severity,
+    axis_offences,
+    body_offences,
+    merged,
+    path_offences,
+)
 from machining.verification.path_checks import PathChecks, path_checks
-from machining.verification.reasons import Reported, axis_offences, body_offences, path_offences
 from machining.verification.sweep import Swept, sweep
 from machining.verification.timing import Timing, timing_of
 from robots import InputError
@@ -148,24 +155,21 @@ def _rapid_contacts(courses: Courses, scene: Scene, demands: Demands) -> Swept |
 def _not_looked_at(courses: Courses, scene: Scene, timing: Timing) -> tuple[str, ...]:
     """What could not be checked, in words."""
     axes, cell, motions = courses.axes, courses.program.cell, courses.program.motions
-    out = []
-    for what, rate in (("Speeds", axes.speed), ("Accelerations", axes.acceleration)):
-        unknown = [name for name, value in zip(axes.names, rate, strict=True) if np.isinf(value)]
-        if unknown:
-            out.append(f"{what} of {', '.join(unknown)}: the cell gives no limits.")
-    no_feed = motions.cutting & np.isnan(motions.feed)
-    if no_feed.any():
-        out.append(f"Speeds and accelerations at {int(no_feed.sum())} cutting moves: they have no feed.")
-    if np.isnan(timing.time).any():
-        out.append(f"Time of {int(np.isnan(timing.time).sum())} moves, so that of the program.")
-    if cell.part is None:
-        out.append("Collisions with the part: the cell gives no surface of it.")
-    if not (cell.tool.holder or cell.tool.cutter):
-        out.append("Collisions of the tool: the cell gives no bodies of it.")
-    if cell.floor is None:
-        out.append("Collisions with the floor: the cell has none.")
-    if not courses.axes.dof or not any(m.frame for m in scene.members):
-        out.append("Collisions of the arm: the model gives no shapes.")
-    out += [f"Collisions of {a} with {b}: they overlap at home." for a, b in scene.switched_off]
-    out += [f"Collisions of {a} with {b}: the cell allows them." for a, b in cell.allowed_contacts]
-    return tuple(out)
+    slow, weak = ([axes.names[i] for i in np.flatnonzero(np.isinf(rate))] for rate in (axes.speed, axes.acceleration))
+    no_feed, no_time = int((motions.cutting & np.isnan(motions.feed)).sum()), int(np.isnan(timing.time).sum())
+    no_shapes = not axes.dof or not any(m.frame for m in scene.members)
+    said = (
+        (slow, f"Speeds of {', '.join(slow)}: the cell gives no limits."),
+        (weak, f"Accelerations of {', '.join(weak)}: the cell gives no limits."),
+        (no_feed, f"Speeds and accelerations at {no_feed} cutting moves: they have no feed."),
+        (no_time, f"Time of {no_time} moves, so that of the program."),
+        (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
+        (not (cell.tool.holder or cell.tool.cutter), "Collisions of the tool: the cell gives no bodies of it."),
+        (cell.floor is None, "Collisions with the floor: the cell has none."),
+        (no_shapes, "Collisions of the arm: the model gives no shapes."),
+    )
+    return (
+        *(text for unknown, text in said if unknown),
+        *(f"Collisions of {a} with {b}: they overlap at home." for a, b in scene.switched_off),
+        *(f"Collisions of {a} with {b}: the cell allows them." for a, b in cell.allowed_contacts),
+    )

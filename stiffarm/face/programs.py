@@ -12,7 +12,7 @@ import numpy as np
 from robots import InputError
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
-from stiffarm.face.shop import Range, gammas, joints_picture, setup_of
+from stiffarm.face.shop import Range, gammas, setup_of
 from stiffarm.face.shown import Shown
 
 if TYPE_CHECKING:
@@ -49,10 +49,13 @@ class Program(Shown):
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the joint angles along the program with their limits; ``file``: a PNG to write."""
+        from stiffarm.commands.posture.figures.along_path import joints_figure
+        from stiffarm.face.pictures import picture_of
+
         program = self.found.posted.program
         steps = np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1)
-        way_mm = 1e3 * np.concatenate([[0.0], np.cumsum(steps)])
-        return joints_picture(self.found.model.robot, way_mm, {"program": program.q}).kept(file)
+        way = np.concatenate([[0.0], np.cumsum(steps)])
+        return picture_of(joints_figure(way, {"program": program.q}, self.found.model.robot)).kept(file)
 
 
 @dataclass(frozen=True, repr=False)
@@ -171,8 +174,8 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
         A program of another arm or cell, or one that cannot be read.
     """
     from machining.cell import arm_bodies, read_cell
+    from machining.programs.formats import read_program
     from machining.verification import Demands, verify
-    from machining.verification.given import read_program
 
     with called():
         bodies = arm_bodies(arm.description)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import InputError, Robot
-from robots.arrays import Array
+from robots import InputError
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown
@@ -48,17 +47,19 @@ class Posture(Shown):
         """One row a point: gamma, joint angles in degrees, the index, distances to limits and singularities."""
         import pandas as pd
 
-        from stiffarm.commands.posture.payload import rows
+        from stiffarm.commands.posture.payload import columns
 
-        return pd.DataFrame(rows(self.found))
+        return pd.DataFrame(columns(self.found))
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the joint angles along the path, the recommended course and others, with limits; ``file``: a PNG."""
         from machining.posture.posing import CHOSEN
+        from stiffarm.commands.posture.figures.along_path import joints_figure
+        from stiffarm.face.pictures import picture_of
 
         f = self.found
         courses = {CHOSEN: f.course.q} | {name: course.q for name, course in f.others.items()}
-        return joints_picture(f.model.robot, f.arc_mm, courses).kept(file)
+        return picture_of(joints_figure(f.request.task.path.arc_length, courses, f.model.robot)).kept(file)
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,15 +71,15 @@ class Placement(Shown):
 
     def title(self) -> str:
         """Robot and number of points."""
-        return f"Placement of {self.robot} for {self.found.request.given.path.n} points"
+        return f"Placement of {self.robot} for {self.found.given.path.n} points"
 
     def to_frame(self) -> pd.DataFrame:
         """One row a point: where the axes and joints stand, and how stiff the arm is there."""
         import pandas as pd
 
-        from stiffarm.commands.place.payload import rows
+        from stiffarm.commands.place.payload import columns
 
-        return pd.DataFrame(rows(self.found))
+        return pd.DataFrame(columns(self.found))
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw stiffness and surface error along the path, before and after; ``file``: a PNG to write."""
@@ -89,7 +90,7 @@ class Placement(Shown):
         found = named(self.found)
         stiffness = {name: one.stiffness * 1e-3 for name, one in found.items()}
         error = {name: one.error.normal * 1e6 for name, one in found.items()}
-        return picture_of(along_figure(self.found.arc_mm, stiffness, error)).kept(file)
+        return picture_of(along_figure(1e3 * self.found.given.path.arc_length, stiffness, error)).kept(file)
 
 
 def posture(
@@ -181,8 +182,8 @@ def place(
     from machining import Drive
     from machining.cell import arm_bodies, read_cell, scene_of
     from machining.cutting import stiffness_uncertainty
-    from machining.placement import Goal, How
-    from machining.placement.study import PlaceRequest, place_along
+    from machining.placement import Goal, How, Problem, space_of
+    from machining.placement.study import place_along
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
 
@@ -192,20 +193,21 @@ def place(
         if cut is None:
             raise InputError("place needs a cutting force", allowed="force_N or milling", remedy="give one of the two")
         described = read_cell(Path(cell))
-        request = PlaceRequest(
-            cell=described,
-            given=read_given_path(Path(path)),
+        given = read_given_path(Path(path))
+        scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
+        problem = Problem(
+            model=arm.model,
+            space=space_of(described),
+            path=given.path,
             goal=Goal(aim, cut.force),
             gamma=gammas(gamma_deg),
             drive=Drive(speed=described.joint_speed),
-            how=How(mode),
-            ranges={},
-            table=0.0,
+            scene=scene,
             clearance=described.safety,
+            free=given.free,
             stiffness=stiffness_uncertainty(arm.model, arm.description, arm.own),
         )
-        scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
-        found = place_along(arm.model, request, scene, () if scene is None else scene.notes, mapped=False)
+        found = place_along(problem, given, How(mode), () if scene is None else scene.notes, mapped=False)
     return Placement(arm.name, found)
 
 
@@ -228,15 +230,6 @@ def _cut(force_N: Sequence[float] | None, axes: Axes, milling: str | Path | None
     if milling is not None:
         return read_milling(Path(milling))
     return None if force_N is None else Cut(ConstantForce(np.array(force_N, dtype=np.float64), axes))
-
-
-def joints_picture(robot: Robot, arc_mm: Array, courses: Mapping[str, Array]) -> Picture:
-    """Joint angles (n, dof) rad of courses by name along a path, with the limits."""
-    from stiffarm.commands.posture.figures.courses import joints_figure
-    from stiffarm.face.pictures import picture_of
-
-    degrees = {name: np.degrees(q) for name, q in courses.items()}
-    return picture_of(joints_figure(arc_mm, degrees, robot.coordinates, np.degrees(robot.limits)))
 
 
 def gammas(degrees: Range) -> GammaRange:

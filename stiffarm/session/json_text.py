@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from robots import InputError
@@ -45,3 +45,8 @@ def _not_finite(node: Any, place: str) -> Iterator[str]:
 def number(value: float, digits: int = 6) -> float | None:
     """A JSON number with that many significant digits; None for NaN and infinity."""
     return float(f"{value:.{digits}g}") if math.isfinite(value) else None
+
+
+def numbers(values: Iterable[float], digits: int = 6) -> list[float | None]:
+    """The same for each of some values."""
+    return [number(float(value), digits) for value in values]

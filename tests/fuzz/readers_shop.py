@@ -16,13 +16,12 @@ from machining import read_path
 from machining.cell import parse_cell, read_cell
 from machining.cutting.milling_file import read_milling
 from machining.placement.file import Placement, placement_content, read_placement
-from machining.programs.formats import FORMATS, parse_options, read_options, round_trip, write_program
+from machining.programs.formats import FORMATS, parse_options, read_options, read_program, round_trip, write_program
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from machining.service import Session
 from machining.toolpaths import ReadOptions, read_toolpath
-from machining.toolpaths.neutral import read_motions, write_motions
-from machining.verification.given import read_program
+from machining.toolpaths.tables import read_motions, write_motions
 from robots import load_description
 
 from .mutate_bytes import Mutation

@@ -1,15 +1,29 @@
-"""Neutral programs as CSV: the columns of moves, for tables and scripts."""
+"""Neutral programs as CSV: the columns of moves, for tables and scripts.
+
+``# stiffarm-program/1`` first, then a line of names, then the columns with tool and operation spelled out; tables,
+events and notes are not in it.
+"""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Iterator
+
+import numpy as np
 
 from machining.cell import Cell
 from machining.programs.format import Neutral
-from machining.programs.neutral import csv_pieces
-from machining.programs.neutral_reading import program_from_csv
+from machining.programs.neutral import BLOCK, SCHEMA, columns, joints_of, program_of, rows, table_of
 from machining.programs.program import JointProgram
-from robots import Robot
+from machining.programs.source_text import comment
+from robots import InputError, Robot
+from robots.files.csv_text import rows_text
+from robots.inverse.branches import BRANCH_NAMES
+from robots.inverse.singularities import branch_of
+from robots.inverse.spherical_wrist import why_not_spherical
+
+# Columns in words, which are not read back.
+WORDS = ("tool", "operation", "branch")
 
 
 class Csv(Neutral):
@@ -18,12 +32,58 @@ class Csv(Neutral):
     name, title = "csv", "CSV"
 
     def pieces(self, program: JointProgram) -> Iterator[str]:
-        """See :class:`Neutral`."""
-        return csv_pieces(program)
+        """See :class:`Neutral`; names of tools and operations are made harmless as in comments."""
+        names = columns(program.robot, program.cell)
+        tool, operation, branch = (names.index(name) for name in ("tool", "operation", "branch"))
+        inserted, rapid = names.index("inserted"), names.index("rapid")
+        tools = [comment(f"{'' if t.number is None else t.number} {t.name}") for t in program.motions.tools]
+        operations = [comment(name) for name in program.motions.operations]
+        yield f"# {SCHEMA}\r\n"
+        yield ",".join(names) + "\r\n"
+        for first in range(0, program.n, BLOCK):
+            cells = []
+            for row in rows(program, first, min(first + BLOCK, program.n)):
+                row[tool], row[operation] = tools[int(str(row[tool]))], operations[int(str(row[operation]))]
+                row[branch] = comment(program.names[int(str(row[branch]))]) if program.names else ""
+                row[inserted], row[rapid] = int(row[inserted] is True), int(row[rapid] is True)
+                cells.append(row)
+            yield rows_text(cells, "\r\n")
 
     def program(self, text: str, robot: Robot, cell: Cell, where: str = "program") -> JointProgram:
-        """See :class:`Neutral`."""
-        return program_from_csv(text, robot, cell, where)
+        """See :class:`Neutral`; branches are told from the joints.
+
+        Raises
+        ------
+        InputError
+            Another schema or other columns, a row of another length, a field that is no finite number.
+        """
+        lines = text.splitlines()
+        if not lines or lines[0].strip() != f"# {SCHEMA}":
+            raise InputError(f"{where}, first line", value=lines[0][:80] if lines else "", allowed=f"# {SCHEMA}")
+        try:
+            records = list(csv.reader(lines[1:]))
+        except csv.Error as error:
+            raise InputError(f"{where} is not valid CSV ({error})", remedy="write the program again") from error
+        wanted = columns(robot, cell)
+        if not records or records[0] != wanted:
+            raise InputError(f"{where}, names of columns", allowed=",".join(wanted))
+        kept = [i for i, name in enumerate(wanted) if name not in WORDS]
+        values = []
+        for i, record in enumerate(records[1:], 3):
+            if len(record) != len(wanted):
+                raise InputError(f"{where}, line {i}", value=f"{len(record)} fields", allowed=f"{len(wanted)}")
+            try:
+                values.append([float(record[k] or "nan") for k in kept])
+            except ValueError as error:
+                raise InputError(f"{where}, line {i}: {error}", allowed="numbers") from error
+        table = table_of([wanted[i] for i in kept], values, where)
+        none = np.zeros(len(values), dtype=np.int64)
+        told = why_not_spherical(robot) is None
+        branch = branch_of(robot, joints_of(robot, table)) if told else none
+        names = BRANCH_NAMES if told else ()
+        return program_of(
+            robot, cell, table, where, tool=none, operation=none, source=where, branch=branch, names=names
+        )
 
     def lines(self, text: str, n: int) -> Iterable[int] | None:
         """See :class:`Neutral`: the line of the schema and that of the names come first."""

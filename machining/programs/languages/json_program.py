@@ -1,15 +1,29 @@
-"""Neutral programs as JSON: everything of a program, and what a verification reads."""
+"""Neutral programs as JSON: everything of a program, and what a verification reads.
+
+One object: ``schema``, ``source``, ``robot``, ``cell``, ``joints``, ``linear_axes``, ``turntable``, ``branches``,
+``tools``, ``operations``, ``events``, ``notes``, ``columns``, and ``moves``, a list of rows, one a line. In it
+everything comes back.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
 
 from machining.cell import Cell
 from machining.programs.format import Neutral
-from machining.programs.neutral import json_pieces
-from machining.programs.neutral_reading import program_from_json
+from machining.programs.neutral import BLOCK, SCHEMA, columns, integers, program_of, rows, table_of
 from machining.programs.program import JointProgram
-from robots import Robot
+from machining.toolpaths.motions import Event, Note, Tool
+from robots import InputError, Robot
+from robots.arrays import Array
+from robots.files.reading import parse_json
+
+SIZES = ("diameter_mm", "corner_radius_mm", "length_mm")
 
 
 class Json(Neutral):
@@ -19,11 +33,65 @@ class Json(Neutral):
 
     def pieces(self, program: JointProgram) -> Iterator[str]:
         """See :class:`Neutral`."""
-        return json_pieces(program)
+        m, robot, cell = program.motions, program.robot, program.cell
+        head = {
+            "schema": SCHEMA,
+            "source": m.source,
+            "robot": robot.name,
+            "cell": cell.name,
+            "joints": robot.dof,
+            "linear_axes": [axis.name for axis in cell.linear_axes],
+            "turntable": cell.turntable is not None,
+            "branches": list(program.names),
+            "tools": [
+                {
+                    "number": tool.number,
+                    "name": tool.name,
+                    "diameter_mm": _known(tool.diameter * 1e3),
+                    "corner_radius_mm": _known(tool.corner_radius * 1e3),
+                    "length_mm": _known(tool.length * 1e3),
+                }
+                for tool in m.tools
+            ],
+            "operations": list(m.operations),
+            "events": [{"line": e.line, "before_move": e.move, "word": e.word, "text": e.text} for e in m.events],
+            "notes": [{"line": note.line, "text": note.text, "count": note.count} for note in m.notes],
+            "columns": columns(robot, cell),
+        }
+        yield json.dumps(head, indent=1, allow_nan=False)[:-2] + ',\n "moves": [\n'
+        for first in range(0, program.n, BLOCK):
+            last = min(first + BLOCK, program.n)
+            text = ",\n".join(json.dumps(row, allow_nan=False) for row in rows(program, first, last))
+            yield text + ("\n" if last == program.n else ",\n")
+        yield " ]\n}\n"
 
     def program(self, text: str, robot: Robot, cell: Cell, where: str = "program") -> JointProgram:
-        """See :class:`Neutral`."""
-        return program_from_json(text, robot, cell, where)
+        """See :class:`Neutral`.
+
+        Raises
+        ------
+        InputError
+            No JSON, another schema, another robot, other axes; a missing key or column, a value of the wrong kind.
+        """
+        data = parse_json(text, where, remedy="write the file again")
+        if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+            found = data.get("schema") if isinstance(data, dict) else type(data).__name__
+            raise InputError(f"{where}, schema", value=str(found)[:80], allowed=SCHEMA)
+        for key, value, wanted in (
+            ("robot", _get(data, "robot", where), robot.name),
+            ("joints", _get(data, "joints", where), robot.dof),
+            ("linear_axes", len(_list(data, "linear_axes", where)), len(cell.linear_axes)),
+            ("turntable", _get(data, "turntable", where), cell.turntable is not None),
+        ):
+            if value != wanted:
+                raise InputError(f"{where}, {key}", value=str(value)[:80], allowed=str(wanted))
+        table = _table(data, columns(robot, cell), where)
+        try:
+            return program_of(robot, cell, table, where, **_others(data, table, where))
+        except InputError:
+            raise
+        except (TypeError, ValueError, KeyError, OverflowError) as error:
+            raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
 
     def lines(self, text: str, n: int) -> Iterable[int] | None:
         """See :class:`Neutral`: where each row of moves stands in a line of its own."""
@@ -34,6 +102,61 @@ class Json(Neutral):
         rows = [line.strip() for line in lines[first + 1 : first + 1 + n]]
         alone = len(rows) == n and all(row.startswith("[") and row.rstrip(",").endswith("]") for row in rows)
         return range(first + 2, first + 2 + n) if alone else None
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _get(data: Mapping[str, Any], key: str, where: str) -> Any:
+    if key not in data:
+        raise InputError(f"{where}: no {key}", remedy="write the file again")
+    return data[key]
+
+
+def _list(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
+    value = _get(data, key, where)
+    if not isinstance(value, list):
+        raise InputError(f"{where}, {key}", value=type(value).__name__, allowed="a list")
+    return value
+
+
+def _table(data: Mapping[str, Any], wanted: list[str], where: str) -> dict[str, Array]:
+    if _list(data, "columns", where) != wanted:
+        raise InputError(f"{where}, columns", allowed=", ".join(wanted))
+    rows = _list(data, "moves", where)
+    for i, row in enumerate(rows):
+        if not isinstance(row, list) or len(row) != len(wanted):
+            raise InputError(f"{where}, move {i + 1}", allowed=f"a list of {len(wanted)} values")
+        if not all(v is None or isinstance(v, int | float) for v in row):
+            raise InputError(f"{where}, move {i + 1}", allowed="numbers, true, false or null")
+    return table_of(wanted, [[np.nan if v is None else float(v) for v in row] for row in rows], where)
+
+
+def _others(data: Mapping[str, Any], table: Mapping[str, Array], where: str) -> dict[str, Any]:
+    """Fields of a program and its motions that are no columns of numbers."""
+    tools = (
+        Tool(
+            None if tool["number"] is None else int(tool["number"]),
+            str(tool["name"]),
+            *(np.nan if tool[key] is None else float(tool[key]) * 1e-3 for key in SIZES),
+        )
+        for tool in _list(data, "tools", where)
+    )
+    return {
+        "tools": tuple(tools),
+        "events": tuple(
+            Event(int(e["line"]), int(e["before_move"]), str(e["word"]), str(e["text"]))
+            for e in _list(data, "events", where)
+        ),
+        "notes": tuple(Note(int(n["line"]), str(n["text"]), int(n["count"])) for n in _list(data, "notes", where)),
+        "tool": integers(table["tool"]),
+        "operation": integers(table["operation"]),
+        "operations": tuple(str(name) for name in _list(data, "operations", where)),
+        "source": str(_get(data, "source", where)),
+        "branch": integers(table["branch"]),
+        "names": tuple(str(name) for name in _list(data, "branches", where)),
+    }
 
 
 FORMAT = Json()

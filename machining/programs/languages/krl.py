@@ -31,44 +31,33 @@ import numpy as np
 from pydantic import Field
 
 from machining.cell.schema import Strict
-from machining.programs.configuration import sides
-from machining.programs.controller import Controller
-from machining.programs.job import Job
-from machining.programs.orientation import from_zyx_degrees, zyx_degrees
+from machining.programs.controller import ARM, Controller
+from machining.programs.convention import sides
+from machining.programs.job import Job, plain
 from machining.programs.program import JointProgram
-from machining.programs.rendering import rendered
-from machining.programs.sandbox import Sandbox
-from machining.programs.words import (
-    ARM,
-    configurations_of,
-    frame_words,
-    part_names,
-    plain,
-    speeds_of,
-    words_of,
-)
+from machining.programs.read_back import Grammar, ReadMove, number, whole
 from machining.programs.write_options import Percent, WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
-from robots.frames import framed
 
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 AXES = tuple(f"A{i + 1}" for i in range(ARM))
-_MOTION = re.compile(r"\s*(LIN|PTP)\s*\{(?:\s*E6\w+\s*:)?([^{}]*)\}\s*(?:C_\w+\s*)*(?:;.*)?$", re.IGNORECASE)
 _SPEED = re.compile(r"\s*\$VEL\.CP\s*=\s*(\S+)\s*(?:;.*)?$", re.IGNORECASE)
-# Parts end in their number; other calls are the shop's own.
-_CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*\(\s*\)\s*(?:;.*)?$")
-# Motion that this reader does not know must not be passed over.
-_LANGUAGE = Language(
-    ";",
-    re.compile(
+_GRAMMAR = Grammar(
+    main=".src",
+    comment=";",
+    move=re.compile(r"\s*(LIN|PTP)\s*\{(?:\s*E6\w+\s*:)?([^{}]*)\}\s*(?:C_\w+\s*)*(?:;.*)?$", re.IGNORECASE),
+    readable="LIN and PTP {coordinates}",
+    # Motion that this reader does not know must not be passed over.
+    motion=re.compile(
         r"(?<![\w$.#])(?:LIN|PTP|CIRC|SLIN|SPTP|SCIRC|SPL|SPLINE|LIN_REL|PTP_REL|CIRC_REL|ASYPTP)\b(?!\s*[=(])",
         re.IGNORECASE,
     ),
-    re.compile(r"^\s*(?:LOOP|FOR|WHILE|REPEAT|IF|SWITCH)\b", re.IGNORECASE),
-    re.compile(r"^\s*(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF|ENDSWITCH)\b", re.IGNORECASE),
-    re.compile(r"^\s*GOTO\b", re.IGNORECASE),
+    opens=re.compile(r"^\s*(?:LOOP|FOR|WHILE|REPEAT|IF|SWITCH)\b", re.IGNORECASE),
+    closes=re.compile(r"^\s*(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF|ENDSWITCH)\b", re.IGNORECASE),
+    jumps=re.compile(r"^\s*GOTO\b", re.IGNORECASE),
+    # Parts end in their number; other calls are the shop's own.
+    call=(re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*\(\s*\)\s*(?:;.*)?$"), ".src"),
 )
 
 
@@ -84,33 +73,6 @@ class KrlOptions(Strict):
     advance: Annotated[int, Field(ge=0, le=5)] = 3
 
 
-def kuka_status_turn(robot: Robot, q: Array, controller_deg: Array) -> Integers:
-    """S and T (n, 2) of poses q (n, 6) rad with KUKA's angles A1 to A6 (n, 6) deg."""
-    behind, backward, negative = sides(robot, q, controller_deg)
-    status = 1 * behind + 2 * ~backward + 4 * negative
-    turn = (controller_deg < 0.0) @ (1 << np.arange(6))
-    return np.stack([status, turn], axis=1).astype(np.int64)
-
-
-def _motion(out: Collector, where: str, order: str, text: str, speed: float) -> None:
-    values: dict[str, float] = {}
-    for item in text.split(","):
-        pair = item.split()
-        if len(pair) != 2:
-            raise InputError(where, value=item.strip()[:40], allowed="a name and a number")
-        values[pair[0].upper()] = number(where, pair[1])
-    externals = [values[f"E{i}"] for i in range(1, 7) if f"E{i}" in values]
-    for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
-        if all(name in values for name in names):
-            sides: tuple[int, ...] = ()
-            if "S" in values and "T" in values:
-                sides = (whole(f"{where}, S", f"{values['S']:g}"), whole(f"{where}, T", f"{values['T']:g}"))
-            words = [values[name] for name in names]
-            out.add(where, kind, words, externals, sides, joint=order == "PTP", speed=speed)
-            return
-    raise InputError(where, value=text.strip()[:80], allowed="X Y Z A B C, or A1 to A6")
-
-
 class Krl(Controller):
     """KUKA KRL."""
 
@@ -120,51 +82,55 @@ class Krl(Controller):
         "call", "def", "defdat", "end", "false", "for", "if", "lin", "loop", "ptp", "return", "sub", "then", "true",
         "wait", "while",
     ))  # fmt: skip
+    main, part = (("{name}.src", "main.j2"),), "{name}_{number:03d}.src"
+    speed_unit = 1.0
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> Integers:
+        """S and T (n, 2); see :class:`Controller`."""
+        behind, backward, negative = sides(robot, q, controller_deg)
+        status = 1 * behind + 2 * ~backward + 4 * negative
+        turn = (controller_deg < 0.0) @ (1 << np.arange(6))
+        return np.stack([status, turn], axis=1).astype(np.int64)
+
+    def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
-        return kuka_status_turn(robot, q, controller_deg)
+        return {
+            "tool": self.frame(job, job.T_tool),
+            "base": self.frame(job, job.T_base),
+            "ptp_blend": plain(job.options.own(KrlOptions).ptp_blend_percent),
+        }
 
-    def files(self, job: Job, made: Sandbox) -> list[ProgramFile]:
-        """The main file and the sub-programs."""
-        digits = job.options.decimals.angle
-        names = part_names(job, job.options.name)
-        shared = self.context(job) | {"parts": names}
-
-        def main() -> Iterator[str]:
-            frames = {
-                "tool": frame_words(job, job.T_tool, zyx_degrees, digits),
-                "base": frame_words(job, job.T_base, zyx_degrees, digits),
-                "ptp_blend": plain(job.options.own(KrlOptions).ptp_blend_percent),
-            }
-            return rendered(made, "krl/main.j2", shared | frames)
-
-        moves = words_of(job, zyx_degrees, digits), configurations_of(job, self.configuration), speeds_of(job, 1.0)
-        parts = self.part_files(job, made, names, ".src", shared, moves)
-        return [ProgramFile(f"{job.options.name}.src", main), *parts]
-
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
+    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
         """See :class:`Controller`; lines that are neither motion nor speed are passed over."""
-        out = Collector()
         speed = np.nan
-        for line in _LANGUAGE.program(files, main_file(files, ".src"), _CALL, ".src"):
-            found = _MOTION.match(line.code)
-            line.check_read("LIN and PTP {coordinates}", read=found is not None)
-            if found is not None:
-                _motion(out, line.where, found[1].upper(), found[2], speed)
+        for line in _GRAMMAR.lines(files):
+            if line.move is not None:
+                yield _moved(line.where, line.move, speed)
             elif (said := _SPEED.match(line.code)) is not None:
                 speed = number(f"{line.where}, $VEL.CP", said[1])
-        return out.moves()
-
-    def frames(self, words: Array) -> Array:
-        """Tool frames (n, 4, 4) m in $BASE of X Y Z A B C (n, 6)."""
-        return framed(from_zyx_degrees(words[:, 3:]), words[:, :3] * 1e-3)
 
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""
         percent = job.options.joint_percent
         slow = f"PTP moves at {percent:g} % of the axes' speed: the feed of the tool path is not kept"
         return super().notes(job) + ([slow] if job.kind == "joint" else [])
+
+
+def _moved(where: str, found: re.Match[str], speed: float) -> ReadMove:
+    values: dict[str, float] = {}
+    for item in found[2].split(","):
+        pair = item.split()
+        if len(pair) != 2:
+            raise InputError(where, value=item.strip()[:40], allowed="a name and a number")
+        values[pair[0].upper()] = number(where, pair[1])
+    externals = [values[f"E{i}"] for i in range(1, 7) if f"E{i}" in values]
+    for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
+        if all(name in values for name in names):
+            words, joint = [values[name] for name in names], found[1].upper() == "PTP"
+            said = ("S", "T") if "S" in values and "T" in values else ()
+            turns = [whole(f"{where}, {name}", f"{values[name]:g}") for name in said]
+            return ReadMove(where, kind, words, externals, joint, turns, speed)
+    raise InputError(where, value=found[2].strip()[:80], allowed="X Y Z A B C, or A1 to A6")
 
 
 FORMAT = Krl()

@@ -10,22 +10,18 @@ radius of 180/pi mm). Axis names, signs and zeros are what the machine was set u
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from machining.cell.schema import Strict
-from machining.programs.commands import Commands
 from machining.programs.controller import Controller
-from machining.programs.job import Job, Kind, farthest
+from machining.programs.job import Commands, Job, Kind, farthest, plain
 from machining.programs.program import JointProgram
-from machining.programs.rendering import rendered
-from machining.programs.sandbox import Sandbox
-from machining.programs.words import part_names, plain
+from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number
 from robots import InputError
 from robots.arrays import Bools
 
@@ -33,16 +29,18 @@ AXIS = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
 # Address letters that are no axes.
 NOT_AXES = frozenset("DEFGHLMNPRST")
 
-_BLOCK = re.compile(r"\s*(?:N\d+\s+)?G0*([01])\s+(.*)$", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z][A-Z0-9_]*)=(\S+)")
 _FEED = re.compile(r"(?<![A-Z0-9_])F=?(-?[0-9.]+)(?![\w=])")
-_CALL = re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*(?:;.*)?$")
-_LANGUAGE = Language(
-    ";",
-    re.compile(r"\b(?:G0*[0123]|CIP|CT|POS|POSA|POLY|BSPLINE)\b", re.IGNORECASE),
-    re.compile(r"^\s*(?:N\d+\s+)?(?:LOOP|FOR|WHILE|REPEAT|IF(?!.*\bGOTO))\b", re.IGNORECASE),
-    re.compile(r"^\s*(?:N\d+\s+)?(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF)\b", re.IGNORECASE),
-    re.compile(r"\bGOTO[BFCS]?\b", re.IGNORECASE),
+_GRAMMAR = Grammar(
+    main=".MPF",
+    comment=";",
+    move=re.compile(r"\s*(?:N\d+\s+)?G0*([01])\s+(.*)$", re.IGNORECASE),
+    readable="G0 and G1 at the start of a block",
+    motion=re.compile(r"\b(?:G0*[0123]|CIP|CT|POS|POSA|POLY|BSPLINE)\b", re.IGNORECASE),
+    opens=re.compile(r"^\s*(?:N\d+\s+)?(?:LOOP|FOR|WHILE|REPEAT|IF(?!.*\bGOTO))\b", re.IGNORECASE),
+    closes=re.compile(r"^\s*(?:N\d+\s+)?(?:ENDLOOP|ENDFOR|ENDWHILE|UNTIL|ENDIF)\b", re.IGNORECASE),
+    jumps=re.compile(r"\bGOTO[BFCS]?\b", re.IGNORECASE),
+    call=(re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*(?:;.*)?$"), ".SPF"),
 )
 
 
@@ -64,26 +62,88 @@ class SinumerikOptions(Strict):
             raise ValueError("axis names must differ")
         return self
 
+    def names_of(self, program: JointProgram) -> list[str]:
+        """Names of the joints, the linear axes, and the turntable. Raises InputError where names are missing."""
+        linear, table = len(program.cell.linear_axes), program.cell.turntable is not None
+        if linear > len(self.linear):
+            raise InputError("names of linear axes", value=len(self.linear), allowed=f"{linear}")
+        return [*self.axes, *self.linear[:linear], *([self.table] if table else [])]
 
-def axis_names(options: SinumerikOptions, linear: int, table: bool) -> list[str]:
-    """Names of the joints, the linear axes, and the turntable. Raises InputError where names are missing."""
-    if linear > len(options.linear):
-        raise InputError("names of linear axes", value=len(options.linear), allowed=f"{linear}")
-    return [*options.axes, *options.linear[:linear], *([options.table] if table else [])]
 
+class Sinumerik(Controller):
+    """SINUMERIK 840D."""
 
-def _feeds(job: Job, part: slice, per_minute: bool) -> list[str]:
-    """F words of moves: 1/min, or deg/min over all axes; the first move has none."""
-    time = job.commands.duration[part]
-    rate = 60.0 / time
-    if per_minute:
-        # One move more in front, for the difference.
-        wide = slice(max(part.start - 1, 0), part.stop)
-        values = np.column_stack([job.angles(wide), job.externals(wide)])
-        rate = rate * np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)[-len(time) :]
-        # A block in which nothing moves still needs an F.
-        rate = np.where(rate > 0.0, rate, 1.0)
-    return ["" if not np.isfinite(v) else plain(v) for v in rate.tolist()]
+    name, title = "sinumerik", "SINUMERIK 840D"
+    kinds = ("joint",)
+    table = ("sinumerik", SinumerikOptions)
+    words = frozenset((
+        "call", "def", "do", "end", "false", "for", "if", "loop", "proc", "return", "stop", "sub", "then", "true",
+        "while",
+    ))  # fmt: skip
+    main, part = (("{NAME}.MPF", "main.j2"),), "{NAME}_{number:03d}.SPF"
+
+    def own_context(self, job: Job) -> dict[str, object]:
+        """See :class:`Controller`."""
+        own, dof = job.options.own(SinumerikOptions), job.program.robot.dof
+        if len(own.axes) != dof:
+            raise InputError("[sinumerik] axes", value=len(own.axes), allowed=f"{dof} names, one a joint")
+        axes, per_minute = own.names_of(job.program), own.feed == "per_minute"
+        # Of an axis that turns the farthest point by the zone.
+        blend = np.degrees(job.options.blend_mm * 1e-3 / farthest(job.program))
+        return {
+            "names": axes,
+            "group": axes if per_minute else [],
+            "per_minute": per_minute,
+            "blend_deg": plain(blend),
+        }
+
+    def configurations(self, job: Job, part: slice) -> list[tuple[str]]:
+        """F words of moves: 1/min, or deg/min over all axes; the first move has none."""
+        time = job.commands.duration[part]
+        rate = 60.0 / time
+        if job.options.own(SinumerikOptions).feed == "per_minute":
+            # One move more in front, for the difference.
+            wide = slice(max(part.start - 1, 0), part.stop)
+            values = np.column_stack([job.angles(wide), job.externals(wide)])
+            rate = rate * np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)[-len(time) :]
+            # A block in which nothing moves still needs an F.
+            rate = np.where(rate > 0.0, rate, 1.0)
+        return [("",) if not np.isfinite(v) else (plain(v),) for v in rate.tolist()]
+
+    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+        """See :class:`Controller`; durations come from G93, with G94 from the way of all axes, mm counted as deg."""
+        own = options.own(SinumerikOptions)
+        axes, dof = own.names_of(program), len(own.axes)
+        inverse, before = True, None
+        for line in _GRAMMAR.lines(files):
+            if "G93" in line.code.split() or "G94" in line.code.split():
+                inverse = "G93" in line.code.split()
+            if line.move is not None:
+                order, text = line.move.groups()
+                values = _values(line.where, text, axes)
+                way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
+                time = _time(line.where, text, inverse, way) if order == "1" else np.nan
+                yield ReadMove(line.where, "joint", values[:dof], values[dof:], order == "0", duration=time)
+                before = values
+
+    def joint_moves(self, wanted: Commands, kind: Kind) -> Bools:
+        """See :class:`Controller`: G0 where a rapid joint move is asked for, else G1."""
+        return wanted.joint
+
+    def pace(self, found: ReadMoves, wanted: Commands, options: WriteOptions) -> float:
+        """See :class:`Controller`: times, for speeds are of axes."""
+        timed = ~found.joint
+        if options.own(SinumerikOptions).feed == "per_minute":
+            # A block in which no axis moves has no time of its own.
+            timed &= found.duration > 0.0
+        return self.off(found.duration[timed], wanted.duration[timed])
+
+    def notes(self, job: Job) -> list[str]:
+        """See :class:`Controller`."""
+        return [
+            *super().notes(job),
+            "names, signs and zeros of the axes are as the machine was set up: check them there",
+        ]
 
 
 def _values(where: str, text: str, axes: Sequence[str]) -> list[float]:
@@ -99,89 +159,6 @@ def _time(where: str, text: str, inverse: bool, way: float) -> float:
     if feed is None or number(where, feed[1]) <= 0.0:
         raise InputError(where, value=text.strip()[:80], allowed="an F of more than 0 in every G1 block")
     return 60.0 / number(where, feed[1]) if inverse else 60.0 * way / number(where, feed[1])
-
-
-class Sinumerik(Controller):
-    """SINUMERIK 840D."""
-
-    name, title = "sinumerik", "SINUMERIK 840D"
-    kinds = ("joint",)
-    table = ("sinumerik", SinumerikOptions)
-    words = frozenset((
-        "call", "def", "do", "end", "false", "for", "if", "loop", "proc", "return", "stop", "sub", "then", "true",
-        "while",
-    ))  # fmt: skip
-
-    def files(self, job: Job, made: Sandbox) -> list[ProgramFile]:
-        """The main program and its sub-programs."""
-        o = job.options
-        own = o.own(SinumerikOptions)
-        cell, robot = job.program.cell, job.program.robot
-        if len(own.axes) != robot.dof:
-            raise InputError("[sinumerik] axes", value=len(own.axes), allowed=f"{robot.dof} names, one a joint")
-        axes = axis_names(own, len(cell.linear_axes), cell.turntable is not None)
-        per_minute = own.feed == "per_minute"
-        names = [name.upper() for name in part_names(job, o.name)]
-        # Of an axis that turns the farthest point by the zone.
-        blend = np.degrees(o.blend_mm * 1e-3 / farthest(job.program))
-        own_main = {
-            "parts": names,
-            "group": axes if per_minute else [],
-            "per_minute": per_minute,
-            "blend_deg": plain(blend),
-        }
-        shared = self.context(job) | {"names": axes}
-        decimals = (o.decimals.angle,) * robot.dof
-
-        moves = (
-            lambda piece: (job.angles(piece), decimals),
-            lambda piece: [(f,) for f in _feeds(job, piece, per_minute)],
-            lambda piece: [""] * (piece.stop - piece.start),
-        )
-        main = ProgramFile(f"{o.name.upper()}.MPF", lambda: rendered(made, "sinumerik/main.j2", shared | own_main))
-        return [main, *self.part_files(job, made, names, ".SPF", shared, moves)]
-
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
-        """See :class:`Controller`; durations come from G93, with G94 from the way of all axes, mm counted as deg."""
-        own, cell = options.own(SinumerikOptions), program.cell
-        axes = axis_names(own, len(cell.linear_axes), cell.turntable is not None)
-        out = Collector()
-        inverse, before = True, None
-        for line in _LANGUAGE.program(files, main_file(files, ".MPF"), _CALL, ".SPF"):
-            code, where = line.code, line.where
-            if "G93" in code.split() or "G94" in code.split():
-                inverse = "G93" in code.split()
-            block = _BLOCK.match(code)
-            line.check_read("G0 and G1 at the start of a block", read=block is not None)
-            if block is not None:
-                values = _values(where, block[2], axes)
-                way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
-                time = _time(where, block[2], inverse, way) if block[1] == "1" else np.nan
-                dof = len(own.axes)
-                out.add(where, "joint", values[:dof], values[dof:], joint=block[1] == "0", duration=time)
-                before = values
-        return out.moves()
-
-    def joint_moves(self, wanted: Commands, kind: Kind) -> Bools:
-        """See :class:`Controller`: G0 where a rapid joint move is asked for, else G1."""
-        return wanted.joint
-
-    def pace(self, found: ReadMoves, wanted: Commands, options: WriteOptions) -> float:
-        """See :class:`Controller`: times, for speeds are of axes."""
-        self.check_said(np.where(found.joint, 0.0, found.duration))
-        timed = ~found.joint
-        off = np.abs(found.duration[timed] / wanted.duration[timed] - 1.0)
-        if options.own(SinumerikOptions).feed == "per_minute":
-            # A block in which no axis moves has no time of its own.
-            off = off[found.duration[timed] > 0.0]
-        return float(off.max(initial=0.0))
-
-    def notes(self, job: Job) -> list[str]:
-        """See :class:`Controller`."""
-        return [
-            *super().notes(job),
-            "names, signs and zeros of the axes are as the machine was set up: check them there",
-        ]
 
 
 FORMAT = Sinumerik()

@@ -18,53 +18,111 @@ import re
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
-from machining.programs.configuration import sides
 from machining.programs.controller import Controller
+from machining.programs.convention import sides
 from machining.programs.job import Job, external_axes, formatted
-from machining.programs.orientation import from_xyz_degrees, xyz_degrees
+from machining.programs.orientation import RX_RY_RZ
 from machining.programs.program import JointProgram
-from machining.programs.rendering import rendered
-from machining.programs.sandbox import Sandbox
-from machining.programs.words import configurations_of, frame_words, plain, speeds_of, words_of
+from machining.programs.read_back import Grammar, ReadMove, file_of, number, whole
 from machining.programs.write_options import WriteOptions
-from machining.programs.written import Collector, Language, ProgramFile, ReadMoves, main_file, number, whole
 from robots import InputError, Robot
 from robots.arrays import Array
-from robots.frames import framed
 
 _VALUE = re.compile(r"\s*<Value\s+([^<>]*?)/>\s*$")
 _DATA = re.compile(r'\s*<Data\s+name="(\w+)"')
 _ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
-_MOTION = re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(\w+)\s*,\s*(\w+)\s*\)\s*$")
 _SPEED = re.compile(r"\s*(\w+)\.tvel\s*=\s*(\S+)\s*$")
-# Parts are named by their number; other calls are the shop's own.
-_CALL = re.compile(r"\s*call\s+(p\d{3,})\(\s*\)\s*$")
-_LANGUAGE = Language(
-    "//",
-    re.compile(r"\b(?:movel|movej|movec|movejf|compliantMove\w*)\s*\("),
-    re.compile(r"^\s*(?:if|for|while|do|switch)\b"),
-    re.compile(r"^\s*(?:endIf|endFor|endWhile|until|endSwitch)\b"),
-    re.compile(r"\bgoto\b"),
+_GRAMMAR = Grammar(
+    main="start.pgx",
+    comment="//",
+    move=re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(\w+)\s*,\s*(\w+)\s*\)\s*$"),
+    readable="movel or movej to pPath[i] or jPath[i]",
+    motion=re.compile(r"\b(?:movel|movej|movec|movejf|compliantMove\w*)\s*\("),
+    opens=re.compile(r"^\s*(?:if|for|while|do|switch)\b"),
+    closes=re.compile(r"^\s*(?:endIf|endFor|endWhile|until|endSwitch)\b"),
+    jumps=re.compile(r"\bgoto\b"),
+    # Parts are named by their number; other calls are the shop's own.
+    call=(re.compile(r"\s*call\s+(p\d{3,})\(\s*\)\s*$"), ".pgx"),
 )
 CARTESIAN, JOINTS, SIDES = (
     ("x", "y", "z", "rx", "ry", "rz"),
     tuple(f"j{i}" for i in range(1, 7)),
     ("shoulder", "elbow", "wrist"),
 )
-CONFIGURATIONS = (("lefty", "righty"), ("epositive", "enegative"), ("wpositive", "wnegative"))
+CONFIGURATIONS = np.array([("lefty", "righty"), ("epositive", "enegative"), ("wpositive", "wnegative")])
 # Motion of an external axis below this (mm, deg) is rounding.
 STILL = 1e-6
 
 
-def val3_configuration(robot: Robot, q: Array, controller_deg: Array) -> list[tuple[str, ...]]:
-    """Words for shoulder, elbow and wrist, n tuples, of poses q (n, 6) rad with Staubli's angles (n, 6) deg."""
-    found = np.stack(sides(robot, q, controller_deg), axis=1).astype(int).tolist()
-    return [tuple(words[i] for words, i in zip(CONFIGURATIONS, row, strict=True)) for row in found]
+class Val3(Controller):
+    """Staubli VAL3."""
+
+    name, title = "val3", "Staubli VAL3"
+    external_axes = "still"
+    words = frozenset((
+        "begin", "call", "do", "end", "false", "for", "if", "movej", "movel", "return", "start", "stop", "then",
+        "true", "wait", "while",
+    ))  # fmt: skip
+    main = (
+        ("start.pgx", "start.j2"), ("stop.pgx", "stop.j2"), ("{name}.pjx", "project.j2"), ("{name}.dtx", "data.j2"),
+    )  # fmt: skip
+    part = "p{number:03d}.pgx"
+    orientation = RX_RY_RZ
+    speed_unit = 1e-3
+
+    def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> NDArray[np.str_]:
+        """Words (n, 3) for shoulder, elbow and wrist; see :class:`Controller`."""
+        other = np.stack(sides(robot, q, controller_deg), axis=1).astype(int)
+        return np.asarray(CONFIGURATIONS[np.arange(3), other])
+
+    def own_context(self, job: Job) -> dict[str, object]:
+        """See :class:`Controller`."""
+        axes = external_axes(job.program, slice(None))
+        if axes.shape[1] and np.ptp(axes, axis=0).max() > STILL:
+            raise InputError(
+                "external axes that move, in VAL3",
+                allowed="axes that stand still",
+                remedy="choose another format, or split the path where they move",
+            )
+        return {
+            "tool": self.frame(job, job.T_tool),
+            "base": self.frame(job, job.T_base),
+            "external": formatted(job.externals(slice(0, 1)), job.external_decimals)[0],
+            "blend": "off" if job.options.blend_mm == 0.0 else job.kind,
+        }
+
+    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+        """See :class:`Controller`; movel and movej to points of pPath and jPath in the data file are read."""
+        data = _data(*file_of(files, ".dtx"))
+        external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
+        speeds: dict[str, float] = {}
+        for line in _GRAMMAR.lines(files):
+            if line.move is not None:
+                yield _moved(line.where, line.move, data, external, speeds)
+            elif (said := _SPEED.match(line.code)) is not None:
+                speeds[said[1]] = number(f"{line.where}, tvel", said[2]) * 1e-3
 
 
-def _nothing(part: slice) -> tuple[Array, tuple[int, ...]]:
-    return np.zeros((part.stop - part.start, 0)), ()
+def _moved(
+    where: str,
+    found: re.Match[str],
+    data: Mapping[str, Mapping[int, Mapping[str, str]]],
+    external: list[float],
+    speeds: Mapping[str, float],
+) -> ReadMove:
+    order, path, place, _, descriptor = found.groups()
+    point = data.get(path, {}).get(whole(f"{where}, {path}", place))
+    if point is None:
+        raise InputError(f"{where}: {path}[{place}]", allowed="a point of the data file")
+    kind, names = ("cartesian", CARTESIAN) if path == "pPath" else ("joint", JOINTS)
+    missing = [key for key in names if key not in point]
+    if missing:
+        raise InputError(f"{where}: {path}[{place}]", value=f"no {missing[0]}", allowed=" ".join(names))
+    words = [number(where, point[key]) for key in names]
+    turns = [point[key] for key in SIDES if key in point]
+    return ReadMove(where, kind, words, external, order == "movej", turns, speeds.get(descriptor, np.nan))
 
 
 def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:
@@ -84,92 +142,6 @@ def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:
                 raise InputError(f"{source}, line {i}: data {found[1]} stands there twice", allowed="each name once")
             here = out.setdefault(found[1], {})
     return out
-
-
-class Val3(Controller):
-    """Staubli VAL3."""
-
-    name, title = "val3", "Staubli VAL3"
-    external_axes = "still"
-    words = frozenset((
-        "begin", "call", "do", "end", "false", "for", "if", "movej", "movel", "return", "start", "stop", "then",
-        "true", "wait", "while",
-    ))  # fmt: skip
-
-    def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> list[tuple[str, ...]]:
-        """See :class:`Controller`."""
-        return val3_configuration(robot, q, controller_deg)
-
-    def files(self, job: Job, made: Sandbox) -> list[ProgramFile]:
-        """Project, start and stop programs, data, and a program for each part."""
-        o, digits = job.options, job.options.decimals.angle
-        everything = slice(0, job.n)
-        axes = external_axes(job.program, everything)
-        if axes.shape[1] and np.ptp(axes, axis=0).max() > STILL:
-            raise InputError(
-                "external axes that move, in VAL3",
-                allowed="axes that stand still",
-                remedy="choose another format, or split the path where they move",
-            )
-        names = [f"p{i + 1:03d}" for i in range(len(job.parts()))]
-        shared = self.context(job) | {"parts": names, "base": frame_words(job, job.T_base, xyz_degrees, digits)}
-
-        words, sides_of = words_of(job, xyz_degrees, digits), configurations_of(job, self.configuration)
-
-        def data() -> Iterator[str]:
-            own = {
-                "tool": frame_words(job, job.T_tool, xyz_degrees, digits),
-                "external": formatted(job.externals(slice(0, 1)), job.external_decimals)[0],
-                "first_speed": plain(float(job.commands.speed[0]) * 1e3),
-                "blend": "off" if o.blend_mm == 0.0 else "cartesian" if job.kind == "cartesian" else "joint",
-                "moves": job.moves(0, job.n, words, sides_of, lambda part: [""] * (part.stop - part.start)),
-            }
-            return rendered(made, "val3/data.j2", shared | own)
-
-        def simple(template: str) -> Iterator[str]:
-            return rendered(made, f"val3/{template}.j2", shared)
-
-        files = [
-            ProgramFile("start.pgx", lambda: simple("start")),
-            ProgramFile("stop.pgx", lambda: simple("stop")),
-            ProgramFile(f"{o.name}.pjx", lambda: simple("project")),
-            ProgramFile(f"{o.name}.dtx", data),
-        ]
-        spoken = _nothing, lambda part: [()] * (part.stop - part.start), speeds_of(job, 1e-3)
-        return [*files, *self.part_files(job, made, names, ".pgx", shared, spoken)]
-
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> ReadMoves:
-        """See :class:`Controller`; movel and movej to points of pPath and jPath in the data file are read."""
-        start = main_file({k: v for k, v in files.items() if k.endswith("start.pgx")}, ".pgx")
-        data = _data(*main_file(files, ".dtx"))
-        external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
-        out = Collector()
-        speeds: dict[str, float] = {}
-        for line in _LANGUAGE.program(files, start, _CALL, ".pgx"):
-            where = line.where
-            motion = _MOTION.match(line.code)
-            line.check_read("movel or movej to pPath[i] or jPath[i]", read=motion is not None)
-            if motion is not None:
-                point = data.get(motion[2], {}).get(whole(f"{where}, {motion[2]}", motion[3]))
-                if point is None:
-                    raise InputError(f"{where}: {motion[2]}[{motion[3]}]", allowed="a point of the data file")
-                kind, names = ("cartesian", CARTESIAN) if motion[2] == "pPath" else ("joint", JOINTS)
-                missing = [key for key in names if key not in point]
-                if missing:
-                    raise InputError(
-                        f"{where}: {motion[2]}[{motion[3]}]", value=f"no {missing[0]}", allowed=" ".join(names)
-                    )
-                words = [number(where, point[key]) for key in names]
-                sides = tuple(point[key] for key in SIDES if key in point)
-                speed = speeds.get(motion[5], np.nan)
-                out.add(where, kind, words, external, sides, joint=motion[1] == "movej", speed=speed)
-            elif (said := _SPEED.match(line.code)) is not None:
-                speeds[said[1]] = number(f"{where}, tvel", said[2]) * 1e-3
-        return out.moves()
-
-    def frames(self, words: Array) -> Array:
-        """Tool frames (n, 4, 4) m in the part's frame of x y z rx ry rz (n, 6)."""
-        return framed(from_xyz_degrees(words[:, 3:]), words[:, :3] * 1e-3)
 
 
 FORMAT = Val3()

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from machining.toolpaths.apt.words import WordError, as_number, items, numbers
+from machining.toolpaths.apt.words import as_number, items, numbers
 from machining.toolpaths.arcs import sweep_about
+from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
 
 # Sine of the angle by which INDIRV may miss the tangent; five decimals on a radius of 1 mm leave less than 1e-4.
@@ -37,7 +38,7 @@ class ArcWord:
 
         Raises
         ------
-        WordError
+        StatementError
             The angle leads to the end in neither sense.
         """
         if self.angle is None:
@@ -50,10 +51,12 @@ class ArcWord:
             if abs(math.remainder(miss, 2.0 * math.pi)) < slack:
                 turns = max(1, math.ceil(abs(self.angle) / (2.0 * math.pi) - slack))
                 return ArcWord(self.center, axis, self.radius, turns), remark
-        raise WordError(f"angle {math.degrees(self.angle):.6g} deg does not lead from start to end", "the angle swept")
+        raise StatementError(
+            f"angle {math.degrees(self.angle):.6g} deg does not lead from start to end", "the angle swept"
+        )
 
 
-def circle(rest: str, scale: float, hand: str) -> ArcWord:
+def circle(parts: list[str], scale: float, hand: str) -> ArcWord:
     """Arc of ``CIRCLE/x,y,z,i,j,k[,r[,t,s,d,c]][,TIMES,n]``.
 
     Creo: "the plane vector determines the plane and direction using the right hand rule" (PTC help, CL Output for
@@ -62,25 +65,25 @@ def circle(rest: str, scale: float, hand: str) -> ArcWord:
 
     Raises
     ------
-    WordError
+    StatementError
         Numbers missing or too many.
     """
-    parts, turns = _times(items(rest))
+    parts, turns = _times(parts)
     values = numbers(parts, (6, 7, 8, 9, 10, 11))
     left = hand == "left" or (hand == "auto" and len(values) >= 10)
     axis = np.array(values[3:6]) * (-1.0 if left else 1.0)
     return ArcWord(np.array(values[:3]) * scale, axis, values[6] * scale if len(values) > 6 else None, turns)
 
 
-def movarc(rest: str, scale: float) -> ArcWord:
+def movarc(parts: list[str], scale: float) -> ArcWord:
     """Arc of ``MOVARC/[CENTER,]x,y,z,[AXIS,]i,j,k,[RADIUS,]r[,ANGLE,a][,TIMES,n]``, right-handed.
 
     Raises
     ------
-    WordError
+    StatementError
         Numbers missing or too many.
     """
-    parts, turns = _times(items(rest))
+    parts, turns = _times(parts)
     angle = None
     if "ANGLE" in parts:
         at = parts.index("ANGLE")
@@ -104,11 +107,11 @@ def tlon(rest: str, scale: float, start: Array, tangent: Array) -> tuple[ArcWord
 
     Raises
     ------
-    WordError
+    StatementError
         Another form; a tangent that is none; an end that is not the one the words say it is.
     """
     if len(rest) > TLON_LIMIT:
-        raise WordError(f"TLON,GOFWD of {len(rest)} characters", f"up to {TLON_LIMIT}")
+        raise StatementError(f"TLON,GOFWD of {len(rest)} characters", f"up to {TLON_LIMIT}")
     circle_part, line_part = _CIRCLE.search(rest), _LINE.search(rest)
     cylinder_part, point_parts = _CYLINDER.search(rest), _POINT.findall(rest)
     if circle_part and line_part:
@@ -125,18 +128,20 @@ def tlon(rest: str, scale: float, start: Array, tangent: Array) -> tuple[ArcWord
             axis = -axis
         second = None
     else:
-        raise WordError(f"{rest.strip()[:60]!r} behind TLON,GOFWD", "a CIRCLE with a LINE, or a CYLNDR with a POINT")
+        raise StatementError(
+            f"{rest.strip()[:60]!r} behind TLON,GOFWD", "a CIRCLE with a LINE, or a CYLNDR with a POINT"
+        )
     lever, length = start - center, float(np.linalg.norm(tangent))
     lever = lever - (lever @ axis) / max(float(axis @ axis), 1e-300) * axis
     turns = 1e-9 < float(np.abs(axis).max()) < 1e9
     if not length or abs(lever @ tangent) > TANGENT * length * float(np.linalg.norm(lever)) or not turns:
-        raise WordError("INDIRV is not tangent to the arc at its start", "the direction in which the arc starts")
+        raise StatementError("INDIRV is not tangent to the arc at its start", "the direction in which the arc starts")
     if second is not None and np.linalg.norm(end - start) > 1e-6:
         sweep = sweep_about(start, end, center, axis)
         # Within a thousandth of half a turn both words are right.
         if abs(sweep - math.pi) > 1e-3 and (sweep > math.pi) != second:
             stated = "the second" if second else "the first"
-            raise WordError(f"arc of {math.degrees(sweep):.4g} deg ends not on {stated} intersection", "its end")
+            raise StatementError(f"arc of {math.degrees(sweep):.4g} deg ends not on {stated} intersection", "its end")
     return ArcWord(center, axis, radius), end
 
 
@@ -146,5 +151,5 @@ def _times(parts: list[str]) -> tuple[list[str], int]:
     at = parts.index("TIMES")
     turns = as_number(parts[at + 1]) if len(parts) > at + 1 else None
     if turns is None or not 1 <= turns <= 10_000 or turns != int(turns):
-        raise WordError(f"TIMES,{','.join(parts[at + 1 : at + 2])}", "a whole number from 1 to 10000")
+        raise StatementError(f"TIMES,{','.join(parts[at + 1 : at + 2])}", "a whole number from 1 to 10000")
     return parts[:at] + parts[at + 2 :], int(turns)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from machining.toolpaths.apt.words import FEED_UNITS, INCH, WordError, as_number
+from machining.toolpaths.apt.words import FEED_UNITS, INCH, as_number
 from machining.toolpaths.cycles import Cycle
+from machining.toolpaths.recorder import StatementError
 
 # Kinds of cycle: pecks, chip break, leaves at feed, spindle turns back.
 KINDS: dict[str, tuple[bool, bool, bool, bool]] = {
@@ -43,15 +44,15 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
 
     Raises
     ------
-    WordError
+    StatementError
         A kind that is not read, numbers without a word, no depth, values without sense.
     """
     kind, values, feed, unread = _sorted(parts)
     if not kind:
-        raise WordError("a cycle without its kind", ", ".join(KINDS))
+        raise StatementError("a cycle without its kind", ", ".join(KINDS))
     pecks, chip_break, feed_out, reverse = KINDS[kind]
     if "FEDTO" not in values and "DEPTH" not in values:
-        raise WordError("a cycle without its depth", "FEDTO or DEPTH with a number")
+        raise StatementError("a cycle without its depth", "FEDTO or DEPTH with a number")
     start = values.get("CLEAR", values.get("RAPTO", 0.0))
     if "CLEAR" in values:
         start -= values.get("RAPTO", 0.0)
@@ -74,7 +75,7 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
     )
     fault = out.fault()
     if fault:
-        raise WordError(f"cycle with {fault}", "numbers that make a hole")
+        raise StatementError(f"cycle with {fault}", "numbers that make a hole")
     return out, unread
 
 
@@ -85,15 +86,17 @@ def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[str, float] 
         word, number = parts[i], as_number(parts[i + 1]) if i + 1 < len(parts) else None
         i += 1 if number is None else 2
         if as_number(word) is not None:
-            raise WordError(
+            raise StatementError(
                 f"number {word} of a cycle without its word", "words with numbers, such as RAPTO,3,FEDTO,-20,MMPM,250"
             )
         if word in KINDS and (number is None or not kind):
             if number is not None:
-                raise WordError(f"number {parts[i - 1]} of a cycle without its word", "RAPTO, FEDTO, ... before it")
+                raise StatementError(
+                    f"number {parts[i - 1]} of a cycle without its word", "RAPTO, FEDTO, ... before it"
+                )
             kind = word
         elif word in _REFUSED or not kind:
-            raise WordError(f"cycle {word!r}", ", ".join(KINDS))
+            raise StatementError(f"cycle {word!r}", ", ".join(KINDS))
         elif word in FEED_UNITS and number is not None:
             feed = (word, number)
         elif word in (*_HEIGHTS, *_PECKS) and number is not None:

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.toolpaths.apt import words
 from machining.toolpaths.apt.arcs import ArcWord, circle, movarc, tlon
 from machining.toolpaths.apt.cycles import cycle
 from machining.toolpaths.apt.state import AptState, Handler
+from machining.toolpaths.apt.words import Feed, Statement
 from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.cycles import Cycle
-from machining.toolpaths.drilling import drill
+from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.recorder import Vector
+from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
 
@@ -52,9 +51,8 @@ class AptMotion(AptState):
         self.recorder.move(self.line, point, self.axis, self.rapid)
         self.here, self.rapid = point, False
 
-    def _target(self, rest: str) -> Vector:
-        parts = words.items(rest)
-        values = words.numbers(parts, (3, 6) if self.arc is None else (3, 6, *range(9, 400, 3)))
+    def _target(self, s: Statement) -> Vector:
+        values = s.numbers(3, 6) if self.arc is None else s.numbers(3, 6, *range(9, 400, 3))
         if len(values) > 6:
             # Creo: all points of an arc in one statement; the last one ends it.
             values = values[-3:]
@@ -62,9 +60,9 @@ class AptMotion(AptState):
             self.axis = self.frames.direction((values[3], values[4], values[5]))
         return self.frames.point((values[0] * self.scale, values[1] * self.scale, values[2] * self.scale))
 
-    def _goto(self, rest: str) -> None:
+    def _goto(self, s: Statement) -> None:
         before = self.axis
-        point = self._target(rest)
+        point = self._target(s)
         if self.cycle is not None:
             self._drill(self.cycle, point)
         elif self.arc is not None:
@@ -75,7 +73,7 @@ class AptMotion(AptState):
     def _along(self, arc: ArcWord, end: Vector, before: Vector) -> None:
         self.arc = None
         if self.here is None:
-            raise words.WordError("an arc without a point before it", "GOTO or FROM before the arc")
+            raise StatementError("an arc without a point before it", "GOTO or FROM before the arc")
         try:
             arc, remark = arc.settled(np.array(self.here), np.array(end))
             if remark:
@@ -100,27 +98,22 @@ class AptMotion(AptState):
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), self.rapid)
         self.here, self.rapid = end, False
 
-    def _from(self, rest: str) -> None:
-        self._no_open_arc()
-        point = self._target(rest)
+    def _from(self, s: Statement) -> None:
+        point = self._target(s)
         self.rapid = True
         self._to(point)
 
-    def _gohome(self, rest: str) -> None:
-        self._no_open_arc()
-        if rest.strip():
-            self._from(rest)
+    def _gohome(self, s: Statement) -> None:
+        if s.rest.strip():
+            self._from(s)
             return
-        self.recorder.event(self.line, "GOHOME")
-        self.recorder.note(self.line, "GOHOME without a point: the machine's home is not in the file")
+        self.recorder.event(self.line, "GOHOME", note="GOHOME without a point: the machine's home is not in the file")
         self.here, self.rapid = None, False
 
-    def _godlta(self, rest: str) -> None:
-        self._no_open_arc()
-        parts = words.items(rest)
-        values = [v * self.scale for v in words.numbers(parts, (1, 3))]
+    def _godlta(self, s: Statement) -> None:
+        values = [v * self.scale for v in s.numbers(1, 3)]
         if self.here is None:
-            raise words.WordError("GODLTA without a point before it", "GOTO or FROM before it")
+            raise StatementError("GODLTA without a point before it", "GOTO or FROM before it")
         if len(values) == 1:
             length = math.sqrt(sum(v * v for v in self.axis)) or 1.0
             step = [values[0] * v / length for v in self.axis]
@@ -128,12 +121,11 @@ class AptMotion(AptState):
             step = list(self.frames.direction((values[0], values[1], values[2])))
         self._to((self.here[0] + step[0], self.here[1] + step[1], self.here[2] + step[2]))
 
-    def _rapid(self, rest: str) -> None:
+    def _rapid(self, s: Statement) -> None:
         self.rapid = True
 
-    def _retract(self, rest: str) -> None:
-        self.recorder.event(self.line, "RETRCT", rest)
-        self.recorder.note(self.line, "RETRCT: the height is the machine's and not in the file")
+    def _retract(self, s: Statement) -> None:
+        self.recorder.event(self.line, "RETRCT", s.rest, note="RETRCT: the height is the machine's and not in the file")
 
     def _drill(self, work: Cycle, point: Vector) -> None:
         if self.dirty:
@@ -143,9 +135,9 @@ class AptMotion(AptState):
             sign = self.spindle.signed
             speed = self.feed.speed(sign)
             if own and not math.isnan(work.feed):
-                speed = words.Feed(
-                    work.feed * (1.0 if work.per_turn else 60.0), "turn" if work.per_turn else "minute"
-                ).speed(sign)
+                speed = Feed(work.feed * (1.0 if work.per_turn else 60.0), "turn" if work.per_turn else "minute").speed(
+                    sign
+                )
             self.recorder.state(speed, -sign if reverse else sign, self.tool, self.operation)
 
         self.here = drill(self.recorder, self.line, self.here, point, self.axis, work, state)
@@ -156,42 +148,37 @@ class AptMotion(AptState):
             self.arc = None
             self._fault("an arc without its GOTO before this line", "", "the end of the arc")
 
-    def _circle(self, rest: str) -> None:
-        self._no_open_arc()
-        self._open(circle(rest, self.scale, self.options.circle_axis))
+    def _circle(self, s: Statement) -> None:
+        self._open(circle(s.parts, self.scale, self.options.circle_axis))
 
-    def _movarc(self, rest: str) -> None:
-        self._no_open_arc()
-        self._open(movarc(rest, self.scale))
+    def _movarc(self, s: Statement) -> None:
+        self._open(movarc(s.parts, self.scale))
 
     def _open(self, arc: ArcWord) -> None:
         center = self.frames.point((arc.center[0], arc.center[1], arc.center[2]))
         axis = self.frames.direction((arc.axis[0], arc.axis[1], arc.axis[2]))
         self.arc = replace(arc, center=np.array(center), axis=np.array(axis))
 
-    def _indirv(self, rest: str) -> None:
-        self.tangent = np.array(words.numbers(words.items(rest), (3,)))
+    def _indirv(self, s: Statement) -> None:
+        self.tangent = np.array(s.numbers(3))
 
-    def _tlon(self, rest: str) -> None:
-        self._no_open_arc()
+    def _tlon(self, s: Statement) -> None:
         if self.here is None or self.tangent is None or self.frames.moves:
-            raise words.WordError("no point or no INDIRV before it", "GOTO and INDIRV before it, frames as written")
-        arc, end = tlon(rest, self.scale, np.array(self.here), self.tangent)
+            raise StatementError("no point or no INDIRV before it", "GOTO and INDIRV before it, frames as written")
+        arc, end = tlon(s.rest, self.scale, np.array(self.here), self.tangent)
         self._along(arc, (float(end[0]), float(end[1]), float(end[2])), self.axis)
 
-    def _cycle(self, rest: str) -> None:
-        self._no_open_arc()
-        parts = words.items(rest)
-        self.recorder.event(self.line, "CYCLE", rest)
-        if parts in (["OFF"], ["INIT"], ["CLEAR"], ["START"], ["NOMORE"]):
+    def _cycle(self, s: Statement) -> None:
+        self.recorder.event(self.line, "CYCLE", s.rest)
+        if s.parts in (["OFF"], ["INIT"], ["CLEAR"], ["START"], ["NOMORE"]):
             self.cycle = None
-        elif parts == ["ON"] and self.last_cycle is not None:
+        elif s.parts == ["ON"] and self.last_cycle is not None:
             self.cycle = self.last_cycle
         else:
             self.cycle = None
             try:
-                self.cycle, unread = cycle(parts, self.scale)
-            except words.WordError as fault:
+                self.cycle, unread = cycle(s.parts, self.scale)
+            except StatementError as fault:
                 if self.options.unknown_motion == "error":
                     raise
                 self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}")

@@ -13,9 +13,10 @@ from machining.magnitudes import LARGEST
 from machining.toolpaths.apt import words
 from machining.toolpaths.apt.motion import AptMotion
 from machining.toolpaths.apt.state import Handler
-from machining.toolpaths.apt.units import split_word
+from machining.toolpaths.apt.words import Statement, statement
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.recorder import StatementError
 from machining.toolpaths.source import lines, readable
 from robots.files.reading import recording
 
@@ -73,6 +74,8 @@ KEPT = (
     "TURRET",
     "UNLOAD",
 )
+# Words that an open arc has to be ended before.
+CLOSED_ARC = ("FROM", "GOHOME", "GODLTA", "CIRCLE", "MOVARC", "TLON,GOFWD", "CYCLE")
 DROPPED = ("PAINT", "DISPLY", "LABEL", "CNTRL", "KNOT")
 STATEMENT_LIMIT = 65536
 
@@ -106,7 +109,7 @@ class _Reader(AptMotion):
         self.table: dict[str, Handler] = {
             **self.state_words(),
             **self.motion_words(),
-            **{word: self._keep(word) for word in KEPT},
+            **dict.fromkeys(KEPT, self._keep),
             **dict.fromkeys(DROPPED, _drop),
         }
 
@@ -143,7 +146,7 @@ class _Reader(AptMotion):
         if not self.head:
             self.head_line = number
         body, dollar, behind = text.partition("$")
-        if dollar and behind.strip() and split_word(self.head + text)[0] in words.TEXT_WORDS:
+        if dollar and behind.strip() and statement(self.head + text).word in words.TEXT_WORDS:
             body, dollar = text, ""
         whole = self.head + body
         if dollar:
@@ -158,19 +161,20 @@ class _Reader(AptMotion):
             self._statement(whole)
 
     def _statement(self, text: str) -> None:
-        word, rest = split_word(text)
-        handler = self.table.get(word)
+        s = statement(text)
+        word, handler = s.word, self.table.get(s.word)
+        if word in CLOSED_ARC:
+            self._no_open_arc()
         try:
             if handler is not None:
-                handler(rest)
+                handler(s)
             elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
                 self._fault("numbers without a word before them", readable(text), "GOTO/ and the like, or $ above")
             elif words.sounds_like_motion(word):
-                self._lost(word, rest)
+                self._lost(s)
             else:
-                self.recorder.event(self.line, word, readable(rest))
-                self.recorder.note(self.line, f"word {readable(word)} is not read")
-        except words.WordError as fault:
+                self.recorder.event(self.line, word, readable(s.rest), note=f"word {readable(word)} is not read")
+        except StatementError as fault:
             self.arc = None
             self._fault(f"{word}: {fault.what}", readable(text), fault.allowed)
         self._settle()
@@ -184,13 +188,14 @@ class _Reader(AptMotion):
         if head.strip().upper() == "OPERATION NAME" and name.strip():
             self.operation, self.dirty = words.name(name), True
 
-    def _lost(self, word: str, rest: str) -> None:
+    def _lost(self, s: Statement) -> None:
         if self.options.unknown_motion == "error":
             remedy = "post the program without it, or pass unknown_motion='report' to go on without this motion"
-            self._fault(f"{word} sounds like a motion and is not read", rest, "GOTO, CIRCLE, MOVARC, ...", remedy)
+            self._fault(f"{s.word} sounds like a motion and is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", remedy)
         else:
-            self.recorder.event(self.line, word, readable(rest))
-            self.recorder.note(self.line, f"motion word {readable(word)} left out, as asked")
+            self.recorder.event(
+                self.line, s.word, readable(s.rest), note=f"motion word {readable(s.word)} left out, as asked"
+            )
 
     def _settle(self) -> None:
         self.plain = not self.head and self.arc is None and self.cycle is None and not self.frames.moves
@@ -204,15 +209,12 @@ class _Reader(AptMotion):
         if not self.ended:
             self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short")
 
-    def _keep(self, word: str) -> Handler:
-        def keep(rest: str) -> None:
-            self.recorder.event(self.line, word, readable(rest))
-            if word in ("FINI", "GOUGCK", "END-OF-PATH"):
-                self.ended = True
-                self._no_open_arc()
-
-        return keep
+    def _keep(self, s: Statement) -> None:
+        self.recorder.event(self.line, s.word, readable(s.rest))
+        if s.word in ("FINI", "GOUGCK", "END-OF-PATH"):
+            self.ended = True
+            self._no_open_arc()
 
 
-def _drop(rest: str) -> None:
+def _drop(s: Statement) -> None:
     pass

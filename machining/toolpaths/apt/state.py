@@ -7,16 +7,109 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from machining.toolpaths.apt import words
-from machining.toolpaths.apt.frames import Frames
-from machining.toolpaths.apt.units import length_unit
+from machining.toolpaths.apt.words import Statement, as_number, numbers
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.motions import Tool
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.recorder import Recorder, Vector
+from machining.toolpaths.recorder import Recorder, StatementError, Vector
 from machining.toolpaths.source import readable
+from robots.arrays import Array
 
-Handler = Callable[[str], None]
+Handler = Callable[[Statement], None]
+
+# Numbers of each word; MCSYS has words between them.
+COUNTS = {"MSYS": 9, "MCSYS": 9, "CSYS": 12, "TRANS": 3, "ORIGIN": 3}
+NONE = {
+    "MSYS": (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+    "CSYS": (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+    "TRANS": (0.0, 0.0, 0.0),
+    "ORIGIN": (0.0, 0.0, 0.0),
+}
+
+
+class Frames:
+    """Frame words in force, and those that motion happened in.
+
+    ``MSYS/x,y,z,xx,xy,xz,yx,yy,yz``: origin, x and y axis of the machine coordinate system in absolute coordinates;
+    points of the file are in it. ``CSYS/`` (SolidWorks CAM, Creo): a 3 x 4 matrix. ``TRANS/`` is added by
+    postprocessors, ``ORIGIN/`` taken away.
+    """
+
+    def __init__(self, mode: str) -> None:
+        self.mode = mode
+        self.words: dict[str, tuple[float, ...]] = {}
+        self.used: dict[str, tuple[float, ...]] | None = None
+        self.told = False
+        self.R, self.t = np.eye(3), np.zeros(3)
+
+    @property
+    def moves(self) -> bool:
+        """Whether coordinates differ from those written."""
+        return self.mode == "absolute"
+
+    def set(self, word: str, parts: list[str], scale: float) -> None:
+        """Take a frame word.
+
+        Raises
+        ------
+        StatementError
+            Numbers missing, axes that are not at right angles, a word whose sense is not known with "absolute".
+        """
+        if word == "MCSYS":
+            parts, word = _mcsys(parts), "MSYS"
+        values = numbers(parts, (COUNTS[word],))
+        if self.mode == "absolute" and word == "CSYS":
+            raise StatementError("CSYS cannot be applied: vendors differ in its direction", "frames='written'")
+        self.words = {key: v for key, v in self.words.items() if key != word}
+        if word == "MSYS":
+            x, y = np.array(values[3:6]), np.array(values[6:9])
+            if abs(np.linalg.norm(x) - 1.0) > 1e-3 or abs(np.linalg.norm(y) - 1.0) > 1e-3 or abs(x @ y) > 1e-3:
+                raise StatementError("axes of MSYS that are not at right angles and of length 1", "two unit vectors")
+        if any(abs(v - w) > 1e-9 for v, w in zip(values, NONE[word], strict=True)):
+            self.words[word] = tuple(values)
+        if self.mode == "absolute":
+            self._absolute(scale)
+
+    def _absolute(self, scale: float) -> None:
+        system = np.array(self.words.get("MSYS", NONE["MSYS"]))
+        x, y = system[3:6], system[6:9]
+        x = x / np.linalg.norm(x)
+        y = y - (y @ x) * x
+        y /= np.linalg.norm(y)
+        self.R = np.column_stack([x, y, np.cross(x, y)])
+        shift = np.array(self.words.get("TRANS", NONE["TRANS"])) - np.array(self.words.get("ORIGIN", NONE["ORIGIN"]))
+        self.t = (system[:3] + self.R @ shift) * scale
+
+    def use(self) -> str | None:
+        """Motion happens now: None, or the frame that is not the first one, once."""
+        if self.used is None:
+            self.used = self.words
+        elif self.mode == "one" and self.words != self.used and not self.told:
+            self.told = True
+            return "; ".join(f"{word}/{','.join(map(str, v))}" for word, v in self.words.items()) or "none"
+        return None
+
+    def point(self, point: Vector) -> Vector:
+        """Point m as asked for."""
+        return self._moved(point, self.t) if self.moves else point
+
+    def direction(self, direction: Vector) -> Vector:
+        """Direction as asked for."""
+        return self._moved(direction, 0.0) if self.moves else direction
+
+    def _moved(self, vector: Vector, shift: Array | float) -> Vector:
+        x, y, z = (self.R @ np.array(vector) + shift).tolist()
+        return x, y, z
+
+
+def _mcsys(parts: list[str]) -> list[str]:
+    """Numbers of ``MCSYS/NUM,n,POINT,x,y,z,VECTOR,x,y,z,VECTOR,x,y,z`` without the number of the system."""
+    if parts[:1] == ["NUM"]:
+        parts = parts[2:]
+    return [part for part in parts if as_number(part) is not None]
 
 
 class AptState:
@@ -25,7 +118,7 @@ class AptState:
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self.options = options
         self.recorder = Recorder(path.name, options.max_moves)
-        self.scale = length_unit(path, options, self.recorder)
+        self.scale = words.length_unit(path, options, self.recorder)
         self.frames = Frames(options.frames)
         self.line = 0
         self.axis: Vector = (0.0, 0.0, 1.0)
@@ -48,10 +141,10 @@ class AptState:
             "UNITS": self._units,
             "UNIT": self._units,
             "TLAXIS": self._tlaxis,
-            **{word: self._frame(word) for word in ("MSYS", "MCSYS", "CSYS", "TRANS", "ORIGIN")},
+            **dict.fromkeys(COUNTS, self._frame),
             "TOOL PATH": self._tool_path,
-            "TLDATA": self._cutter("TLDATA"),
-            "CUTTER": self._cutter("CUTTER"),
+            "TLDATA": self._cutter,
+            "CUTTER": self._cutter,
             "LOADTL": self._load,
             "LOAD": self._load,
             "TOOLNO": self._load,
@@ -67,74 +160,63 @@ class AptState:
         self.recorder.state(self.feed.speed(sign), sign, self.tool, self.operation)
         self.dirty = self.ended = self.loaded = False
 
-    def _fault(self, what: str, value: str, allowed: str, remedy: str | None = None) -> None:
+    def _fault(self, what: str, value: str, allowed: str | None, remedy: str | None = None) -> None:
         self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy)
 
-    def _fedrat(self, rest: str) -> None:
-        parts = words.items(rest)
-        if "RAPID" in parts:
+    def _fedrat(self, s: Statement) -> None:
+        if "RAPID" in s.parts:
             self.rapid = True
-        elif "INVERS" in parts or "FPT" in parts:
+        elif "INVERS" in s.parts or "FPT" in s.parts:
             self.feed = words.Feed()
-            self.recorder.note(self.line, f"FEDRAT/{rest.strip()}: the feed is not known")
+            self.recorder.note(self.line, f"FEDRAT/{s.rest.strip()}: the feed is not known")
         else:
-            self.feed = words.feed(parts, self.scale, self.feed)
+            self.feed = words.feed(s.parts, self.scale, self.feed)
         self.dirty = True
 
-    def _spindl(self, rest: str) -> None:
-        self.spindle, remark = words.spindle(words.items(rest), self.spindle)
+    def _spindl(self, s: Statement) -> None:
+        self.spindle, remark = words.spindle(s.parts, self.spindle)
         self.dirty = True
         if remark:
             self.recorder.note(self.line, remark)
 
-    def _delay(self, rest: str) -> None:
-        parts = words.items(rest)
-        turns = "REV" in parts
-        seconds = words.numbers([part for part in parts if part not in ("REV", "SEC", "ON")], (1,))[0]
-        if turns:
+    def _delay(self, s: Statement) -> None:
+        seconds = words.numbers([part for part in s.parts if part not in ("REV", "SEC", "ON")], (1,))[0]
+        if "REV" in s.parts:
             if not self.spindle.signed > 0.0 and not self.spindle.signed < 0.0:
-                raise words.WordError("a dwell in turns without a spindle speed", "SPINDL before it")
+                raise StatementError("a dwell in turns without a spindle speed", "SPINDL before it")
             seconds *= 2.0 * math.pi / abs(self.spindle.signed)
         self.recorder.dwell(self.line, seconds)
 
-    def _units(self, rest: str) -> None:
-        parts = words.items(rest)
-        if len(parts) != 1 or parts[0] not in words.LENGTHS:
-            raise words.WordError(f"unit of length {rest.strip()!r}", ", ".join(words.LENGTHS))
-        if words.LENGTHS[parts[0]] != self.scale:
-            raise words.WordError("the unit of length changes behind motion", "one unit, before the first motion")
+    def _units(self, s: Statement) -> None:
+        if len(s.parts) != 1 or s.parts[0] not in words.LENGTHS:
+            raise StatementError(f"unit of length {s.rest.strip()!r}", ", ".join(words.LENGTHS))
+        if words.LENGTHS[s.parts[0]] != self.scale:
+            raise StatementError("the unit of length changes behind motion", "one unit, before the first motion")
 
-    def _tlaxis(self, rest: str) -> None:
-        x, y, z = words.numbers(words.items(rest), (3,))
+    def _tlaxis(self, s: Statement) -> None:
+        x, y, z = s.numbers(3)
         self.axis = self.frames.direction((x, y, z))
 
-    def _frame(self, word: str) -> Handler:
-        def frame(rest: str) -> None:
-            self.recorder.event(self.line, word, rest)
-            self.frames.set(word, words.items(rest), self.scale)
-            self.dirty = True
+    def _frame(self, s: Statement) -> None:
+        self.recorder.event(self.line, s.word, s.rest)
+        self.frames.set(s.word, s.parts, self.scale)
+        self.dirty = True
 
-        return frame
-
-    def _tool_path(self, rest: str) -> None:
-        parts = rest.split(",")
+    def _tool_path(self, s: Statement) -> None:
+        parts = s.rest.split(",")
         self.operation = words.name(parts[0])
         self.tool = Tool(name=words.name(parts[2]) if len(parts) > 2 else "")
         self.loaded = self.dirty = True
         self.rapid, self.cycle = False, None
-        self.recorder.event(self.line, "TOOL PATH", readable(rest))
+        self.recorder.event(self.line, "TOOL PATH", readable(s.rest))
 
-    def _cutter(self, word: str) -> Handler:
-        def cutter(rest: str) -> None:
-            self._fresh()
-            self.tool = words.tool_data(self.tool, words.items(rest), self.scale, word)
+    def _cutter(self, s: Statement) -> None:
+        self._fresh()
+        self.tool = words.tool_data(self.tool, s.parts, self.scale, s.word)
 
-        return cutter
-
-    def _load(self, rest: str) -> None:
-        parts = words.items(rest)
-        number = words.tool_number(parts)
-        self.recorder.event(self.line, "LOADTL", readable(rest))
+    def _load(self, s: Statement) -> None:
+        number = words.tool_number(s.parts)
+        self.recorder.event(self.line, "LOADTL", readable(s.rest))
         if number is not None and number != self.tool.number:
             self._fresh()
             self.tool = replace(self.tool, number=number)
@@ -148,12 +230,12 @@ class AptState:
             self.tool, self.loaded = Tool(), True
         self.dirty = True
 
-    def _opname(self, rest: str) -> None:
-        self.operation, self.dirty = words.name(rest), True
+    def _opname(self, s: Statement) -> None:
+        self.operation, self.dirty = words.name(s.rest), True
 
-    def _cutcom(self, rest: str) -> None:
-        self.recorder.event(self.line, "CUTCOM", rest)
-        if not {"OFF", "LENGTH"} & set(words.items(rest)):
+    def _cutcom(self, s: Statement) -> None:
+        self.recorder.event(self.line, "CUTCOM", s.rest)
+        if not {"OFF", "LENGTH"} & set(s.parts):
             self.recorder.note(
                 self.line, "CUTCOM: points are taken as the tool's centre, the control's offset is not read"
             )

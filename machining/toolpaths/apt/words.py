@@ -1,14 +1,18 @@
-"""Parts of APT statements: numbers, feeds, spindle speeds, tools; and which words sound like motion."""
+"""APT statements and their parts: numbers, feeds, spindle speeds, tools; and which words sound like motion."""
 
 from __future__ import annotations
 
 import math
 import re
 from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 
 from machining.magnitudes import LARGEST
 from machining.toolpaths.motions import Tool, clean
-from machining.toolpaths.source import readable
+from machining.toolpaths.options import UNITS, ReadOptions
+from machining.toolpaths.recorder import Recorder, StatementError
+from machining.toolpaths.source import lines, readable
 
 INCH = 25.4e-3
 # Feed words: metres in the unit of length (None: that of the file), and "turn" or "minute".
@@ -33,12 +37,30 @@ MOTION = re.compile(
 TEXT_WORDS = ("PARTNO", "PPRINT", "TPRINT", "INSERT", "REMARK", "TITLE", "NOTE", "OPNAME", "DISPLAY", "LETTER")
 
 
-class WordError(ValueError):
-    """Statement that cannot be read: what is wrong, and what is allowed."""
+@dataclass(frozen=True)
+class Statement:
+    """A major word in upper case, and what stands behind it."""
 
-    def __init__(self, what: str, allowed: str) -> None:
-        super().__init__(what)
-        self.what, self.allowed = what, allowed
+    word: str
+    rest: str
+
+    @cached_property
+    def parts(self) -> list[str]:
+        """Items between commas, upper case; empty ones at the end are left out."""
+        return items(self.rest)
+
+    def numbers(self, *allowed: int) -> list[float]:
+        """As :func:`numbers`, all its items."""
+        return numbers(self.parts, allowed)
+
+
+def statement(text: str) -> Statement:
+    """The word that a line starts with, and what stands behind it."""
+    head, slash, rest = text.partition("/")
+    first, _, behind = text.strip().partition(" ")
+    if first.upper() in TEXT_WORDS or not slash:
+        return Statement(first.upper(), behind)
+    return Statement(" ".join(head.upper().split()).replace(", ", ",").replace(" ,", ","), rest)
 
 
 def sounds_like_motion(word: str) -> bool:
@@ -70,16 +92,16 @@ def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:
 
     Raises
     ------
-    WordError
+    StatementError
         Items that are no numbers or beyond :data:`LARGEST`, another count of them.
     """
     out = [as_number(part) for part in parts]
     good = [value for value in out if value is not None]
     if len(good) != len(parts):
         bad = parts[out.index(None)]
-        raise WordError(f"{bad!r} where a number belongs", f"finite numbers of at most {LARGEST:g} in size")
+        raise StatementError(f"{bad!r} where a number belongs", f"finite numbers of at most {LARGEST:g} in size")
     if len(good) not in allowed:
-        raise WordError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers")
+        raise StatementError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers")
     return good
 
 
@@ -103,16 +125,16 @@ def feed(parts: list[str], scale: float, last: Feed) -> Feed:
 
     Raises
     ------
-    WordError
+    StatementError
         No number, more than one, a feed that is not positive, a unit that is not known.
     """
     values = [v for v in map(as_number, parts) if v is not None]
     words = [part for part in parts if as_number(part) is None and part not in ("AUTO", "")]
     unknown = [word for word in words if word not in FEED_UNITS]
     if unknown:
-        raise WordError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS))
+        raise StatementError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS))
     if len(values) != 1 or len(words) > 1 or values[0] <= 0.0:
-        raise WordError(f"feed {', '.join(parts)!r}", "one number more than 0 and one unit")
+        raise StatementError(f"feed {', '.join(parts)!r}", "one number more than 0 and one unit")
     length, per = FEED_UNITS[words[0]] if words else (None, last.per)
     return Feed(values[0] * (scale if length is None else length), per)
 
@@ -136,7 +158,7 @@ def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
 
     Raises
     ------
-    WordError
+    StatementError
         A speed that is negative.
     """
     values = [v for v in map(as_number, parts) if v is not None]
@@ -150,7 +172,7 @@ def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
         return replace(out, speed=math.nan), "spindle by cutting speed: its turns are not known"
     if values:
         if values[0] < 0.0:
-            raise WordError(f"spindle speed {values[0]:g}", "0 or more turns in a minute, and CLW or CCLW")
+            raise StatementError(f"spindle speed {values[0]:g}", "0 or more turns in a minute, and CLW or CCLW")
         out = replace(out, speed=values[0] * 2.0 * math.pi / 60.0)
         if out.speed == 0.0:
             out = replace(out, on=False)
@@ -184,3 +206,39 @@ def tool_number(parts: list[str]) -> int | None:
 def name(text: str) -> str:
     """Name of a tool or an operation, fit for tables."""
     return clean(readable(text).strip().strip("'\""))
+
+
+def length_unit(path: Path, options: ReadOptions, recorder: Recorder) -> float:
+    """Metres in the unit of length: that of ``UNITS/`` before motion, else the option, else that of the feeds."""
+    fed = moved = False
+    for number, raw in enumerate(lines(path, options.max_bytes), start=1):
+        text = raw.lstrip()
+        if text.startswith("GOTO"):
+            moved = True
+            if options.units is not None:
+                break
+            continue
+        head = text[:6].upper()
+        if head.startswith("UNIT") and not moved:
+            parts = statement(text.split("$")[0]).parts
+            if len(parts) == 1 and parts[0] in LENGTHS:
+                return LENGTHS[parts[0]]
+        elif head.startswith(("FEDRAT", "CYCLE")) and options.units is None:
+            found = [w for w in items(text.strip().replace("/", ",")) if FEED_UNITS.get(w, (None,))[0]]
+            if found and not fed:
+                fed = True
+                length = FEED_UNITS[found[0]][0] or 0.0
+                unit = "mm" if length == UNITS["mm"] else "inch"
+                recorder.note(number, f"no UNITS in the file: taken as {unit} from the feed unit {found[0]}")
+                scale = UNITS[unit]
+                if moved:
+                    return scale
+                fallback = scale
+        if moved and fed:
+            return fallback
+    if options.units is not None:
+        return UNITS[options.units]
+    if fed:
+        return fallback
+    recorder.error(0, "no unit of length", allowed="UNITS/MM or UNITS/INCHES", remedy="pass units='mm' or 'inch'")
+    return 1e-3

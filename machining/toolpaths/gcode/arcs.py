@@ -7,19 +7,12 @@ import math
 from machining.toolpaths.arcs import CLOSED
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.gcode.words import Block
+from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
 
 # Indices of the plane's first and second axis and its normal, right-handed: G17 XY, G18 ZX, G19 YZ.
 PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
 CYCLES = {730: "chip", 810: "drill", 820: "drill", 830: "peck", 840: "tap", 850: "bore", 860: "drill", 890: "bore"}
-
-
-class BlockError(ValueError):
-    """Block that cannot be read: what is wrong, what is allowed, what to do."""
-
-    def __init__(self, what: str, allowed: str | None = None, remedy: str | None = None) -> None:
-        super().__init__(what)
-        self.what, self.allowed, self.remedy = what, allowed, remedy
 
 
 def center(
@@ -32,7 +25,7 @@ def center(
 
     Raises
     ------
-    BlockError
+    StatementError
         Neither I, J, K nor R, or both; R with a full turn; a chord longer than 2 R; an absolute centre cut short.
     """
     first, second, _ = PLANES[plane]
@@ -40,13 +33,13 @@ def center(
     given = [letter for letter in letters if letter in block.words]
     if "R" in block.words:
         if given:
-            raise BlockError("an arc with R and with I, J, K", "one of both")
+            raise StatementError("an arc with R and with I, J, K", "one of both")
         return _by_radius(block.words["R"] * scale, start, end, plane, clockwise, slack)
     if not given:
-        raise BlockError("an arc without centre or radius", f"{letters[0]}, {letters[1]} or R")
+        raise StatementError("an arc without centre or radius", f"{letters[0]}, {letters[1]} or R")
     out = start.copy()
     if absolute and len(given) < 2:
-        raise BlockError("an absolute centre with one coordinate", f"{letters[0]} and {letters[1]}")
+        raise StatementError("an absolute centre with one coordinate", f"{letters[0]} and {letters[1]}")
     for index, letter in zip((first, second), letters, strict=True):
         value = block.words.get(letter, 0.0) * scale
         out[index] = value if absolute else out[index] + value
@@ -58,9 +51,9 @@ def _by_radius(radius: float, start: Array, end: Array, plane: int, clockwise: b
     du, dv = float(end[first] - start[first]), float(end[second] - start[second])
     chord = math.hypot(du, dv)
     if chord < CLOSED:
-        raise BlockError("a full turn with R", "I, J, K", "post arcs with centres")
+        raise StatementError("a full turn with R", "I, J, K", "post arcs with centres")
     if chord / 2.0 - abs(radius) > slack:
-        raise BlockError(
+        raise StatementError(
             f"arc of radius {abs(radius) * 1e3:.6g} mm between points {chord * 1e3:.6g} mm apart",
             f"a radius of at least {chord * 5e2:.6g} mm",
         )
@@ -78,12 +71,12 @@ def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float
 
     Raises
     ------
-    BlockError
+    StatementError
         Pecks missing, or numbers without sense.
     """
     kind = CYCLES[code]
     if kind in ("chip", "peck") and not peck > 0.0:
-        raise BlockError("a peck cycle without its peck", "Q more than 0")
+        raise StatementError("a peck cycle without its peck", "Q more than 0")
     out = Cycle(
         start=0.0,
         depth=start - bottom,
@@ -96,5 +89,5 @@ def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float
     )
     fault = out.fault()
     if fault:
-        raise BlockError(f"cycle with {fault}", "Z below R, numbers that make a hole")
+        raise StatementError(f"cycle with {fault}", "Z below R, numbers that make a hole")
     return out

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-# Codes in tenths: G43.4 is 434.
-MOTION = (0, 10, 20, 30)
+from machining.toolpaths.gcode.arcs import CYCLES, PLANES
+
+# Codes in tenths: G43.4 is 434. Those that set one mode, and to what.
+SETS: dict[int, tuple[str, int | bool | None]] = {
+    **{code: ("motion", code) for code in (0, 10, 20, 30, *CYCLES)},
+    800: ("motion", None),
+    **{code: ("plane", code) for code in PLANES},
+    **{code: ("absolute", code == 900) for code in (900, 910)},
+    **{code: ("arc_absolute", code == 901) for code in (901, 911)},
+    **{code: ("back_to_initial", code == 980) for code in (980, 990)},
+}
 FEED_MODES = {930: "inverse", 940: "minute", 950: "turn"}
 LENGTHS = {200: 25.4e-3, 210: 1e-3, 7000: 25.4e-3, 7100: 1e-3}
 OFFSETS = {540: "G54", 550: "G55", 560: "G56", 570: "G57", 580: "G58", 590: "G59"} | {
@@ -17,6 +26,9 @@ QUIET = (
     80, 81, 90, 110, 131, 150, 220, 230, 250, 260, 270, 400, 500, 501, 600, 601, 602, 610, 611, 620, 630, 640, 641,
     642, 643, 644, 645, 670, 690, 921, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
 )  # fmt: skip
+# Codes of cutter compensation, and those that have a meaning of their own.
+COMPENSATED = (410, 411, 420, 421)
+OWN = (40, 50, 51, 100, 280, 300, 520, 530, 700, 710, 920, *COMPENSATED)
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
     50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
@@ -40,3 +52,6 @@ REMEDY_MACRO = "post the program without variables, loops and subprograms, or le
 def shown(code: int) -> str:
     """Code as it is written: G43.4."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
+
+
+KNOWN = frozenset((*SETS, *OWN, *QUIET, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))

@@ -8,126 +8,128 @@ from pathlib import Path
 import numpy as np
 
 from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.drilling import drill
-from machining.toolpaths.gcode.arcs import CYCLES, PLANES, BlockError, center, drill_cycle
+from machining.toolpaths.cycles import drill
+from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
 from machining.toolpaths.gcode.state import Modes
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.recorder import Recorder, Vector
-from machining.toolpaths.rotary import tool_axis
+from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
 
-class GcodeMotion:
-    """Modes and recorder of one program, and the blocks that move the tool."""
+class GcodeMotion(Modes):
+    """The blocks that move the tool, on top of the modes."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        self.options = options
-        self.recorder = Recorder(path.name, options.max_moves)
-        self.modes = Modes(options, self.recorder)
-        self.line = 0
+        super().__init__(path, options)
         # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
         self.sticky: dict[str, float] = {}
         self.initial: float | None = None
         self.axis: Vector = (0.0, 0.0, 1.0)
 
     def _motion(self, b: Block) -> None:
-        m = self.modes
-        if m.motion is None:
-            raise BlockError("coordinates without a motion code before them", "G0, G1, G2, G3 or a cycle")
-        if m.motion in CYCLES:
+        if self.motion is None:
+            raise StatementError("coordinates without a motion code before them", "G0, G1, G2, G3 or a cycle")
+        if self.motion in CYCLES:
             self._cycle(b)
             return
-        target = m.target(b)
+        target = self.target(b)
         before, self.axis = self.axis, self._tool_axis(b)
-        if m.motion == 0:
+        if self.motion == 0:
             if not self._rapid_known(target):
-                self.recorder.event(self.line, "G0", " ".join(f"{k}{v:g}" for k, v in b.words.items()))
-                self.recorder.note(self.line, "a rapid move with a coordinate not known yet is kept as an event only")
+                self.recorder.event(
+                    self.line,
+                    "G0",
+                    str(b),
+                    note="a rapid move with a coordinate not known yet is kept as an event only",
+                )
             return
         point = self._known(target)
-        if m.motion == 10:
-            start = m.here
-            m.commit(math.nan if None in start else math.dist([v or 0.0 for v in start], point))
-            self.recorder.move(self.line, m.shifted(point), self.axis, False)
+        if self.motion == 10:
+            start = self.here
+            self.commit(math.nan if None in start else math.dist([v or 0.0 for v in start], point))
+            self.recorder.move(self.line, self.shifted(point), self.axis, False)
         else:
             self._arc(b, point, before)
-        m.here = list(point)
+        self.here = list(point)
 
     def _rapid_known(self, target: list[float | None]) -> bool:
-        self.modes.here = target
+        self.here = target
         x, y, z = target
         if x is None or y is None or z is None:
             return False
-        self.modes.commit(math.nan)
-        self.recorder.move(self.line, self.modes.shifted((x, y, z)), self.axis, True)
+        self.commit(math.nan)
+        self.recorder.move(self.line, self.shifted((x, y, z)), self.axis, True)
         return True
 
     def _known(self, target: list[float | None]) -> Vector:
         x, y, z = target
         if x is None or y is None or z is None:
-            self.modes.here = target
+            self.here = target
             missing = ", ".join(letter for letter, v in zip("XYZ", target, strict=True) if v is None)
-            raise BlockError(f"a move at feed while {missing} is not known", "X, Y, Z given before", "pass start=(...)")
+            raise StatementError(
+                f"a move at feed while {missing} is not known", "X, Y, Z given before", "pass start=(...)"
+            )
         return x, y, z
 
     def _arc(self, b: Block, end: Vector, before: Vector) -> None:
-        m, options = self.modes, self.options
-        start = np.array(self._known(m.here))
-        m.here = list(end)
-        clockwise = m.motion == 20
+        start = np.array(self._known(self.here))
+        self.here = list(end)
+        clockwise = self.motion == 20
         middle = center(
             b,
             start,
             np.array(end),
-            m.plane,
+            self.plane,
             clockwise,
-            scale=m.scale,
-            absolute=m.arc_absolute,
-            slack=options.arc_tolerance,
+            scale=self.scale,
+            absolute=self.arc_absolute,
+            slack=self.options.arc_tolerance,
         )
         normal = np.zeros(3)
-        normal[PLANES[m.plane][2]] = -1.0 if clockwise else 1.0
+        normal[PLANES[self.plane][2]] = -1.0 if clockwise else 1.0
         turns = b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
-            raise BlockError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
+            raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
         try:
             fraction, points = arc_points(
                 start,
                 end,
                 middle,
                 normal,
-                chord_tolerance=options.chord_tolerance,
-                arc_tolerance=options.arc_tolerance,
+                chord_tolerance=self.options.chord_tolerance,
+                arc_tolerance=self.options.arc_tolerance,
                 turns=int(turns),
-                limit=options.max_moves,
+                limit=self.options.max_moves,
             )
         except ArcError as fault:
             remedy = (
                 "check G90.1 and G91.1, pass arc_absolute=True or a larger arc_tolerance, or post with more decimals"
             )
-            raise BlockError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
+            raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
         chain = np.vstack([start, points])
-        m.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
-        self.recorder.moves(self.line, points + m.shift, between(before, self.axis, fraction), False)
+        self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
+        self.recorder.moves(self.line, points + self.shift, between(before, self.axis, fraction), False)
 
     def _tool_axis(self, b: Block) -> Vector:
         turned = False
         for letter in "ABC":
             if letter in b.words:
-                old = self.modes.angles[letter]
-                self.modes.angles[letter] = math.radians(b.words[letter]) + (0.0 if self.modes.absolute else old)
+                old = self.angles[letter]
+                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if self.absolute else old)
                 turned = True
-        angles = self.modes.angles
+        angles = self.angles
         if not turned and not any(angles.values()):
             return 0.0, 0.0, 1.0
         rotary = self.options.rotary
         wrong = [k for k, v in angles.items() if v and k not in rotary.rpartition("-")[2]]
         if wrong and any(angles.values()):
             remedy = "say how the axes turn: --rotary table-AC or head-BC (rotary= in Python)"
-            raise BlockError(f"rotary axis {', '.join(wrong)} with rotary='{rotary}'", "axes of the machine", remedy)
-        if any(angles.values()) and not self.modes.tcp:
-            raise BlockError(
+            raise StatementError(
+                f"rotary axis {', '.join(wrong)} with rotary='{rotary}'", "axes of the machine", remedy
+            )
+        if any(angles.values()) and not self.tcp:
+            raise StatementError(
                 "turned rotary axes without tool centre point control: X, Y, Z are no points of the part",
                 "G43.4, G234 or TRAORI before it",
                 "post with tool centre point control, or pass tcp=True if X, Y, Z are the tip in the part frame",
@@ -135,26 +137,27 @@ class GcodeMotion:
         return (0.0, 0.0, 1.0) if rotary == "none" else tool_axis(rotary, angles)
 
     def _cycle(self, b: Block) -> None:
-        m = self.modes
-        along = PLANES[m.plane][2]
+        along = PLANES[self.plane][2]
         letter = "XYZ"[along]
         for key in (letter, "R", "Q"):
             if key in b.words:
-                self.sticky[key] = b.words[key] * m.scale
+                self.sticky[key] = b.words[key] * self.scale
         if "P" in b.words:
             whole = "P" not in b.points and self.options.dwell_unit == "ms"
             self.sticky["P"] = b.words["P"] * (1e-3 if whole else 1.0)
         if letter not in self.sticky or "R" not in self.sticky:
-            raise BlockError(f"a cycle without {letter} or R", f"{letter} and R")
+            raise StatementError(f"a cycle without {letter} or R", f"{letter} and R")
         if (
             "K" in b.words
             or b.words.get("L", 1.0) != int(b.words.get("L", 1.0))
             or not 1 <= b.words.get("L", 1) <= 9999
         ):
-            raise BlockError("repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole")
+            raise StatementError(
+                "repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole"
+            )
         self.axis = self._tool_axis(b)
         if self.axis[along] < 1.0 - 1e-9:
-            raise BlockError("a cycle with the tool not along the normal of the plane", "post it as single moves")
+            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
         before, times = len(self.recorder), int(b.words.get("L", 1.0))
         for i in range(times):
             self._hole(b, along, letter)
@@ -163,25 +166,41 @@ class GcodeMotion:
                 self.recorder.room((len(self.recorder) - before) * (times - 1))
 
     def _hole(self, b: Block, along: int, letter: str) -> None:
-        m = self.modes
-        target = m.target(b)
-        target[along] = m.here[along] if self.initial is None else self.initial
+        target = self.target(b)
+        target[along] = self.here[along] if self.initial is None else self.initial
         initial = self._known(target)[along]
-        retract = self.sticky["R"] + (0.0 if m.absolute else initial)
-        bottom = self.sticky[letter] + (0.0 if m.absolute else retract)
-        back = initial if m.back_to_initial else retract
+        retract = self.sticky["R"] + (0.0 if self.absolute else initial)
+        bottom = self.sticky[letter] + (0.0 if self.absolute else retract)
+        back = initial if self.back_to_initial else retract
         work = drill_cycle(
-            m.motion or 0, retract, bottom, max(back, retract), self.sticky.get("Q", 0.0), self.sticky.get("P", 0.0)
+            self.motion or 0, retract, bottom, max(back, retract), self.sticky.get("Q", 0.0), self.sticky.get("P", 0.0)
         )
         target[along] = retract
         point = self._known(target)
         here: Array | None = None
-        if None not in m.here:
-            here = np.array([v or 0.0 for v in m.here]) + m.shift
+        if None not in self.here:
+            here = np.array([v or 0.0 for v in self.here]) + self.shift
 
         def state(own: bool, reverse: bool) -> None:
-            m.commit(math.nan, reverse=reverse)
+            self.commit(math.nan, reverse=reverse)
 
-        end = drill(self.recorder, self.line, here, m.shifted(point), self.axis, work, state)
-        m.dirty = True
-        m.here = [float(v) for v in np.array(end) - m.shift]
+        end = drill(self.recorder, self.line, here, self.shifted(point), self.axis, work, state)
+        self.dirty = True
+        self.here = [float(v) for v in np.array(end) - self.shift]
+
+
+def tool_axis(rotary: str, angles: dict[str, float]) -> Vector:
+    """Unit tool axis in the part frame, from the tip into the holder, for ``angles`` by letter in rad.
+
+    With signs by ISO 841 (a positive angle turns the tool against the part in the positive sense, whichever of them
+    turns) table, head and mixed machines have one formula: axis = Rz(C) Rx(A) z or Rz(C) Ry(B) z. The C axis is the one
+    next to the part on a table, the one away from the tool on a head. Inclined (nutating) axes are not covered.
+
+    ``rotary``: the machine, such as "table-AC".
+    """
+    tilt = rotary.rpartition("-")[2][0]
+    c, s = math.cos(angles[tilt]), math.sin(angles[tilt])
+    # Rx(A) z = (0, -sin A, cos A); Ry(B) z = (sin B, 0, cos B).
+    x, y = (0.0, -s) if tilt == "A" else (s, 0.0)
+    cc, sc = math.cos(angles["C"]), math.sin(angles["C"])
+    return cc * x - sc * y, sc * x + cc * y, c

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from machining.toolpaths.gcode import modes
-from machining.toolpaths.gcode.arcs import CYCLES, PLANES, BlockError
+from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.motion import GcodeMotion
 from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.recorder import StatementError
 from machining.toolpaths.source import lines, readable
 from robots.files.reading import recording
 
@@ -41,7 +42,7 @@ class _Reader(GcodeMotion):
 
     def read(self, source: Iterable[str]) -> None:
         for number, raw in enumerate(source, start=1):
-            self.line = self.modes.line = number
+            self.line = number
             words = block(raw)
             for comment in words.comments:
                 if comment.strip():
@@ -57,7 +58,7 @@ class _Reader(GcodeMotion):
                 self.recorder.note(number, "a block that '/' may delete is read; skip_deleted leaves it out")
             try:
                 self._block(words)
-            except BlockError as fault:
+            except StatementError as fault:
                 text = readable(raw)
                 self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
         if not self.over:
@@ -65,18 +66,18 @@ class _Reader(GcodeMotion):
 
     def _block(self, b: Block) -> None:
         if b.macro:
-            raise BlockError("variables, macros or loops", "numbers", modes.REMEDY_MACRO)
+            raise StatementError("variables, macros or loops", "numbers", modes.REMEDY_MACRO)
         if b.bad:
-            raise BlockError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
+            raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
         for word in b.long:
             self._long(word, b)
         if not b.codes and not b.misc and b.words.keys() == {"L"}:
-            raise BlockError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
+            raise StatementError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
         self._refuse(b)
-        cycle_before = self.modes.motion
-        self.modes.take(b)
-        if self.modes.motion in CYCLES and cycle_before not in CYCLES:
-            self.initial, self.sticky = self.modes.here[PLANES[self.modes.plane][2]], {}
+        cycle_before = self.motion
+        self.take(b)
+        if self.motion in CYCLES and cycle_before not in CYCLES:
+            self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
         self.over = any(number in modes.ENDS for number in b.misc)
         if 40 in b.codes:
             self._dwell(b)
@@ -89,38 +90,39 @@ class _Reader(GcodeMotion):
                 self._origin(code, b)
                 return
         if b.words.keys() & set("UVW"):
-            raise BlockError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
-        if b.words.keys() & set("XYZABC") or (self.modes.motion in (20, 30) and b.words.keys() & set("IJK")):
+            raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
+        if b.words.keys() & set("XYZABC") or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
 
     # Words that are not read
 
     def _refuse(self, b: Block) -> None:
         if any(number in modes.CALLS for number in b.misc):
-            raise BlockError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
+            raise StatementError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
         for code in b.codes:
             # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
             known = code in modes.REFUSED and not (code in (51, 50) and not b.words.keys() & set("XYZIJ"))
-            unknown = not known and not self.modes.knows(code) and bool(b.words.keys() & set("XYZABCIJKR"))
+            unknown = not known and code not in modes.KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
             if not known and not unknown:
                 continue
             what = modes.REFUSED.get(code, "not known, with coordinates")
             if self.options.unknown_motion == "error":
-                raise BlockError(f"{modes.shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it")
-            self.recorder.event(self.line, modes.shown(code))
-            self.recorder.note(self.line, f"{modes.shown(code)} ({what}) left out, as asked")
-            self.modes.lose(b)
+                raise StatementError(
+                    f"{modes.shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it"
+                )
+            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)} ({what}) left out, as asked")
+            self.lose(b)
             b.words.clear()
 
     def _long(self, word: str, b: Block) -> None:
         head = word.partition("(")[0].strip()
         if head in ("TRAORI", "TRAFOOF"):
-            self.modes.tcp = head == "TRAORI"
+            self.tcp = head == "TRAORI"
         elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
-                raise BlockError(f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3")
+                raise StatementError(f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3")
             self.recorder.note(self.line, f"{readable(head)} left out, as asked")
-            self.modes.lose(b)
+            self.lose(b)
             b.words.clear()
         elif head not in QUIET:
             self.recorder.note(self.line, f"word {readable(head)} is not read")
@@ -139,25 +141,29 @@ class _Reader(GcodeMotion):
                     self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; dwell_unit='ms'?")
                 self.recorder.dwell(self.line, value)
                 return
-        raise BlockError("a dwell without its time", "P, X, U or F with a number")
+        raise StatementError("a dwell without its time", "P, X, U or F with a number")
 
     def _machine(self, code: int, b: Block) -> None:
         """G28, G30: by way of a point to the machine's own; G53: coordinates of the machine."""
         named = [i for i, letter in enumerate("XYZ") if letter in b.words]
-        if code != 530 and named and self.modes.target(b) != self.modes.here:
+        if code != 530 and named and self.target(b) != self.here:
             # The point on the way is in the part.
-            self._rapid_known(self.modes.target(b))
+            self._rapid_known(self.target(b))
         for i in named if named or b.words.keys() & set("ABC") else range(3):
-            self.modes.here[i] = None
+            self.here[i] = None
         for letter in "ABC":
             if letter in b.words:
-                self.modes.angles[letter] = 0.0
-        self.recorder.event(self.line, modes.shown(code), " ".join(f"{k}{v:g}" for k, v in b.words.items()))
-        self.recorder.note(self.line, f"{modes.shown(code)}: a place of the machine, not in the part")
+                self.angles[letter] = 0.0
+        self.recorder.event(
+            self.line,
+            modes.shown(code),
+            str(b),
+            note=f"{modes.shown(code)}: a place of the machine, not in the part",
+        )
 
     def _origin(self, code: int, b: Block) -> None:
-        self.recorder.event(self.line, modes.shown(code), " ".join(f"{k}{v:g}" for k, v in b.words.items()))
+        self.recorder.event(self.line, modes.shown(code), str(b))
         if code == 100:
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif b.words.keys() & set("XYZABC"):
-            raise BlockError(f"{modes.shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")
+            raise StatementError(f"{modes.shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
 from machining.toolpaths.gcode import modes
-from machining.toolpaths.gcode.arcs import CYCLES, PLANES, BlockError
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Tool
 from machining.toolpaths.options import UNITS, ReadOptions
-from machining.toolpaths.recorder import Recorder, Vector
+from machining.toolpaths.recorder import Recorder, StatementError, Vector
 
 
 class Modes:
     """Modes, position and feed; codes and words of a block are taken by :meth:`take` before its motion."""
 
-    def __init__(self, options: ReadOptions, recorder: Recorder) -> None:
-        self.options, self.recorder = options, recorder
+    def __init__(self, path: Path, options: ReadOptions) -> None:
+        self.options, self.recorder = options, Recorder(path.name, options.max_moves)
         self.line = 0
         self.motion: int | None = None
         self.plane = 170
@@ -59,27 +59,19 @@ class Modes:
             return 0.0
         return math.nan if self.surface_speed else self.sense * self.speed
 
-    def knows(self, code: int) -> bool:
-        """Whether a G code is read or kept."""
-        return (
-            code in (*modes.MOTION, 40, 100, 280, 300, 530, 520, 800, 410, 411, 420, 421, 700, 710, 900, 910, 901, 911)
-            or code in (920, 980, 990, *modes.QUIET, *modes.TCP_ON, *modes.FEED_MODES, *modes.LENGTHS)
-            or code in (*modes.OFFSETS, *PLANES, *CYCLES, 50, 51)
-        )
-
     def take(self, b: Block) -> None:
         """Take modes, feed, speed, tool and switches of a block."""
         for code in b.codes:
             self._code(code, b)
         if "F" in b.words and 40 not in b.codes:
             if not b.words["F"] > 0.0:
-                raise BlockError(f"feed {b.words['F']:g}", "more than 0")
+                raise StatementError(f"feed {b.words['F']:g}", "more than 0")
             self.feed, self.inverse_given, self.dirty = b.words["F"], True, True
         else:
             self.inverse_given = False
         if "S" in b.words and 920 not in b.codes:
             if b.words["S"] < 0.0:
-                raise BlockError(f"spindle speed {b.words['S']:g}", "0 or more")
+                raise StatementError(f"spindle speed {b.words['S']:g}", "0 or more")
             self.speed, self.dirty = b.words["S"] * 2.0 * math.pi / 60.0, True
         if "T" in b.words:
             self.selected = int(b.words["T"])
@@ -87,45 +79,33 @@ class Modes:
             self._misc(number)
 
     def _code(self, code: int, b: Block) -> None:
-        if code in modes.MOTION or code in CYCLES:
-            self.motion = code
-        elif code == 800:
-            self.motion = None
-        elif code in PLANES:
-            self.plane = code
+        if code in modes.SETS:
+            setattr(self, *modes.SETS[code])
         elif code in modes.LENGTHS or (code in (700, 710) and not b.words):
             new = modes.LENGTHS.get(code, UNITS["inch"] if code == 700 else UNITS["mm"])
             self.feed = self.feed * (self.unit / new) if self.unit is not None else self.feed
             self.unit = new
-        elif code in (900, 910):
-            self.absolute = code == 900
-        elif code in (901, 911):
-            self.arc_absolute = code == 901
         elif code in modes.FEED_MODES:
             if modes.FEED_MODES[code] != self.feed_mode:
                 # A feed of one kind means nothing in another.
                 self.feed = math.nan
             self.feed_mode, self.dirty = modes.FEED_MODES[code], True
-        elif code in (980, 990):
-            self.back_to_initial = code == 980
         elif code in modes.OFFSETS:
             self._work_offset(modes.OFFSETS[code])
         elif code in modes.TCP_ON:
             self.tcp = True
             self.recorder.event(self.line, modes.shown(code))
-        elif code in (410, 411, 420, 421):
-            self.recorder.event(self.line, modes.shown(code))
+        elif code in modes.COMPENSATED:
             text = "points are taken as the tool's centre, the control's offset is not read"
-            self.recorder.note(self.line, f"{modes.shown(code)}: {text}")
+            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)}: {text}")
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
         elif code in (50, 51, *modes.QUIET):
             if code == 490:
                 self.tcp = self.options.tcp
             self.recorder.event(self.line, modes.shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
-        elif not self.knows(code):
-            self.recorder.event(self.line, modes.shown(code))
-            self.recorder.note(self.line, f"{modes.shown(code)} is not read")
+        elif code not in modes.KNOWN:
+            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)} is not read")
 
     def _misc(self, number: int) -> None:
         if number in (3, 4, 5, 13, 14, 19):
@@ -141,8 +121,7 @@ class Modes:
         elif number in modes.STOPS:
             self.recorder.event(self.line, modes.STOPS[number], f"M{number}")
         else:
-            self.recorder.event(self.line, f"M{number}")
-            self.recorder.note(self.line, f"M{number} is not read")
+            self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
 
     def _work_offset(self, name: str) -> None:
         if name == self.offset:
@@ -188,7 +167,7 @@ class Modes:
         if self.used_offset != self.offset:
             self._use_offset()
         if self.feed_mode == "inverse" and not math.isnan(length) and not self.inverse_given:
-            raise BlockError("a move at inverse time without F", "F in each block under G93")
+            raise StatementError("a move at inverse time without F", "F in each block under G93")
         if not self.dirty and self.feed_mode != "inverse" and not reverse:
             return
         if self.tool.number is None and self.selected >= 0:
@@ -215,5 +194,5 @@ class Modes:
                 self.used_offset = self.offset
                 what = f"motion in {self.offset or 'no offset'} behind motion in another work offset"
                 remedy = f"pass offsets for {', '.join(missing)}, or frames='written'"
-                raise BlockError(what, "one work offset", remedy)
+                raise StatementError(what, "one work offset", remedy)
         self.used_offset = self.offset

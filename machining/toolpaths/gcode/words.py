@@ -58,6 +58,9 @@ class Block:
     macro: str = ""
     bad: str = ""
 
+    def __str__(self) -> str:
+        return " ".join(f"{letter}{value:g}" for letter, value in self.words.items())
+
 
 def block(line: str) -> Block:
     """Words of one line."""

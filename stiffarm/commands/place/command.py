@@ -11,24 +11,25 @@ import typer
 
 from fem.arm import Arm
 from machining import Drive
-from machining.cell import Cell, read_cell
+from machining.cell import read_cell
 from machining.cutting import CuttingForce, stiffness_uncertainty
-from machining.placement import AIMS, MODES, Goal, How
-from machining.placement.study import PlacedStep, PlaceRequest, place_along, scene_for
+from machining.placement import AIMS, MODES, Goal, How, Problem, space_of
+from machining.placement.study import PlacedStep, place_along, scene_for
+from machining.setup import Setup
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths import read_given_path
 from robots import InputError
-from robots.files.csv_text import records_text
+from robots.files.csv_text import columns_text
 from stiffarm.commands.place import payload as placement_payload
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import parse_joint_figures, parse_word
+from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import GammaOpt, parse_gammas
-from stiffarm.session.task_setup import MillingOpt, read_cut
+from stiffarm.session.task_setup import MillingOpt, parse_speed, read_cut
 
 
 def place(
@@ -158,26 +159,29 @@ def place(
         given = frame.model(model, links, load_path, without="the placement")
         require_springs(given, "placement")
         described = read_cell(cell)
-        request = PlaceRequest(
-            cell=described,
-            given=read_given_path(path),
-            goal=Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length),
+        drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))
+        given_path = read_given_path(path)
+        goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
+        how = _how(mode, anywhere, cost, gamma_course)
+        scene, notes = scene_for(described, model) if collisions else (None, ())
+        problem = Problem(
+            model=given.model,
+            space=space_of(described, dict(_range(text) for text in ranges or []), table=_table(table)),
+            path=given_path.path,
+            goal=goal,
             gamma=parse_gammas(gamma),
-            drive=Drive(speed=_speed(given, described, speed), jump=float(np.radians(jump))),
-            how=_how(mode, anywhere, cost, gamma_course),
-            ranges=dict(_range(text) for text in ranges or []),
-            table=_table(table),
+            drive=Setup(described).drive(drive),
+            scene=scene,
             clearance=described.safety if clearance is None else clearance * 1e-3,
+            free=given_path.free,
             stiffness=stiffness_uncertainty(given.model, given.description, given.own),
         )
-        scene, notes = scene_for(described, model) if collisions else (None, ())
         frame.reads(path=path, cell=cell, milling=milling)
         with frame.folder_if() as folder:
             with progress("place") as bar:
                 step = place_along(
-                    given.model, request, scene, notes, lambda _, done, total: bar(done, total),
-                    mapped=folder is not None,
-                )  # fmt: skip
+                    problem, given_path, how, notes, lambda _, done, total: bar(done, total), mapped=folder is not None
+                )
             content = placement_payload.payload(step)
             if folder is not None:
                 _write(folder, given, step, content)
@@ -226,33 +230,23 @@ def _table(text: str) -> float | tuple[float, float]:
 
 def _pair(text: str) -> tuple[float, float] | None:
     """Two finite numbers from ``a:b``, or one twice."""
-    try:
-        values = [float(part) for part in text.split(":")]
-    except ValueError:
-        return None
-    if len(values) not in (1, 2) or not all(map(math.isfinite, values)):
-        return None
-    return values[0], values[-1]
-
-
-def _speed(given: Arm, cell: Cell, text: str | None) -> Any:
-    if text is not None:
-        return np.radians(parse_joint_figures(given.robot, text, "--speed"))
-    return cell.joint_speed
+    values = parse_numbers(text, ":")
+    return None if values is None or len(values) > 2 else (values[0], values[-1])
 
 
 def _write(folder: OutputFolder, given: Arm, step: PlacedStep, content: dict[str, Any]) -> None:
     from stiffarm.commands.place.report import write_report
 
     folder.write_json("placement.json", content)
-    folder.write_text("placement.csv", records_text(placement_payload.rows(step)))
+    folder.write_text("placement.csv", columns_text(placement_payload.columns(step)))
     write_report(step, given.description.title.split(" (")[0], folder)
 
 
 def _show(step: PlacedStep) -> None:
     from stiffarm.commands.place.report import COLUMNS, remarks, table_rows
 
-    title = f"{step.request.given.path.n} points, {step.arc_mm[-1]:.4g} mm; {step.placed.evaluations} base positions"
+    path = step.given.path
+    title = f"{path.n} points, {1e3 * path.arc_length[-1]:.4g} mm; {step.placed.evaluations} base positions"
     show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
     say(sentence(step.placed.problem.uncertainty))
     for text in remarks(step):

@@ -1,4 +1,4 @@
-"""Figures of a placement: the goal over base positions, stiffness and error along the path, motion of the axes."""
+"""Figures of a placement: the goal over base positions, stiffness and error along the path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import SERIES, title
+from stiffarm.commands.posture.figures.along_path import draw_lines
+from stiffarm.commands.posture.figures.axes_map import hatched, steps
+from stiffarm.pages.figure_parts import SERIES, paler, title
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
 
 # Why a position cannot be taken, and how it is drawn.
@@ -44,7 +46,7 @@ def curve_figure(
         for i, reason in enumerate(why):
             if reason:
                 _, colour, hatch = ZONES[reason]
-                ax.axvspan(edge[i], edge[i + 1], facecolor=_pale(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
+                ax.axvspan(edge[i], edge[i + 1], facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
         ax.plot(x, value, color=SERIES[0], marker="o" if len(x) < 60 else "", markersize=3)
         ax.set_xlim(x[0], x[-1])
         if np.isfinite(value).any():
@@ -88,12 +90,9 @@ def map_figure(
         ax = axes[0]
         ax.grid(visible=False)
         for key, (_, colour, hatch) in ZONES.items():
-            for i, j in np.argwhere(reason == key):
-                a, b = _cell(x, int(i)), _cell(y, int(j))
-                ax.fill(
-                    [a[0], a[1], a[1], a[0]], [b[0], b[0], b[1], b[1]], facecolor=_pale(colour), edgecolor=colour,
-                    hatch=hatch, linewidth=0.0,
-                )  # fmt: skip
+            mask = reason == key
+            if mask.any():
+                hatched(ax, steps(x), steps(y), mask, paler(colour), hatch, colour)
         mesh = ax.pcolormesh(x, y, np.ma.masked_invalid(value.T), cmap=STIFFNESS_COLOURS, shading="nearest")
         for k, (name, spot) in enumerate(marks.items()):
             ax.plot(*spot, linestyle="", marker="*" if k == 0 else "o", markersize=15 if k == 0 else 8, label=name,
@@ -121,7 +120,7 @@ def along_figure(arc_mm: Array, stiffness: Mapping[str, Array], error: Mapping[s
         figure, axes = new_figure((10.0, 6.4), 2, 1, sharex=True)
         labels = "stiffness along the force, N/mm", "surface error, um"
         for ax, series, label in zip(axes, (stiffness, error), labels, strict=True):
-            _lines(ax, arc_mm, series)
+            draw_lines(ax, arc_mm, series)
             ax.set_ylabel(label)
         axes[0].set_ylim(bottom=0.0)
         axes[1].axhline(0.0, color=FAINT, linewidth=1.0, zorder=0)
@@ -131,62 +130,16 @@ def along_figure(arc_mm: Array, stiffness: Mapping[str, Array], error: Mapping[s
     return figure
 
 
-def axes_figure(arc_mm: Array, travel_mm: Mapping[str, Array], limits_mm: Mapping[str, tuple[float, float]]) -> Figure:
-    """Draw where each linear axis stands along the path, one panel an axis, with its limits.
-
-    Raises
-    ------
-    InputError
-        No axis, or shapes that do not fit.
-    """
-    _check(arc_mm, travel_mm)
-    with house_style():
-        figure, axes = new_figure((10.0, 0.9 + 2.4 * len(travel_mm)), len(travel_mm), 1, sharex=True)
-        for ax, (name, travel) in zip(axes, travel_mm.items(), strict=True):
-            ax.plot(arc_mm, travel, color=SERIES[0], marker="o" if len(arc_mm) == 1 else "")
-            low, high = limits_mm[name]
-            room = 0.04 * (high - low)
-            ax.set_ylim(low - 2.0 * room, high + 2.0 * room)
-            for limit in (low, high):
-                ax.axhline(limit, color=INK, linewidth=1.0, linestyle=":")
-            ax.axhspan(low - 2.0 * room, low, color=FAINT, alpha=0.5, linewidth=0)
-            ax.axhspan(high, high + 2.0 * room, color=FAINT, alpha=0.5, linewidth=0)
-            ax.set_ylabel(f"{name}, mm")
-        axes[len(travel_mm) - 1].set_xlabel("path, mm")
-        title(figure, "Linear axes along the path; dotted: their limits")
-    return figure
-
-
 def _check(arc_mm: Array, series: Mapping[str, Array]) -> None:
     if not series or any(v.shape != arc_mm.shape for v in series.values()):
         raise InputError("figure along the path", value="shapes that do not fit", allowed=f"({len(arc_mm)},) each")
-
-
-def _lines(ax: Axes, arc_mm: Array, series: Mapping[str, Array]) -> None:
-    for k, (name, values) in enumerate(series.items()):
-        ax.plot(
-            arc_mm, values, color=SERIES[k], linewidth=2.2 if k == 0 else 1.3, zorder=4 - k, label=name,
-            marker="o" if len(arc_mm) == 1 else "",
-        )  # fmt: skip
-
-
-def _pale(colour: str) -> tuple[float, float, float]:
-    from matplotlib.colors import to_rgb
-
-    red, green, blue = (0.3 * part + 0.7 for part in to_rgb(colour))
-    return red, green, blue
-
-
-def _cell(x: Array, i: int) -> tuple[float, float]:
-    half = 0.5 * (x[1] - x[0]) if len(x) > 1 else 0.5
-    return float(x[i] - half), float(x[i] + half)
 
 
 def _legend(figure: Figure, ax: Axes, why: Sequence[str]) -> None:
     handles, labels = ax.get_legend_handles_labels()
     for key, (name, colour, hatch) in ZONES.items():
         if key in why:
-            handles.append(Patch(facecolor=_pale(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
+            handles.append(Patch(facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
             labels.append(name)
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=5)

@@ -1,4 +1,4 @@
-"""A placement as JSON and as table rows."""
+"""A placement as JSON and as columns of a table."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 
 from machining.placement import Along, Placement, axis_rates, placement_content
 from machining.placement.study import PlacedStep
+from stiffarm.commands.posture.payload import path_columns, posture_columns
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
-from stiffarm.session.json_text import number
+from stiffarm.session.json_text import number, numbers
 
 # Every placement's error is drawn with the same arms and forces.
 SEED = 0
@@ -27,16 +28,16 @@ def named(step: PlacedStep) -> dict[str, Along]:
 
 def placement_of(step: PlacedStep) -> Placement:
     """What other programs read: :func:`machining.placement.read_placement`."""
-    after, given = step.placed.after, step.request.given
+    after, given = step.placed.after, step.given
     return Placement(
-        robot=step.model.robot.name,
-        cell=step.request.cell.name,
-        axes=tuple(axis.name for axis in step.request.cell.linear_axes),
+        robot=step.placed.problem.model.robot.name,
+        cell=step.cell.name,
+        axes=tuple(axis.name for axis in step.cell.linear_axes),
         travel=after.e,
         table=after.table,
-        gamma=after.gamma,
-        joints=step.model.robot.coordinates,
-        q=after.q,
+        gamma=after.course.gamma,
+        joints=step.placed.problem.model.robot.coordinates,
+        q=after.course.q,
         moves=given.moves,
         count=given.count,
     )
@@ -44,18 +45,17 @@ def placement_of(step: PlacedStep) -> Placement:
 
 def payload(step: PlacedStep) -> dict[str, Any]:
     """Everything that was found, keys with units."""
-    placed, request = step.placed, step.request
-    problem = placed.problem
+    placed, problem = step.placed, step.placed.problem
     others = {name: one for name, one in named(step).items() if name != CHOSEN}
     not_found = {KEYS[BEFORE]: placed.why_no_before, KEYS[FIXED]: placed.why_no_fixed}
     return placement_content(placement_of(step)) | {
         "aim": problem.goal.aim,
-        "mode": request.how.mode,
+        "mode": placed.how.mode,
         "by_length": problem.goal.by_length,
         "alpha_mm2_per_N2": number(placed.criterion.alpha),
         "beta_mm4_per_N4": number(placed.criterion.beta),
         "path_points": problem.path.n,
-        "path_length_mm": number(float(step.arc_mm[-1])),
+        "path_length_mm": number(1e3 * problem.path.arc_length[-1]),
         "ranges": {
             name: {f"from_{unit}": number(float(a * f)), f"to_{unit}": number(float(b * f))}
             for name, unit, f, a, b in zip(
@@ -75,7 +75,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
 
 def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:
     error, stiffness = one.error.estimated(np.random.default_rng(SEED)), one.estimated()
-    axes = step.request.cell.linear_axes
+    axes = step.cell.linear_axes
     return {
         "K_sf": number(one.k_sf),
         "K_sf_95": interval(stiffness["K_sf"]),
@@ -90,36 +90,28 @@ def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:
         "worst_error_um": number(error["worst"].value * 1e6),
         "worst_error_um_95": interval(error["worst"], 1e6),
         "axes_mm": {
-            axis.name: [number(float(v)) for v in (column.min() * 1e3, column.max() * 1e3)]
+            axis.name: numbers((column.min() * 1e3, column.max() * 1e3))
             for axis, column in zip(axes, one.e.T, strict=True)
         },
         "turntable_deg": number(float(np.degrees(one.table))),
-        "gamma_deg": [number(float(v)) for v in np.degrees([one.gamma.min(), one.gamma.max()])],
-        "joint_travel_deg": number(float(np.degrees(np.abs(np.diff(one.q, axis=0)).sum()))),
+        "gamma_deg": numbers(np.degrees([one.course.gamma.min(), one.course.gamma.max()])),
+        "joint_travel_deg": number(float(np.degrees(np.abs(np.diff(one.course.q, axis=0)).sum()))),
     }
 
 
-def rows(step: PlacedStep) -> list[dict[str, Any]]:
-    """One row a path point: where, base, gamma, joints, stiffness and error, and the same of the others."""
-    path, placed, given = step.request.given.path, step.placed, step.request.given
-    after, robot = placed.after, step.model.robot
-    others = {KEYS[name]: one for name, one in named(step).items() if name != CHOSEN}
-    out = []
-    for i in range(path.n):
-        row: dict[str, Any] = {"point": i, "move": int(given.moves[i]), "path_mm": number(float(step.arc_mm[i]), 9)}
-        row |= {f"{a}_mm": number(float(v), 9) for a, v in zip("xyz", path.points[i] * 1e3, strict=True)}
-        row |= {f"e{j + 1}_mm": number(float(v * 1e3), 9) for j, v in enumerate(after.e[i])}
-        row["turntable_deg"] = number(float(np.degrees(after.table)), 9)
-        row["gamma_deg"] = number(float(np.degrees(after.gamma[i])), 9)
-        row["branch"] = after.names[after.branch[i]]
-        row |= {name: number(float(v), 10) for name, v in zip(robot.coordinates, np.degrees(after.q[i]), strict=True)}
-        row["stiffness_N_per_mm"] = number(float(after.stiffness[i] * 1e-3))
-        row["error_um"] = number(float(after.error.normal[i] * 1e6))
-        row["error_sd_um"] = number(float(after.error.sd[i] * 1e6))
-        for key, one in others.items():
-            row[f"{key}_stiffness_N_per_mm"] = number(float(one.stiffness[i] * 1e-3))
-            row[f"{key}_error_um"] = number(float(one.error.normal[i] * 1e6))
-        out.append(row)
+def columns(step: PlacedStep) -> dict[str, list[Any]]:
+    """Columns over the path's points: where, base, gamma, joints, stiffness and error, and the same of the others."""
+    given, after = step.given, step.placed.after
+    out = {"point": list(range(given.path.n)), "move": given.moves.tolist(), **path_columns(given.path)}
+    out |= {f"e{j + 1}_mm": numbers(column * 1e3, 9) for j, column in enumerate(after.e.T)}
+    out["turntable_deg"] = numbers(np.full(given.path.n, np.degrees(after.table)), 9)
+    out |= posture_columns(step.placed.problem.model.robot, after.course)
+    for name, one in named(step).items():
+        prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
+        out[f"{prefix}stiffness_N_per_mm"] = numbers(one.stiffness * 1e-3)
+        out[f"{prefix}error_um"] = numbers(one.error.normal * 1e6)
+        if name == CHOSEN:
+            out["error_sd_um"] = numbers(one.error.sd * 1e6)
     return out
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from machining.placement import Along, Look
 from machining.placement.study import PlacedStep
-from stiffarm.commands.place.figures import along_figure, axes_figure, curve_figure, map_figure
+from stiffarm.commands.place.figures import along_figure, curve_figure, map_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
-from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.commands.posture.figures.along_path import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
@@ -33,15 +33,15 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     sections = [
         result_section(step),
-        where_section(step, pictures),
+        Section("What other positions are worth", (position_picture(step, pictures),)),
         along_section(step, pictures),
         motion_section(step, pictures),
         how_section(step),
     ]
-    request = step.request
+    path = step.given.path
     lede = (
-        f"Path of {request.given.path.n} points, {step.arc_mm[-1]:.4g} mm, in cell {request.cell.name}; aim: "
-        f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {request.how.mode}."
+        f"Path of {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm, in cell {step.cell.name}; aim: "
+        f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {step.placed.how.mode}."
     )
     write_page(folder, title, lede, _key_figures(step), sections, "where should the robot stand?")
 
@@ -95,11 +95,11 @@ COLUMNS = (
 def where_words(step: PlacedStep, one: Along) -> str:
     """Where the base stands, in words."""
     out = []
-    for axis, column in zip(step.request.cell.linear_axes, one.e.T * 1e3, strict=True):
+    for axis, column in zip(step.cell.linear_axes, one.e.T * 1e3, strict=True):
         still = np.ptp(column) < 1e-6
         out.append(f"{axis.name} {column[0]:.4g}" if still else f"{axis.name} {column.min():.4g} to {column.max():.4g}")
     words = ", ".join(out) + " mm" if out else ""
-    if step.request.cell.turntable is not None:
+    if step.cell.turntable is not None:
         words += f"{'; ' if words else ''}turntable {np.degrees(one.table):.4g} deg"
     return words
 
@@ -126,17 +126,17 @@ def result_section(step: PlacedStep) -> Section:
 
 
 def _pieces(step: PlacedStep) -> Table:
-    placed = step.placed
+    placed, arc_mm = step.placed, 1e3 * step.given.path.arc_length
     ends = [*placed.first[1:], placed.problem.path.n]
     rows = []
     for a, b in zip(placed.first, ends, strict=True):
         where = ", ".join(f"{v:.4g}" for v in placed.after.e[a] * 1e3)
-        gamma = np.degrees(placed.after.gamma[a:b])
+        gamma = np.degrees(placed.after.course.gamma[a:b])
         rows.append(
-            (f"{a} to {b - 1}", f"{step.arc_mm[a]:.4g} to {step.arc_mm[b - 1]:.4g}", where, f"{gamma.mean():.4g}",
+            (f"{a} to {b - 1}", f"{arc_mm[a]:.4g} to {arc_mm[b - 1]:.4g}", where, f"{gamma.mean():.4g}",
              f"{placed.after.stiffness[a:b].mean() * 1e-3:.4g}")
         )  # fmt: skip
-    axes = ", ".join(axis.name for axis in step.request.cell.linear_axes)
+    axes = ", ".join(axis.name for axis in step.cell.linear_axes)
     columns = ("points", "path, mm", f"{axes}, mm", "gamma, deg", "mean stiffness, N/mm")
     return Table("Pieces of the path", columns, tuple(rows))
 
@@ -155,11 +155,6 @@ def remarks(step: PlacedStep) -> list[str]:
         out.append("Points without a feed: there no speeds and accelerations were looked at.")
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
-
-
-def where_section(step: PlacedStep, pictures: Pictures) -> Section:
-    """The goal over base positions."""
-    return Section("What other positions are worth", (position_picture(step, pictures),))
 
 
 def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:
@@ -215,7 +210,7 @@ def along_section(step: PlacedStep, pictures: Pictures) -> Section:
     """Stiffness and error along the path, before and after."""
     found = named(step)
     figure = along_figure(
-        step.arc_mm,
+        1e3 * step.given.path.arc_length,
         {name: one.stiffness * 1e-3 for name, one in found.items()},
         {name: one.error.normal * 1e6 for name, one in found.items()},
     )
@@ -228,28 +223,29 @@ def along_section(step: PlacedStep, pictures: Pictures) -> Section:
 
 def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
     """How axes and joints move."""
-    robot, after, cell = step.model.robot, step.placed.after, step.request.cell
+    arc, after, cell = step.given.path.arc_length, step.placed.after, step.cell
     blocks: list[Text | Picture | Table] = []
     if cell.linear_axes:
-        travel = {axis.name: after.e[:, i] * 1e3 for i, axis in enumerate(cell.linear_axes)}
-        limits = {axis.name: (axis.limits[0] * 1e3, axis.limits[1] * 1e3) for axis in cell.linear_axes}
-        blocks.append(pictures.add(axes_figure(step.arc_mm, travel, limits), "axes", "Where the linear axes stand."))
+        figure = motion_figure(
+            1e3 * arc, {CHOSEN: after.e * 1e3}, [f"{axis.name} (mm)" for axis in cell.linear_axes],
+            1e3 * np.array([axis.limits for axis in cell.linear_axes]), "Linear axes along the path", whole=True,
+        )  # fmt: skip
+        caption = "Where the linear axes stand; beyond the dotted lines are their limits."
+        blocks.append(pictures.add(figure, "axes", caption))
         rows = tuple(
             (name, *(("no feed given",) * 2 if np.isnan(speed) else (f"{speed * 1e3:.3g}", f"{rate * 1e3:.3g}")))
             for name, speed, rate in peak_rates(step)
         )
-        if step.request.how.mode == "moving" and rows:
+        if step.placed.how.mode == "moving" and rows:
             blocks.append(Table("Linear axes at the path's feed", ("axis", "peak mm/s", "peak mm/s²"), rows))
-    joints = {name: np.degrees(one.q) for name, one in named(step).items()}
-    figure = joints_figure(step.arc_mm, joints, robot.coordinates, np.degrees(robot.limits))
-    caption = "Joint angles along the path; beyond the dotted lines are the limits."
-    blocks.append(pictures.add(figure, "joints", caption))
+    joints = {name: one.course.q for name, one in named(step).items()}
+    blocks.append(joints_picture(pictures, arc, joints, step.placed.problem.model.robot))
     return Section("How axes and joints move", tuple(blocks))
 
 
 def how_section(step: PlacedStep) -> Section:
     """How it was found, and what that leaves out."""
-    placed = step.placed
+    placed, model = step.placed, step.placed.problem.model
     ranges = ", ".join(
         f"{name} {a * f:.4g} to {b * f:.4g} {unit}"
         for name, unit, f, a, b in zip(
@@ -268,7 +264,7 @@ def how_section(step: PlacedStep) -> Section:
             ),
             Bullets(
                 (
-                    f"Model: {step.model.link_kind} links, {step.model.load_path} load path, unloaded arm; compliance "
+                    f"Model: {model.link_kind} links, {model.load_path} load path, unloaded arm; compliance "
                     "of linear axes acts at the base's origin, where the cell file gives one.",
                     "Static stiffness only: chatter, servo lag and the tool's own bending are not in it.",
                     "Between path points and between positions of the base collisions are not looked at.",

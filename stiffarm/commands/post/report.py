@@ -13,7 +13,7 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.units import shown
 from robots.arrays import Array
-from stiffarm.commands.posture.figures.courses import joints_figure
+from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import SERIES, title
@@ -162,7 +162,6 @@ def _programs(run: PostRun) -> Section:
 def _posture(run: PostRun, pictures: Pictures) -> Section:
     program, robot = run.posted.program, run.model.robot
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1))]) * 1e3
-    figure = joints_figure(way, {"program": np.degrees(program.q)}, robot.coordinates, np.degrees(robot.limits))
     reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.settings.reference))
     blocks: list[Text | Picture] = [
         Text(
@@ -171,7 +170,7 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
             f"{'; '.join(sorted({program.names[b] for b in program.branch}))}. Distance to the nearest singularity at "
             f"least {singular_distance(robot, program.q).min():.2g}."
         ),
-        pictures.add(figure, "joints", "Joint angles along the program; beyond the dotted lines are the limits."),
+        joints_picture(pictures, way * 1e-3, {"program": program.q}, robot),
         *(Text(words) for words in uncertainty_words(run)),
     ]
     if program.travel.shape[1]:

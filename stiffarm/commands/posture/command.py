@@ -16,9 +16,8 @@ from machining.stiffness.objective import DISPLACEMENTS
 from machining.toolpaths import ReadOptions, read_given_path
 from robots import InputError
 from robots.arrays import Array
-from robots.files.csv_text import records_text
+from robots.files.csv_text import columns_text
 from stiffarm.commands.posture import payload as posture_payload
-from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
@@ -193,30 +192,23 @@ def _write(folder: OutputFolder, given: Arm, posed: Posed, content: dict[str, An
     from stiffarm.commands.posture.report import write_report
 
     folder.write_json("posture.json", content)
-    folder.write_text("posture.csv", records_text(posture_payload.rows(posed)))
+    folder.write_text("posture.csv", columns_text(posture_payload.columns(posed)))
     write_report(posed, given.description.title.split(" (")[0], folder)
 
 
 def _show(posed: Posed) -> None:
-    _, words, factor = posture_payload.quantity(posed.request.objective)
+    _, words, _ = posture_payload.quantity(posed.request.objective)
     rows = []
     for name, course in ({CHOSEN: posed.course} | posed.others).items():
-        moves = course.smoothness
-        rows.append(
-            [
-                name,
-                f"{course.mean * factor:.4g}",
-                mean_interval(posed, name, factor),
-                f"{course.worst * factor:.4g}",
-                f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
-                "yes" if not moves.undrivable else f"no ({len(moves.undrivable)} jumps)",
-                "" if name == CHOSEN else gain_words(posed, name),
-            ]
-        )
-    title = f"{words} on {posed.request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm"
+        jumps = len(course.smoothness.undrivable)
+        gain = "" if name == CHOSEN else posture_payload.gain_words(posed, name)
+        drivable = f"no ({jumps} jumps)" if jumps else "yes"
+        rows.append([*posture_payload.course_cells(posed, name, course), drivable, gain])
+    path = posed.request.task.path
+    title = f"{words} on {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm"
     show_table(title, ["course", "mean", "95 %", "worst", "gamma, deg", "drivable", "gain"], rows)
     say(sentence(posed.stiffness))
-    for text in remarks(posed):
+    for text in posture_payload.remarks(posed):
         say(f"note: {text}")
     if posed.milling is not None and posed.milling.comparison is not None:
         say(f"Compared with {posed.milling.against}: {posed.milling.comparison.sentence}")

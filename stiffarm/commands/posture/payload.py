@@ -1,4 +1,4 @@
-"""A posture along a path as JSON and as table rows."""
+"""A posture along a path as JSON, as columns of a table, and in words."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from machining.stiffness.units import shown
+from machining.task import ToolPath
+from robots import Robot
 from robots.arrays import Array
-from stiffarm.pages.arm_uncertainty import estimated, interval
+from stiffarm.pages.arm_uncertainty import error_remarks, estimated, interval, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
-from stiffarm.session.json_text import number
+from stiffarm.session.json_text import number, numbers
 from stiffarm.session.parsing import frame_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
@@ -35,13 +37,13 @@ def payload(posed: Posed) -> dict[str, Any]:
         "quantity": key,
         "aim": request.objective.aim,
         "points": request.task.path.n,
-        "path_length_mm": number(float(posed.arc_mm[-1])),
+        "path_length_mm": number(float(1e3 * request.task.path.arc_length[-1])),
         "gamma_grid_deg": {
             "from": number(float(np.degrees(request.gammas.lower))),
             "to": number(float(np.degrees(request.gammas.upper))),
             "count": request.gammas.count,
         },
-        "gamma_counts_from": [number(float(v)) for v in np.asarray(request.task.reference)],
+        "gamma_counts_from": numbers(np.asarray(request.task.reference)),
         "tool_on_flange": frame_words(request.task.T_flange_tool),
         "part_in_base": frame_words(request.task.T_base_part),
         "as_programmed_gamma_deg": number(float(np.degrees(request.before))),
@@ -81,7 +83,7 @@ def _course(posed: Posed, name: str, course: Course, key: str, factor: float) ->
         f"mean_{key}_95": interval(mean, factor),
         f"worst_{key}": number(course.worst * factor),
         f"worst_{key}_95": interval(worst, factor),
-        "gamma_deg": [number(float(v)) for v in np.degrees([course.gamma.min(), course.gamma.max()])],
+        "gamma_deg": numbers(np.degrees([course.gamma.min(), course.gamma.max()])),
         "branches": sorted({course.names[b] for b in course.branch}),
         "branch_changes": moves.branch_changes,
         "undrivable_segments": len(moves.undrivable),
@@ -94,30 +96,100 @@ def _course(posed: Posed, name: str, course: Course, key: str, factor: float) ->
 
 
 def _by_joint(names: tuple[str, ...], values: Array) -> dict[str, float | None]:
-    return {name.removesuffix("_deg"): number(float(v)) for name, v in zip(names, values, strict=True)}
+    return dict(zip((name.removesuffix("_deg") for name in names), numbers(values), strict=True))
 
 
-def rows(posed: Posed) -> list[dict[str, Any]]:
-    """One row a path point: where, the recommended posture, and the quantity of the other courses."""
+def path_columns(path: ToolPath) -> dict[str, list[Any]]:
+    """Columns of where the path's points are, mm."""
+    places = 1e3 * np.column_stack([path.arc_length, path.points]).T
+    return {name: numbers(column, 9) for name, column in zip(("path_mm", "x_mm", "y_mm", "z_mm"), places, strict=True)}
+
+
+def posture_columns(robot: Robot, course: Course) -> dict[str, list[Any]]:
+    """Columns of a course: gamma, branch, joints."""
+    joints = zip(robot.coordinates, np.degrees(course.q).T, strict=True)
+    return {
+        "gamma_deg": numbers(np.degrees(course.gamma), 9),
+        "branch": [course.names[b] for b in course.branch],
+        **{name: numbers(column, 10) for name, column in joints},
+    }
+
+
+def columns(posed: Posed) -> dict[str, list[Any]]:
+    """Columns over the path's points: where, the recommended posture, and the quantity of the other courses."""
     request, course, robot = posed.request, posed.course, posed.model.robot
     key, _, factor = quantity(request.objective)
     path = request.task.path
-    limit = np.degrees(limit_distance(robot, course.q))
-    singular = singular_distance(robot, course.q)
+    out = {"point": list(range(path.n)), **path_columns(path), **posture_columns(robot, course)}
+    out[key] = numbers(course.value * factor)
+    out |= {f"{KEYS[name]}_{key}": numbers(c.value * factor) for name, c in posed.others.items()}
+    for name, error in {} if posed.milling is None else posed.milling.errors.items():
+        prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
+        out |= {f"{prefix}error_um": numbers(error.normal * 1e6), f"{prefix}error_sd_um": numbers(error.sd * 1e6)}
+    out["limit_distance_deg"] = numbers(np.degrees(limit_distance(robot, course.q)))
+    out["singular_distance"] = numbers(singular_distance(robot, course.q))
+    return out
+
+
+def course_cells(posed: Posed, name: str, course: Course) -> tuple[str, ...]:
+    """Cells of a course in tables: name, mean, its 95 % interval, worst point, range of gamma."""
+    _, _, factor = quantity(posed.request.objective)
+    mean, _ = posed.estimated(name)
+    gamma = np.degrees([course.gamma.min(), course.gamma.max()])
+    return (
+        name, f"{course.mean * factor:.4g}", f"{mean.low * factor:.3g} to {mean.high * factor:.3g}",
+        f"{course.worst * factor:.4g}", f"{gamma[0]:.4g} to {gamma[1]:.4g}",
+    )  # fmt: skip
+
+
+def gain_words(posed: Posed, name: str) -> str:
+    """By how much the recommended course is better in the mean than another, with its 95 % interval."""
+    gain = posed.gain(name)
+    ends = (gain.value, gain.low, gain.high)
+    if not np.isfinite(gain.value) or gain.value >= 3.0:
+        said = [f"{factor:.3g}" for factor in ends]
+        return f"{said[0]} times better ({said[1]} to {said[2]})"
+    said = [f"{100.0 * (factor - 1.0):+.1f}" for factor in ends]
+    return f"{said[0]} % ({said[1]} to {said[2]})"
+
+
+def remarks(posed: Posed) -> list[str]:
+    """What a user must know about the result."""
+    request, moves = posed.request, posed.course.smoothness
     out = []
-    for i in range(path.n):
-        row: dict[str, Any] = {"point": i, "path_mm": number(float(posed.arc_mm[i]), 9)}
-        row |= {f"{a}_mm": number(float(v), 9) for a, v in zip("xyz", path.points[i] * 1e3, strict=True)}
-        row["gamma_deg"] = number(float(np.degrees(course.gamma[i])), 9)
-        row["branch"] = course.names[course.branch[i]]
-        row |= {name: number(float(v), 10) for name, v in zip(robot.coordinates, np.degrees(course.q[i]), strict=True)}
-        row[key] = number(float(course.value[i] * factor))
-        row |= {f"{KEYS[name]}_{key}": number(float(c.value[i] * factor)) for name, c in posed.others.items()}
-        if posed.milling is not None:
-            for name, error in posed.milling.errors.items():
-                prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
-                row[f"{prefix}error_um"] = number(float(error.normal[i] * 1e6))
-                row[f"{prefix}error_sd_um"] = number(float(error.sd[i] * 1e6))
-        row["limit_distance_deg"], row["singular_distance"] = number(float(limit[i])), number(float(singular[i]))
-        out.append(row)
+    if posed.why_no_before is not None:
+        out.append(
+            f"As programmed (gamma {np.degrees(request.before):.4g} deg) it cannot be driven: {posed.why_no_before}."
+        )
+    if posed.found.why_no_fixed is not None:
+        out.append(f"No single gamma can be driven along the whole path: {posed.found.why_no_fixed}.")
+    if request.left_out:
+        out.append(f"Effects of the model that are not in this: {', '.join(request.left_out)}.")
+    if request.drive.speed is None:
+        out.append("Joint speeds were not looked at: give --speed, or a cell file with joint speeds.")
+    elif np.isnan(request.task.path.times).any():
+        out.append("Points without a feed: between them joint speeds could not be looked at.")
+    if request.drive.clearance_of is None:
+        out.append("Collisions were not looked at: give a cell file with --cell.")
+    if posed.milling is None:
+        out.append("No error was predicted: give --force or --milling.")
+    if not posed.found.sure:
+        out.append("This arm's inverse kinematics is searched; some postures may have been missed.")
+    if moves.singular_distance < request.drive.singular_zone:
+        out.append(f"The course comes near a singularity (distance {moves.singular_distance:.2g}).")
+    if moves.limit_distance < request.drive.limit_zone:
+        out.append(f"The course comes within {np.degrees(moves.limit_distance):.3g} deg of a joint limit.")
+    if posed.milling is not None and posed.milling.comparison is not None:
+        change = posed.milling.comparison.changes["rms"]
+        if change.verdict == "larger" and not request.objective.minimised:
+            out.append(
+                f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
+                'given: for the error itself ask for --quantity "normal displacement".'
+            )
+    out += share_remarks(posed.drawn[CHOSEN].matters, f"the mean {request.objective.quantity}")
+    out += [] if posed.milling is None else error_remarks(posed.milling.errors[CHOSEN])
+    if moves.branch_changes:
+        out.append(
+            f"The course changes its branch {moves.branch_changes} times, through poses where two branches meet."
+        )
     return out

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
+from stiffarm.commands.posture.figures.along_path import joints_picture, milling_error_figure
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
-from stiffarm.commands.posture.figures.courses import joints_figure
-from stiffarm.commands.posture.figures.milling_error import milling_error_figure
-from stiffarm.commands.posture.payload import quantity
-from stiffarm.commands.posture.words import gain_words, mean_interval, remarks
+from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
@@ -29,10 +27,10 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     sections = [courses_section(posed), *map_sections(posed, pictures), *error_sections(posed, pictures)]
     sections += [motion_section(posed, pictures), how_section(posed)]
-    request = posed.request
+    task = posed.request.task
     lede = (
-        f"Posture along a path of {request.task.path.n} points, {posed.arc_mm[-1]:.4g} mm; tool on the flange "
-        f"{frame_words(request.task.T_flange_tool)}; part in the base frame {frame_words(request.task.T_base_part)}."
+        f"Posture along a path of {task.path.n} points, {1e3 * task.path.arc_length[-1]:.4g} mm; tool on the flange "
+        f"{frame_words(task.T_flange_tool)}; part in the base frame {frame_words(task.T_base_part)}."
     )
     question = "which posture along the path?"
     write_page(folder, title, lede, _key_figures(posed), sections, question)
@@ -56,20 +54,17 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
 
 def courses_section(posed: Posed) -> Section:
     """What is recommended beside the other choices."""
-    _, words, factor = quantity(posed.request.objective)
+    _, words, _ = quantity(posed.request.objective)
     rows = []
     for name, course in ({CHOSEN: posed.course} | posed.others).items():
         moves = course.smoothness
+        undrivable = len(moves.undrivable)
         rows.append(
             (
-                name,
-                f"{course.mean * factor:.4g}",
-                mean_interval(posed, name, factor),
-                f"{course.worst * factor:.4g}",
-                f"{np.degrees(course.gamma.min()):.4g} to {np.degrees(course.gamma.max()):.4g}",
+                *course_cells(posed, name, course),
                 str(moves.branch_changes),
                 f"{np.degrees(moves.largest_step.max(initial=0.0)):.3g}",
-                "yes" if not moves.undrivable else f"no, {len(moves.undrivable)} segments",
+                f"no, {undrivable} segments" if undrivable else "yes",
             )
         )
     columns = (
@@ -144,13 +139,8 @@ def motion_section(posed: Posed, pictures: Pictures) -> Section:
     """How the joints move."""
     robot = posed.model.robot
     drawn = {CHOSEN: posed.course} | {n: c for n, c in posed.others.items() if n in (BEFORE, EACH)}
-    figure = joints_figure(
-        posed.arc_mm,
-        {name: np.degrees(course.q) for name, course in drawn.items()},
-        robot.coordinates,
-        np.degrees(robot.limits),
-    )
-    caption = "Joint angles along the path; beyond the dotted lines are the limits."
+    joints = {name: course.q for name, course in drawn.items()}
+    picture = joints_picture(pictures, posed.request.task.path.arc_length, joints, robot)
     moves = posed.course.smoothness
     peak = np.degrees(moves.peak_speed)
     rows = tuple(
@@ -166,7 +156,7 @@ def motion_section(posed: Posed, pictures: Pictures) -> Section:
     columns = ("joint", "moves over, deg", "limits, deg", "largest step, deg", "peak speed, deg/s")
     return Section(
         "How the joints move",
-        (pictures.add(figure, "joints", caption), Table("The recommended course, joint by joint", columns, rows)),
+        (picture, Table("The recommended course, joint by joint", columns, rows)),
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 from machining.cell import described_arm, read_cell
+from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
-from machining.verification.given import read_program
 from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload

@@ -93,10 +93,9 @@ def _offence(found: Verification, offence: Offence) -> dict[str, Any]:
     value, unit = shown(offence.value, offence.unit)
     limit, _ = shown(offence.limit, offence.unit)
     axes = found.axes
-    values = axes.table(offence.q[None], offence.travel[None], np.array([offence.table]))[0]
     pose = {}
     for j, name in enumerate(axes.names):
-        there, at = shown(float(values[j]), axes.unit(j))
+        there, at = shown(float(offence.values[j]), axes.unit(j))
         pose[f"{name}_{at}"] = number(there)
     return {
         "kind": str(offence.kind),

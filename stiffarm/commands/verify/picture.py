@@ -46,12 +46,13 @@ def offence_picture(found: Verification, offence: Offence, path: Path, *, render
     works, message = chosen(renderer)
     style.require_folder(path)
     surfaces = body_surfaces(found.scene)
-    placed = placed_in_world(found.scene, surfaces, offence.q, offence.travel, offence.table)
+    q, travel, table = found.axes.parts(offence.values[None])
+    placed = placed_in_world(found.scene, surfaces, q[0], travel[0], float(table[0]))
     touching = [
         _dense(x, b.triangles) for b, x in zip(surfaces, placed, strict=True) if b.name in (offence.bodies or ())
     ]
     place = place_of(found, offence, touching)
-    base = found.program.cell.T_world_base(offence.travel[None])[0, :3, 3]
+    base = found.program.cell.T_world_base(travel)[0, :3, 3]
     everything = np.concatenate([x[b.triangles] for b, x in zip(surfaces, placed, strict=True)])
     camera = style.Camera(_towards(base, place, [_near_points(place, x) for x in touching], everything))
     painted = tuple(
@@ -87,8 +88,8 @@ def place_of(found: Verification, offence: Offence, pair: list[Array]) -> Array:
         nearest = int(np.argmin(distance))
         return np.asarray(0.5 * (pair[0][nearest] + pair[1][np.asarray(other)[nearest]]))
     cell = found.program.cell
-    tip = found.courses.frames(found.axes.table(offence.q[None], offence.travel[None], np.array([offence.table])))
-    return np.asarray((cell.T_world_part(np.array([offence.table]))[0] @ tip[0])[:3, 3])
+    tip, (_, _, table) = found.courses.frames(offence.values[None]), found.axes.parts(offence.values[None])
+    return np.asarray((cell.T_world_part(table)[0] @ tip[0])[:3, 3])
 
 
 def _dense(vertices: Array, triangles: Integers) -> Array:

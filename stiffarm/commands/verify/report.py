@@ -104,9 +104,8 @@ def _picture(found: Verification, offence: Offence, folder: OutputFolder) -> Pic
     if picture.message:
         say(f"note: {picture.message}")
     pose = []
-    values = found.axes.table(offence.q[None], offence.travel[None], np.array([offence.table]))[0]
     for j, name in enumerate(found.axes.names):
-        value, unit = shown(float(values[j]), found.axes.unit(j))
+        value, unit = shown(float(offence.values[j]), found.axes.unit(j))
         pose.append(f"{name} {value:.2f} {unit}")
     caption = (
         f"{sentence(offence)}. Left the cell, right what the frame on the left holds. "

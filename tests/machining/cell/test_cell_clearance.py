@@ -30,10 +30,10 @@ from machining.cell import (
     sphere,
     surface,
 )
-from machining.cell.cell import inverse
-from machining.cell.exact import OVERLAP, exact_distance
+from machining.cell.separation import OVERLAP, exact_distance
 from robots import InputError, forward_kinematics, inverse_kinematics
 from robots.arrays import Array
+from robots.frames import inverse
 
 
 def at(x: float, y: float, z: float) -> Array:

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from machining.cell import Solid, box, capsule, cylinder, hull, mesh_file, sphere, surface
-from machining.cell.bounds import bounds_of, box_gaps, sphere_gaps
-from machining.cell.exact import OVERLAP, ExactSolid, exact_distance
+from machining.cell.separation import OVERLAP, ExactSolid, bounds_of, box_gaps, exact_distance, sphere_gaps
 from machining.cell.solids import inside
 from robots import InputError
 from robots.arrays import Array, Integers

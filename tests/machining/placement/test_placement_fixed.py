@@ -102,13 +102,13 @@ def test_what_is_said_is_what_the_posture_gives(kr60: fem.ArmModel) -> None:
     force = np.array([80.0, 40.0, -60.0])
     problem = problem_of(kr60, cell_of(rail()), dome(20, 0.4), "ksf", ANY, tuple(force))
     after = place(problem).after
-    frames = forward_kinematics(kr60.robot, after.q)
+    frames = forward_kinematics(kr60.robot, after.course.q)
     tip = frames.p_flange + frames.R_flange @ problem.cell.tool.T_flange_tool[:3, 3]
     wanted = problem.path.points + part()[:3, 3] - np.array([1.0, 0.0, 0.0]) * after.e
     np.testing.assert_allclose(tip, wanted, atol=1e-9)
-    C = translational(kr60, after.q, problem.cell.tool.T_flange_tool[:3, 3])
+    C = translational(kr60, after.course.q, problem.cell.tool.T_flange_tool[:3, 3])
     np.testing.assert_allclose(after.stiffness, directional_stiffness(C, force), rtol=1e-12)
-    assert (limit_distance(kr60.robot, after.q) >= -1e-9).all()
+    assert (limit_distance(kr60.robot, after.course.q) >= -1e-9).all()
     normal = np.einsum("ni,nij,j->n", problem.path.normals, C, force)
     np.testing.assert_allclose(after.error.normal, normal, rtol=1e-10, atol=1e-15)
 
@@ -173,7 +173,7 @@ def test_a_post_in_the_way_moves_the_base(kr60: fem.ArmModel) -> None:
     path, gamma = line(6, 0.3), ANY
     free = place(problem_of(kr60, cell_of(rail()), path, "mean", gamma))
     at = free.after.e[0, 0]
-    middle = forward_kinematics(kr60.robot, free.after.q).p[4, 3]
+    middle = forward_kinematics(kr60.robot, free.after.course.q).p[4, 3]
     post = box([0.1, 0.1, 3.0])
     T = np.eye(4)
     T[:3, 3] = middle[0] + at, middle[1], -1.0
@@ -181,11 +181,11 @@ def test_a_post_in_the_way_moves_the_base(kr60: fem.ArmModel) -> None:
     scene = scene_of(cell, arm_of("kr60-3"))
     problem = problem_of(kr60, cell, path, "mean", gamma, scene=scene, clearance=0.02)
     with pytest.raises(InputError, match="obstacle"):
-        follow(problem, free.after.e[0], 0.0, float(free.after.gamma[0]))
+        follow(problem, free.after.e[0], 0.0, float(free.after.course.gamma[0]))
     found = place(problem)
     from machining.cell import clearance
 
-    gap = clearance(scene, found.after.q, found.after.e[:1]).distance
+    gap = clearance(scene, found.after.course.q, found.after.e[:1]).distance
     assert gap.min() >= 0.02
     assert found.after.mean < free.after.mean
 

@@ -128,7 +128,7 @@ def test_steps_are_better_the_more_there_are(kr60: fem.ArmModel) -> None:
     # Between two starts the base does not move.
     for a, b in zip(steps.first, [*steps.first[1:], 40], strict=True):
         assert np.ptp(steps.after.e[a:b], axis=0).max() == 0.0
-        assert (np.abs(np.diff(steps.after.q[a:b], axis=0)) <= np.radians(20.0) * 1.001).all()
+        assert (np.abs(np.diff(steps.after.course.q[a:b], axis=0)) <= np.radians(20.0) * 1.001).all()
     dear = place(problem, How("steps", steps=3, anywhere=True, cost=5.0))
     assert len(dear.first) == 1
     assert any("one position is taken" in note for note in dear.notes)
@@ -161,7 +161,7 @@ def test_steps_keep_clear_of_a_post(kr60: fem.ArmModel) -> None:
     assert len(placed.first) > 1
     assert placed.fixed is not None
     assert placed.after.mean > placed.fixed.mean
-    assert clearance(scene, placed.after.q, placed.after.e).distance.min() >= 0.0
+    assert clearance(scene, placed.after.course.q, placed.after.e).distance.min() >= 0.0
     # Each piece by itself is no worse than the position at rest on it, but for what refinement trades: nothing.
     for a, b in zip(placed.first, [*placed.first[1:], 30], strict=True):
         assert placed.after.stiffness[a:b].mean() >= 0.99 * placed.fixed.stiffness[a:b].mean()
@@ -182,7 +182,7 @@ def test_a_long_part_needs_steps_or_motion(kr60: fem.ArmModel) -> None:
     assert len(steps.first) in (2, 3)
     moving = place(problem, How("moving"))
     assert np.ptp(moving.after.e[:, 0]) > 1.0
-    _check_motion(kr60, problem, moving.after.e, moving.after.q)
+    _check_motion(kr60, problem, moving.after.e, moving.after.course.q)
 
 
 def _check_motion(kr60: fem.ArmModel, problem: Any, e: Array, q: Array) -> None:
@@ -211,8 +211,8 @@ def test_moving_keeps_limits_speeds_and_clearance(kr60: fem.ArmModel) -> None:
     assert placed.fixed is not None
     assert placed.after.k_sf > placed.fixed.k_sf
     assert np.ptp(placed.after.e) > 0.02
-    _check_motion(kr60, problem, placed.after.e, placed.after.q)
-    assert clearance(scene, placed.after.q, placed.after.e).distance.min() >= 0.01
+    _check_motion(kr60, problem, placed.after.e, placed.after.course.q)
+    assert clearance(scene, placed.after.course.q, placed.after.e).distance.min() >= 0.01
 
 
 @pytest.mark.slow
@@ -223,7 +223,7 @@ def test_a_slow_axis_stays_where_it_is_best(kr60: fem.ArmModel) -> None:
     placed = place(problem, How("moving"))
     assert placed.fixed is not None
     assert placed.after.k_sf >= placed.fixed.k_sf * (1.0 - 1e-9)
-    _check_motion(kr60, problem, placed.after.e, placed.after.q)
+    _check_motion(kr60, problem, placed.after.e, placed.after.course.q)
 
 
 def test_smoothing_keeps_lines_and_lowers_curvature(rng: np.random.Generator) -> None:
@@ -286,14 +286,23 @@ def test_a_placement_is_read_back_and_posted(kr60: fem.ArmModel, tmp_path: Path)
     cell = cell_of(rail(speed=0.5))
     after = place(problem_of(kr60, cell, path, "ksf", -2.6, (80.0, 40.0, -60.0)), How("moving")).after
     written = Placement(
-        "kr60-3", "cell", ("rail",), after.e, 0.0, after.gamma, kr60.robot.coordinates, after.q, np.arange(24), 24
+        "kr60-3",
+        "cell",
+        ("rail",),
+        after.e,
+        0.0,
+        after.course.gamma,
+        kr60.robot.coordinates,
+        after.course.q,
+        np.arange(24),
+        24,
     )
     file = tmp_path / "placement.json"
     file.write_text(json.dumps(placement_content(written)), encoding="utf-8")
     read = read_placement(file)
     np.testing.assert_allclose(read.travel, after.e, atol=1e-9)
-    np.testing.assert_allclose(read.q, after.q, atol=1e-9)
-    np.testing.assert_allclose(read.gamma, after.gamma, atol=1e-9)
+    np.testing.assert_allclose(read.q, after.course.q, atol=1e-9)
+    np.testing.assert_allclose(read.gamma, after.course.gamma, atol=1e-9)
     settings = PostSettings(gamma=float(read.gamma[0]), travel=read.at_moves(), tolerance=1e-2, table=read.table)
     program = post(kr60, cell, motions_of(path), settings).program
     given = ~program.inserted

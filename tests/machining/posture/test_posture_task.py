@@ -9,7 +9,7 @@ import pytest
 from posture_cases import dome, part, spindle
 
 from machining.task import Task, tool_path
-from machining.toolpaths.path_file import read_path
+from machining.toolpaths.tables import read_path
 from robots import InputError, InputErrors
 from robots.arrays import Array
 

@@ -17,7 +17,7 @@ from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
 from machining.programs.posting import PostSettings, post
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
-from machining.programs.subdivide import pieces_for, subdivided
+from machining.programs.refining import pieces_for, subdivided
 from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Event, Motions
 from machining.toolpaths.motions import Tool as Cutter
@@ -216,7 +216,7 @@ def test_pieces_lie_on_line_and_great_circle(pieces: list[int], seed: int) -> No
     axes = rng.normal(size=(n, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     motions = motions_of(ToolPath(rng.normal(size=(n, 3)), axes, axes, np.full(n, 0.1)))
-    out, inserted, move = subdivided(motions, np.array([1, *pieces]))
+    out, inserted, move, _ = subdivided(motions, np.array([1, *pieces]))
     assert out.n == 1 + sum(pieces)
     np.testing.assert_array_equal(out.points[~inserted], motions.points)
     np.testing.assert_array_equal(move, np.repeat(np.arange(n), [1, *pieces]))

@@ -11,9 +11,9 @@ from program_cases import PLAIN, cell_of, posed, program_of, rail, random_poses,
 from machining.programs.convention import convention_for
 from machining.programs.formats import parse_options, write_program
 from machining.programs.job import job_of
-from machining.programs.languages.krl import kuka_status_turn
-from machining.programs.languages.rapid import abb_configuration
-from machining.programs.languages.val3 import val3_configuration
+from machining.programs.languages.krl import Krl
+from machining.programs.languages.rapid import Rapid
+from machining.programs.languages.val3 import Val3
 from machining.programs.orientation import (
     from_quaternions,
     from_xyz_degrees,
@@ -25,6 +25,8 @@ from machining.programs.orientation import (
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot, forward_kinematics, inverse_kinematics, load_robot
 from robots.arrays import Array
+
+KRL, RAPID, VAL3 = Krl(), Rapid(), Val3()
 
 
 def turn(axis: str, degrees: float) -> Array:
@@ -119,7 +121,7 @@ def test_sides_of_random_poses(robot: Robot, rng: np.random.Generator) -> None:
     convention = convention_for(robot, 0, CHAINS[robot.name][0], None)
     q = random_poses(robot, 400, rng)
     deg = convention.controller_deg(q)
-    kuka, abb, val3 = (rule(robot, q, deg) for rule in (kuka_status_turn, abb_configuration, val3_configuration))
+    kuka, abb, val3 = (rule.configuration(robot, q, deg) for rule in (KRL, RAPID, VAL3))
     seen = set()
     for i in range(len(q)):
         behind, backward, negative = brute_sides(robot, deg[i])
@@ -130,7 +132,10 @@ def test_sides_of_random_poses(robot: Robot, rng: np.random.Generator) -> None:
         for cf, angle in zip(abb[i, :3], deg[i, [0, 3, 5]], strict=True):
             assert 90.0 * cf <= angle < 90.0 * (cf + 1)
         assert val3[i][0] == ("righty" if behind else "lefty")
-        assert val3[i][1:] == ("enegative" if backward else "epositive", "wnegative" if negative else "wpositive")
+        assert tuple(val3[i][1:]) == (
+            "enegative" if backward else "epositive",
+            "wnegative" if negative else "wpositive",
+        )
     assert len(seen) == 8
 
 
@@ -139,10 +144,10 @@ def test_kuka_home_and_elbow_offset() -> None:
     robot = load_robot("kr60-3")
     convention = convention_for(robot, 0, "krl", None)
     home = np.array([[0.0, -90.0, 90.0, 0.0, 0.0, 0.0], [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]])
-    assert kuka_status_turn(robot, convention.radians(home), home).tolist() == [[2, 2], [2, 2]]
+    assert KRL.configuration(robot, convention.radians(home), home).tolist() == [[2, 2], [2, 2]]
     in_line = np.degrees(np.arctan2(0.145, 0.82))
     near = np.array([[0.0, -45.0, in_line + d, 10.0, 20.0, -30.0] for d in (-0.01, 0.01)])
-    assert kuka_status_turn(robot, convention.radians(near), near)[:, 0].tolist() == [0, 2]
+    assert KRL.configuration(robot, convention.radians(near), near)[:, 0].tolist() == [0, 2]
 
 
 def test_s_and_t_say_which_of_all_solutions_is_meant(robot: Robot, rng: np.random.Generator) -> None:
@@ -153,8 +158,8 @@ def test_s_and_t_say_which_of_all_solutions_is_meant(robot: Robot, rng: np.rando
     T = np.zeros((len(q), 4, 4))
     T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = frames.R_flange, frames.p_flange, 1.0
     turns = inverse_kinematics(robot, T).turns()
-    words = kuka_status_turn(robot, turns.q, convention.controller_deg(turns.q)).tolist()
-    own = kuka_status_turn(robot, q, convention.controller_deg(q)).tolist()
+    words = KRL.configuration(robot, turns.q, convention.controller_deg(turns.q)).tolist()
+    own = KRL.configuration(robot, q, convention.controller_deg(q)).tolist()
     for i in range(len(q)):
         these = [k for k in range(len(turns.q)) if turns.target[k] == i and words[k] == own[i]]
         np.testing.assert_allclose(turns.q[these], [q[i]], atol=1e-6)

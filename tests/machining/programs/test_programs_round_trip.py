@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 from program_cases import PLAIN, busy, cell_of, motions_of, program_of, rail, random_poses, spindle, turntable
 
 from machining.cell import Cell, LinearAxis, Tool, Turntable
-from machining.programs.formats import FORMATS, parse_options, round_trip, write_program
-from machining.programs.neutral_reading import moves_from_csv, program_from_json
+from machining.programs.format import RoundTrip
+from machining.programs.formats import FORMATS, NEUTRAL, parse_options, round_trip, write_program
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.round_trip import RoundTrip
 from machining.programs.write_options import WriteOptions
 from robots import InputError, load_robot
 
@@ -170,10 +169,10 @@ def test_configurations_come_back() -> None:
     program = program_of()
     for name, wanted in (("krl", (2, 3)), ("rapid", (0, -2, -1, 0)), ("val3", ("lefty", "epositive", "wpositive"))):
         o = options(name)
-        found = FORMATS[name].read(write_program(program, name, "cartesian", o).texts(), program, o)
-        assert len(found.configuration) == program.n
-        assert len(found.configuration[0]) == len(wanted)
-        assert [type(v) for v in found.configuration[0]] == [type(v) for v in wanted]
+        found = list(FORMATS[name].read(write_program(program, name, "cartesian", o).texts(), program, o))
+        assert len(found) == program.n
+        assert len(found[0].configuration) == len(wanted)
+        assert [type(v) for v in found[0].configuration] == [type(v) for v in wanted]
 
 
 def test_json_holds_everything() -> None:
@@ -182,7 +181,7 @@ def test_json_holds_everything() -> None:
         busy(hostile='"\\\u2028ä'), inserted=np.arange(12) % 3 == 1, branch=np.full(12, 2), gamma=np.linspace(0, 1, 12)
     )
     text = write_program(program, "json").files[0].text()
-    back = program_from_json(text, program.robot, program.cell)
+    back = NEUTRAL[".json"].program(text, program.robot, program.cell)
     m, own = back.motions, program.motions
     np.testing.assert_allclose(back.q, program.q, rtol=0, atol=1e-15)
     np.testing.assert_allclose(m.feed, own.feed, rtol=1e-15)
@@ -199,9 +198,9 @@ def test_json_holds_everything() -> None:
     assert m.tools[0].diameter == pytest.approx(0.012, abs=1e-15)
     assert np.isnan(m.tools[1].diameter)
     with pytest.raises(InputError, match="linear_axes"):
-        program_from_json(text, program.robot, cell)
+        NEUTRAL[".json"].program(text, program.robot, cell)
     with pytest.raises(InputError, match="robot"):
-        program_from_json(text, load_robot("tx200"), program.cell)
+        NEUTRAL[".json"].program(text, load_robot("tx200"), program.cell)
 
 
 @pytest.mark.parametrize(
@@ -221,10 +220,10 @@ def test_json_that_is_not_right(key: str, value: Any, message: str) -> None:
     data = json.loads(write_program(program, "json").files[0].text())
     data[key] = value
     with pytest.raises(InputError, match=message):
-        program_from_json(json.dumps(data), program.robot, program.cell)
+        NEUTRAL[".json"].program(json.dumps(data), program.robot, program.cell)
     del data[key]
     with pytest.raises(InputError, match=key):
-        program_from_json(json.dumps(data), program.robot, program.cell)
+        NEUTRAL[".json"].program(json.dumps(data), program.robot, program.cell)
 
 
 def test_neutral_moves_that_are_not_right() -> None:
@@ -240,9 +239,9 @@ def test_neutral_moves_that_are_not_right() -> None:
         changed = json.loads(text)
         changed["moves"][1][data["columns"].index(column)] = value
         with pytest.raises(InputError, match=message):
-            program_from_json(json.dumps(changed), program.robot, program.cell)
+            NEUTRAL[".json"].program(json.dumps(changed), program.robot, program.cell)
     with pytest.raises(InputError, match="JSON"):
-        program_from_json(text[:-5], program.robot, program.cell)
+        NEUTRAL[".json"].program(text[:-5], program.robot, program.cell)
     table = write_program(program, "csv").files[0].text()
     lines = table.splitlines()
     for bad, message in (
@@ -255,7 +254,7 @@ def test_neutral_moves_that_are_not_right() -> None:
         (table + '"' + "x" * 200_000, "not valid CSV"),  # beyond what the csv module takes for one field
     ):
         with pytest.raises(InputError, match=message):
-            moves_from_csv(bad, 6, 0)
+            NEUTRAL[".csv"].program(bad, program.robot, program.cell)
 
 
 @pytest.mark.parametrize(
@@ -297,9 +296,9 @@ def test_missing_files_and_moves(name: str) -> None:
     texts = write_program(program, name, kind, o).texts()
     last = list(texts)[-1]
     with pytest.raises(InputError, match="sub-program"):
-        FORMATS[name].read({k: v for k, v in texts.items() if k != last}, program, o)
+        list(FORMATS[name].read({k: v for k, v in texts.items() if k != last}, program, o))
     with pytest.raises(InputError, match="main file"):
-        FORMATS[name].read({}, program, o)
+        list(FORMATS[name].read({}, program, o))
     short = {k: "" if k == last else v for k, v in texts.items()}
     with pytest.raises(InputError, match="2 moves"):
         round_trip(program, short, name, kind, o)

@@ -14,9 +14,8 @@ from program_cases import PLAIN, busy, cell_of, motions_of, posed, program_of, r
 
 from machining.cell import Cell, Tool
 from machining.programs.formats import FORMATS, parse_options, read_options, round_trip, write_program
-from machining.programs.job import formatted
+from machining.programs.job import formatted, plain
 from machining.programs.source_text import SourceText, comment, word
-from machining.programs.words import plain
 from machining.programs.write_options import WriteOptions
 from robots import InputError, inverse_kinematics, load_robot
 

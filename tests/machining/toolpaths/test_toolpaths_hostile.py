@@ -110,7 +110,7 @@ def test_apt_with_such_numbers(tmp_path: Path, text: str, message: str) -> None:
     [
         ("", "0,0,0,0,0,1,0,100,1e300,0,,0,0", "column line"),
         ("", "0,0,0,0,0,1,0,100,1,1e300,,0,0", "column tool"),
-        ("", "0,0,0,1e308,1e308,1e308,0,100,1,0,,0,0", "tool axis"),
+        ("", "0,0,0,1e308,1e308,1e308,0,100,1,0,,0,0", "column tx"),
         ("", "1e300,0,0,0,0,1,0,100,1,0,,0,0", "column x_mm"),
         ("", "0,0,0,0,0,1,7,100,1,0,,0,0", "column rapid"),
         ("", "0,0,0,0,0,1,0,-1,1,0,,0,0", "column feed_mm_per_min"),

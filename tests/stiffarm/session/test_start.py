@@ -19,6 +19,7 @@ try:
 finally:
     print(json.dumps(sorted(sys.modules)))
 """
+ROOT = Path(__file__).resolve().parents[3]
 LIBRARIES = {"numpy", "scipy", "pandas", "pyvista", "matplotlib", "trimesh"}
 HEAVY = {"pandas", "pyvista", "matplotlib", "trimesh", "sklearn", "skfem", "openpyxl", "SALib", "networkx", "numba"}
 POSE = "q2_deg=5,q3real_deg=77.5"
@@ -69,6 +70,28 @@ def test_a_calibration_loads_neither_surrogates_nor_tables_of_others() -> None:
     assert loaded(found, HEAVY | {"surrogate", "machining"}) == set()
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("sensitivity", "xr701"),
+        ("plan", "xr701", "--poses", "1", "--free", "j2.stiffness,j3.stiffness"),
+        pytest.param(("diagnose", "xr701", "--loads", "650", "--next", "0"), marks=pytest.mark.slow),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_what_asks_readings_loads_neither_maps_nor_the_shop_floor(arguments: tuple[str, ...]) -> None:
+    rest = {"machining", "surrogate.fit", "fem.elements.shell"}
+    assert loaded(modules(*arguments), HEAVY | rest) == set()
+
+
+@pytest.mark.slow
+def test_an_identification_loads_no_surfaces_and_no_surrogates(tmp_path: Path) -> None:
+    made = ("identify", "tx200", "--synthetic", "--law", "constant", "--out", tmp_path / "out")
+    modules(*made)
+    found = modules("identify", "tx200", tmp_path / "out" / "synthetic_joint_twists.csv", "--law", "constant")
+    assert loaded(found, (HEAVY - {"matplotlib"}) | {"machining", "surrogate", "fem.elements.shell"}) == set()
+
+
 def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")
@@ -83,3 +106,31 @@ def test_a_map_without_pictures_loads_what_computes_only(tmp_path: Path) -> None
     found = modules("map", "slice", "kr60-3", "--links", "rigid", *ranges, "--no-pictures", "--out", tmp_path / "out")
     # The compiled loops are numba's.
     assert loaded(found, (HEAVY - {"numba", "skfem"}) | {"scipy.stats", "machining.cell", "doe"}) == set()
+
+
+def test_programs_are_written_without_renderers_and_surrogates(tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")
+    task = ("--links", "rigid", "--tool", "200,0,80,0,90,0", "--format", "json", "--out", tmp_path / "out")
+    # The cell's solids are trimesh's, the report's figures are matplotlib's.
+    mine = {"matplotlib", "trimesh", "networkx", "numba"}
+    assert loaded(modules("post", "kr60-3", path, *task), (HEAVY - mine) | {"surrogate"}) == set()
+
+
+@pytest.mark.slow
+def test_a_program_is_verified_and_a_base_placed_without_renderers(tmp_path: Path) -> None:
+    part = ROOT / "docs" / "examples" / "kr60_posture"
+    program, out = tmp_path / "out" / "json" / "part.json", ("--out", tmp_path / "out")
+    path = tmp_path / "path.csv"
+    path.write_text("\n".join((part / "path.csv").read_text(encoding="utf-8").splitlines()[:4]), encoding="utf-8")
+    cell = ("--cell", part / "cell.toml")
+    modules("post", "kr60-3", path, *cell, "--links", "rigid", "--format", "json", *out)
+    # Distances between solids are trimesh's.
+    rest = (HEAVY - {"trimesh", "networkx", "numba"}) | {"doe", "surrogate"}
+    assert loaded(modules("verify", "kr60-3", program, *cell), rest) == set()
+    on_rail = tmp_path / "cell.toml"
+    axis = '[[linear_axis]]\nname = "rail"\nlimits_mm = [0, 200]\ndirection = [1, 0, 0]\n'
+    on_rail.write_text((part / "cell.toml").read_text(encoding="utf-8") + axis, encoding="utf-8")
+    task = ("--cell", on_rail, "--force", "80,40,-60", "--gamma=-180:180:30", "--links", "rigid")
+    # What place says in its table stands with its report's figures.
+    assert loaded(modules("place", "kr60-3", path, *task), rest - {"doe", "matplotlib"}) == set()

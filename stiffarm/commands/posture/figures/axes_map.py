@@ -22,7 +22,6 @@ from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.commands.maps.index.figures import angle_ticks
 from stiffarm.commands.maps.looks import look_bar, look_of
-from stiffarm.commands.maps.planes import edges
 from stiffarm.pages.figure_parts import title as figure_title
 from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
 from surrogate.maps.data import Field
@@ -105,7 +104,7 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
         )  # fmt: skip
         window = _cells(figure, axes[0], x, degrees, made)
         for line in courses.values():
-            _course(axes[0], x, _breaks(np.degrees(line.gamma), *window), line)
+            _course(axes[0], x, _turns(np.degrees(line.gamma), *window), line)
         axes[0].set(ylabel="gamma (deg)", xlim=(x[0], x[-1]), ylim=window, yticks=angle_ticks(np.array(window)))
         axes[-1].set_xlabel("path length (mm)")
         if courses:
@@ -132,10 +131,11 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
     ax.grid(visible=False)
     ax.set_facecolor(TONES[Zone.UNREACHABLE].face)
     finite = value[np.isfinite(value)]
-    xe, ye = edges(x), edges(rows)
+    xe, ye = steps(x), steps(rows)
     if finite.size:
         look = look_of(what.column, Field(finite, what.unit, what.quantity))
-        ax.pcolormesh(xe, ye, np.ma.masked_invalid(value.T), norm=look.norm, cmap=look.colours, rasterized=True)
+        edges = np.append(xe[::2], xe[-1]), np.append(ye[::2], ye[-1])
+        ax.pcolormesh(*edges, np.ma.masked_invalid(value.T), norm=look.norm, cmap=look.colours, rasterized=True)
         look_bar(figure, look, axes=ax)
     for one, tone in TONES.items():
         mask = zone == one
@@ -144,61 +144,46 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
         bare = mask & ~np.isfinite(value)
         for part, face in ((bare, tone.face), (mask & ~bare, None)):
             if part.any():
-                _hatched(ax, xe, ye, part, face, tone)
+                hatched(ax, xe, ye, part, face, tone.hatch, tone.ink)
     return window
 
 
-def _hatched(ax: Axes, xe: Array, ye: Array, mask: Bools, face: str | None, tone: _Tone) -> None:
-    # Both edges of each cell in turn: the mask has steps, not slopes.
+def hatched(ax: Axes, xe: Array, ye: Array, mask: Bools, face: str | None, hatch: str | None, ink: str) -> None:
+    """Fill the cells of a mask (n, m), whose edges are the :func:`steps` of their centres."""
     fine = np.repeat(np.repeat(mask.astype(np.float64), 2, axis=0), 2, axis=1)
-    xe, ye = (np.repeat(ends, 2)[1:-1] for ends in (xe, ye))
     shades = [to_rgba(face)] if face else ["none"]
-    drawn = ax.contourf(xe, ye, fine.T, levels=[0.5, 1.5], colors=shades, hatches=[tone.hatch])
-    drawn.set_edgecolor(tone.ink)
+    drawn = ax.contourf(xe, ye, fine.T, levels=[0.5, 1.5], colors=shades, hatches=[hatch])
+    drawn.set_edgecolor(ink)
     drawn.set_linewidth(0.0)
 
 
-def _breaks(gamma: Array, low: float, high: float) -> tuple[Array, Array]:
-    """Where (numbers of points, or between two) and what gamma (deg) to draw, NaN where the line breaks.
+def steps(centres: Array) -> Array:
+    """Both edges of each cell in turn: a mask drawn over them has steps, not slopes."""
+    middle = 0.5 * (centres[1:] + centres[:-1])
+    outer = np.concatenate([[1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]]])
+    return np.asarray(np.repeat(outer, 2)[1:-1])
 
-    A line that wraps leaves at one end of the axis and comes back at the other. Angles are brought into a whole
-    turn's axis; on a shorter axis nothing wraps.
+
+def _turns(gamma: Array, low: float, high: float) -> list[Array]:
+    """A course's gamma (deg) as often as a turn's axis shows it, whole turns apart: the axis cuts off what is beyond.
+
+    So a line that leaves at one end comes back at the other. On a shorter axis nothing wraps.
     """
-    at = np.arange(len(gamma), dtype=np.float64)
     if high - low < TURN - 1e-6:
-        return at, gamma
-    # The upper end stays where it is: it is in the axis.
-    inside = np.where(np.abs(gamma - high) < 1e-9, high, low + np.mod(gamma - low, TURN))
-    step = np.diff(inside)
-    wraps = np.flatnonzero(np.abs(step) > 0.5 * TURN)
-    spots, angles = [at], [inside]
-    for i in wraps:
-        up = step[i] < 0.0
-        exit_, entry = (high, low) if up else (low, high)
-        way = abs(exit_ - inside[i])
-        share = way / max(way + abs(inside[i + 1] - entry), 1e-12)
-        spots.append(np.full(3, i + share))
-        angles.append(np.array([exit_, np.nan, entry]))
-    place, angle = np.concatenate(spots), np.concatenate(angles)
-    # The three points of a wrap have one place: the sort must keep their order, and stay between i and i + 1.
-    key = np.concatenate([at, *(np.full(3, i + 0.5) for i in wraps)])
-    order = np.argsort(key, kind="stable")
-    return place[order], angle[order]
+        return [gamma]
+    whole = np.unwrap(gamma, period=TURN)
+    first, last = np.ceil((low - whole.max() - 1e-9) / TURN), np.floor((high - whole.min() + 1e-9) / TURN)
+    return [whole + TURN * k for k in np.arange(first, last + 1.0)]
 
 
-def _course(ax: Axes, x: Array, path: tuple[Array, Array], line: CourseLine) -> None:
-    place, angle = path
-    at = np.interp(place, np.arange(len(x)), x)
+def _course(ax: Axes, x: Array, gammas: list[Array], line: CourseLine) -> None:
+    look: dict[str, Any] = {"linewidth": 2.0, "path_effects": [Stroke(linewidth=4.0, foreground="white"), Normal()]}
+    look |= {"linestyle": "--", "zorder": 3.5} if line.dashed else {"linestyle": "-", "zorder": 5.0}
     if line.dots:
-        whole = np.isfinite(angle) & (place == np.round(place))
-        look: dict[str, Any] = {"marker": "o", "markersize": 3.2, "markeredgecolor": "white", "markeredgewidth": 0.5}
-        ax.plot(at[whole], angle[whole], linestyle="none", color=line.colour, clip_on=False, zorder=4, **look)
-        return
-    ax.plot(
-        at, angle, color=line.colour, linestyle="--" if line.dashed else "-", linewidth=2.0,
-        zorder=3.5 if line.dashed else 5.0,
-        path_effects=[Stroke(linewidth=4.0, foreground="white"), Normal()],
-    )  # fmt: skip
+        look = {"linestyle": "none", "marker": "o", "markersize": 3.2, "markeredgecolor": "white"}
+        look |= {"markeredgewidth": 0.5, "zorder": 4}
+    for gamma in gammas:
+        ax.plot(x, gamma, color=line.colour, **look)
 
 
 def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]) -> None:

@@ -12,7 +12,7 @@ from cli_runs import Command
 
 from machining.cell import read_cell
 from machining.placement import Placement, placement_content
-from machining.programs.neutral_reading import program_from_json
+from machining.programs.formats import NEUTRAL
 from robots import load_description
 from robots.robot import robot_from
 from stiffarm.commands.post.targets import parse_targets
@@ -76,7 +76,7 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
     assert content["largest_bend_um"] <= 10.0
     robot = robot_from(load_description("kr60-3"))
     text = (out / "json" / "part.json").read_text(encoding="utf-8")
-    program = program_from_json(text, robot, read_cell(cell))
+    program = NEUTRAL[".json"].program(text, robot, read_cell(cell))
     assert program.n == content["moves_written"]
     np.testing.assert_allclose(program.travel, 0.1)
     kept = program.motions.points[~program.inserted] * 1e3
@@ -117,7 +117,7 @@ def test_compensation_moves_the_path_by_what_it_says(cli: Command, files: tuple[
     assert found["left_um"] < 0.1
     robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
     before, after = (
-        program_from_json((folder / "json" / "part.json").read_text(encoding="utf-8"), robot, where)
+        NEUTRAL[".json"].program((folder / "json" / "part.json").read_text(encoding="utf-8"), robot, where)
         for folder in (plain, moved)
     )
     shift = np.linalg.norm(after.motions.points - before.motions.points, axis=1) * 1e6
@@ -187,7 +187,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     assert cli(*common, "--gamma", "-30", "--travel", "120", "--out", tmp_path / "first").code == 0
     robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
     text = (tmp_path / "first" / "json" / "part.json").read_text(encoding="utf-8")
-    first = program_from_json(text, robot, where)
+    first = NEUTRAL[".json"].program(text, robot, where)
     given = np.flatnonzero(~first.inserted)
     # The other side of the wrist, which nobody would choose by himself.
     q = first.q[given].copy()
@@ -203,7 +203,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     outcome = cli(*common, "--placement", file, "--out", tmp_path / "second")
     assert outcome.code == 0, outcome.err
     text = (tmp_path / "second" / "json" / "part.json").read_text(encoding="utf-8")
-    second = program_from_json(text, robot, where)
+    second = NEUTRAL[".json"].program(text, robot, where)
     np.testing.assert_allclose(second.q[~second.inserted], q, atol=1e-6)
     np.testing.assert_allclose(second.travel, 0.12, atol=1e-12)
     file.write_text(json.dumps(placement_content(replace(placement, gamma=placement.gamma + 0.1))))

@@ -20,7 +20,7 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.maps.index.figures import angle_ticks, draw_gamma_statistics, draw_index_maps
 from stiffarm.commands.maps.planes import layer_of
-from stiffarm.commands.posture.figures.axes_map import TONES, CourseLine, _breaks, draw_axes_map
+from stiffarm.commands.posture.figures.axes_map import TONES, CourseLine, _turns, draw_axes_map
 from surrogate.maps.layouts import plane_or_box
 
 
@@ -116,23 +116,20 @@ def test_a_range_of_gamma_is_shown_as_it_is() -> None:
 
 
 def test_a_course_that_wraps_leaves_at_one_end_and_comes_back_at_the_other() -> None:
-    place, angle = _breaks(np.array([160.0, 170.0, -160.0, 175.0]), -180.0, 180.0)
-    # From 170 to 200: a third of the way to 180; from -160 to -185: four fifths.
-    np.testing.assert_allclose(place, [0, 1, 1 + 1 / 3, 1 + 1 / 3, 1 + 1 / 3, 2, 2.8, 2.8, 2.8, 3])
-    np.testing.assert_allclose(angle, [160, 170, 180, np.nan, -180, -160, -180, np.nan, 180, 175])
+    shown_twice = _turns(np.array([160.0, 170.0, -160.0, 175.0]), -180.0, 180.0)
+    np.testing.assert_allclose(shown_twice, [[-200, -190, -160, -185], [160, 170, 200, 175]])
 
 
 @pytest.mark.parametrize("gamma", [[-180.0, -180.0], [180.0, 180.0], [10.0, 185.0 - 360.0]])
-def test_a_course_without_a_wrap_or_at_the_ends_stays_whole(gamma: list[float]) -> None:
-    _, angle = _breaks(np.array(gamma), -180.0, 180.0)
+def test_a_course_at_the_ends_is_drawn_at_both(gamma: list[float]) -> None:
+    drawn = np.array(_turns(np.array(gamma), -180.0, 180.0))
     # From 10 to -175 the short way is up, through 180.
-    assert np.isnan(angle).sum() == (gamma[0] == 10.0)
+    expected = [[-350.0, -175.0], [10.0, 185.0]] if gamma[0] == 10.0 else [[-180.0, -180.0], [180.0, 180.0]]
+    np.testing.assert_allclose(drawn, expected)
 
 
 def test_on_a_part_of_a_turn_nothing_wraps() -> None:
-    place, angle = _breaks(np.array([-100.0, 100.0]), -120.0, 120.0)
-    np.testing.assert_allclose(angle, [-100.0, 100.0])
-    np.testing.assert_allclose(place, [0.0, 1.0])
+    np.testing.assert_allclose(_turns(np.array([-100.0, 100.0]), -120.0, 120.0), [[-100.0, 100.0]])
 
 
 def test_an_axes_map_that_cannot_be_drawn_is_refused() -> None:

@@ -13,7 +13,7 @@ from machining.cutting import Comparison, SurfaceError
 from machining.cutting.spread import Uncertain
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.posture.figures.milling_error import milling_error_figure
+from stiffarm.commands.posture.figures.along_path import milling_error_figure
 from stiffarm.pages.style import save_png
 
 S = np.linspace(0.0, 0.15, 31)

@@ -1,0 +1,172 @@
+"""Moves read back from the files of a written program, by what a reader knows of its language."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from machining.magnitudes import LARGEST
+from robots import InputError
+from robots.arrays import Array, Bools
+
+STRAIGHT, IN_ORDER = "motion line after line", "keep moves out of loops, conditions and jumps in the template"
+_STRING = re.compile(r'"[^"]*"')
+
+
+@dataclass(frozen=True)
+class ReadMove:
+    """A move as its file has it, ``where`` it stands; fields as those of :class:`ReadMoves`."""
+
+    where: str
+    kind: str
+    words: Sequence[float]
+    external: Sequence[float]
+    joint: bool
+    configuration: Sequence[object] = ()
+    speed: float = np.nan
+    duration: float = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class ReadMoves:
+    """n moves of a program as its file has them.
+
+    ``words`` (n, k): coordinates, mm and deg (RAPID's quaternion without unit); ``external`` (n, e) mm and deg;
+    ``joint`` (n,) joint moves; ``configuration``: of each move, empty where there is none; ``speed`` (n,) m/s,
+    ``duration`` (n,) s, either NaN where the file does not say.
+    """
+
+    kind: str
+    words: Array
+    external: Array
+    joint: Bools
+    configuration: list[Sequence[object]]
+    speed: Array
+    duration: Array
+
+
+def collected(moves: Iterable[ReadMove]) -> ReadMoves:
+    """All moves of a program.
+
+    Raises
+    ------
+    InputError
+        Nothing was read, a move of another kind or number of axes than those before, a number that is not finite.
+    """
+    rows: list[ReadMove] = []
+    for move in moves:
+        first = rows[0] if rows else move
+        sizes = len(move.words), len(move.external)
+        if move.kind != first.kind:
+            what = f"{move.where}: {move.kind} coordinates after {first.kind} ones"
+            raise InputError(what, allowed="one kind in a program")
+        if sizes != (len(first.words), len(first.external)):
+            raise InputError(f"{move.where}: {sizes[0]} + {sizes[1]} coordinates", allowed="as many as in other moves")
+        rows.append(move)
+    if not rows:
+        raise InputError("program", value="no move in it", allowed="one or more")
+    words, external = (np.array([getattr(row, name) for row in rows]) for name in ("words", "external"))
+    if not (np.isfinite(words).all() and np.isfinite(external).all()):
+        raise InputError("coordinate in a program", allowed="finite numbers")
+    joint, speed, duration = (np.array([getattr(row, name) for row in rows]) for name in ("joint", "speed", "duration"))
+    return ReadMoves(rows[0].kind, words, external, joint, [row.configuration for row in rows], speed, duration)
+
+
+def number(where: str, text: str) -> float:
+    """A number that a program can hold. Raises InputError for anything else."""
+    try:
+        value = float(text) if text.isascii() and "_" not in text else np.nan
+    except ValueError as error:
+        raise InputError(where, value=text.strip(), allowed="a number") from error
+    if not abs(value) <= LARGEST:
+        raise InputError(where, value=text.strip(), allowed=f"a finite number of at most {LARGEST:g}")
+    return value
+
+
+def whole(where: str, text: str) -> int:
+    """A whole number. Raises InputError for anything else."""
+    value = number(where, text)
+    if value != int(value):
+        raise InputError(where, value=text.strip(), allowed="a whole number")
+    return int(value)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a program: ``where`` it stands, its ``code`` without comment, and the ``move`` that it is, or None."""
+
+    where: str
+    code: str
+    move: re.Match[str] | None
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """What a reader knows of a language, and what it must not pass over.
+
+    ``main``: how the main file's name ends; ``comment``: sign that starts one; ``move``: the moves that are read, in
+    words ``readable``; ``motion``: words that move, anywhere in a line; ``opens`` and ``closes``: of loops and
+    conditions; ``jumps``; ``call`` of a part, and how its file's name ends, None where there are no parts.
+    """
+
+    main: str
+    comment: str
+    move: re.Pattern[str]
+    readable: str
+    motion: re.Pattern[str]
+    opens: re.Pattern[str]
+    closes: re.Pattern[str]
+    jumps: re.Pattern[str]
+    call: tuple[re.Pattern[str], str] | None = None
+
+    def lines(self, files: Mapping[str, str]) -> Iterator[Line]:
+        """Lines of the main file, then of the sub-programs that it calls, in their order.
+
+        Raises
+        ------
+        InputError
+            Files that are not there; motion that is not read, or would run once for each turn of a loop, or not at
+            all; a jump: the order of the lines is not that of the motion.
+        """
+        bodies = [file_of(files, self.main)]
+        if self.call is not None:
+            pattern, suffix = self.call
+            calls = [found[1] for line in bodies[0][1].splitlines() if (found := pattern.match(line)) is not None]
+            names = {
+                name.rsplit("/", 1)[-1].removesuffix(suffix).lower(): name for name in files if name.endswith(suffix)
+            }
+            missing = [call for call in calls if call.lower() not in names]
+            if missing:
+                what = "a file of the program"
+                raise InputError("sub-program", value=missing[0], allowed=what, remedy="give all its files")
+            bodies += [(names[call.lower()], files[names[call.lower()]]) for call in calls]
+        for source, body in bodies:
+            yield from self._statements(source, body)
+
+    def _statements(self, source: str, body: str) -> Iterator[Line]:
+        depth = 0
+        for i, line in enumerate(body.splitlines(), 1):
+            code = _STRING.sub('""', line).partition(self.comment)[0]
+            where, shown = f"{source}, line {i}", code.strip()[:80]
+            if self.jumps.search(code):
+                raise InputError(f"{where}: a jump", value=shown, allowed=STRAIGHT, remedy=IN_ORDER)
+            depth += len(self.opens.findall(code)) - len(self.closes.findall(code))
+            move = self.move.match(code)
+            if self.motion.search(code):
+                if move is None:
+                    raise InputError(where, value=shown, allowed=self.readable)
+                if depth > 0:
+                    what = f"{where}: motion within a loop or a condition"
+                    raise InputError(what, value=shown, allowed=STRAIGHT, remedy=IN_ORDER)
+            yield Line(where, code, move)
+
+
+def file_of(files: Mapping[str, str], suffix: str) -> tuple[str, str]:
+    """Name and text of the first file of a kind. Raises InputError where there is none."""
+    for name, text in files.items():
+        if name.endswith(suffix):
+            return name, text
+    raise InputError("files of a program", value=", ".join(files) or "none", allowed=f"a main file *{suffix} first")
