@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from types import ModuleType
 from typing import TypeVar
 
 Found = TypeVar("Found")
+
+
+@cache
+def compiled_loops(module: str) -> ModuleType | None:
+    """A module that numba compiles; None where numba is missing, too old for the numpy there is, or cannot start."""
+    try:
+        return importlib.import_module(module)
+    except (ImportError, RuntimeError):
+        return None
 
 
 def default_threads() -> int:

@@ -11,7 +11,7 @@ from robots import InputError, Robot
 from robots.arrays import Array
 from surrogate.designs import space_filling_design
 from surrogate.expansion import TURN
-from surrogate.scope import Couplings, Scope
+from surrogate.scope import Couplings, Scope, unit_vector
 
 # Poses by which whole turns and the influence of fixed coordinates are judged.
 _PROBES = 256
@@ -57,10 +57,7 @@ def scope_of(
             raise InputError("limits of an input", value=name, allowed=", ".join(inputs))
         i = list(inputs).index(name)
         lower[i], upper[i] = max(lower[i], np.radians(low)), min(upper[i], np.radians(high))
-    length = float(np.linalg.norm(direction))
-    if not length > 0.0:
-        raise InputError("load direction", value=list(direction), allowed="not all zero")
-    x, y, z = (float(v) / length for v in direction)
+    x, y, z = unit_vector(direction, "load direction").tolist()
     return Scope(
         robot=robot.name,
         model_hash=model_hash,

@@ -15,8 +15,8 @@ from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.errors import InputError
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from surrogate.model import COMPLIANCE, Surrogate, predict, refuse, unit
-from surrogate.scope import Scope, count_rows
+from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
+from surrogate.scope import Scope, count_rows, unit_vector
 
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
@@ -122,7 +122,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     near = (
         np.full(len(poses), np.nan)
         if surrogate.kinematics is None
-        else _smallest_singular_value(surrogate, surrogate.kinematics, poses)
+        else singularity_distance(surrogate.kinematics, full_poses(surrogate.kinematics, surrogate, poses)).sigma_min
     )
     faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
     return QueryResult(
@@ -165,7 +165,8 @@ def _extrapolated(surrogate: Surrogate, poses: Array, direction: Array | None) -
 
 def same_direction(a: Array, b: Sequence[float]) -> bool:
     """Whether two directions (3,) are one but for length and sign, which leave a compliance unchanged."""
-    return bool(np.linalg.norm(np.cross(unit(np.asarray(a)), unit(np.asarray(b)))) < 1e-12)
+    one, other = (unit_vector(each, "direction") for each in (a, b))
+    return bool(np.linalg.norm(np.cross(one, other)) < 1e-12)
 
 
 def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tuple[Array, Array]:
@@ -180,10 +181,6 @@ def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tupl
         own = 1.0 / value[good] if surrogate.quantity.name == COMPLIANCE else value[good]
         parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
     return model, parameters
-
-
-def _smallest_singular_value(surrogate: Surrogate, robot: Robot, poses: Array) -> Array:
-    return singularity_distance(robot, full_poses(robot, surrogate, poses)).sigma_min
 
 
 def _left_open(surrogate: Surrogate, poses: Array, good: Bools) -> dict[int, tuple[str, ...]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 from math import comb
 from typing import Literal, get_args
@@ -12,7 +11,7 @@ import numpy as np
 
 from robots.arrays import Array, Integers
 from robots.errors import InputError
-from surrogate.expansion import Expansion, Family, check_terms, design
+from surrogate.expansion import Expansion, Family, Products, check_terms
 from surrogate.families import mixed_family, polynomial_family, trigonometric_family
 from surrogate.scope import as_box
 
@@ -29,7 +28,7 @@ FACTOR_ORDER = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
+class Basis(Products):
     """A set of ``t`` product functions of ``k`` joint angles.
 
     Parameters
@@ -50,20 +49,6 @@ class Basis:
             raise InputError("basis", value=self.name, allowed=", ".join(BASIS_NAMES))
         check_terms(self.families, self.terms)
 
-    @property
-    def n_inputs(self) -> int:
-        """Number of joint angles k."""
-        return len(self.families)
-
-    @property
-    def n_terms(self) -> int:
-        """Number of terms t."""
-        return len(self.terms)
-
-    def design(self, Q: Array) -> Array:
-        """Every term at every pose; Q (n, k) rad -> (n, t). All of it is held in memory (8 n t bytes)."""
-        return design(self.families, self._columns, Q)
-
     def expansion(self, coefficients: Array) -> Expansion:
         """The sum with these coefficients (t,) or (t, m)."""
         return Expansion(self.families, self.terms, np.asarray(coefficients).reshape(self.n_terms, -1))
@@ -71,10 +56,6 @@ class Basis:
     def take(self, kept: Integers) -> Basis:
         """Only some of the terms."""
         return Basis(self.name, self.degree, self.families, self.terms[np.sort(kept)])
-
-    @cached_property
-    def _columns(self) -> Integers:
-        return np.ascontiguousarray(self.terms.T)
 
 
 def polynomial_basis(lower: Array, upper: Array, degree: int = 6, periodic: tuple[bool, ...] | None = None) -> Basis:

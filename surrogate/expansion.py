@@ -13,6 +13,7 @@ import numpy as np
 
 from robots.arrays import Array, Integers
 from robots.errors import InputError
+from surrogate.scope import frozen
 
 TURN = 2.0 * np.pi
 # Numbers in one block of the design matrix while evaluating: 0.8 MB, so that it stays in the cache.
@@ -50,8 +51,7 @@ class Family:
     matrix: Array
 
     def __post_init__(self) -> None:
-        matrix = np.array(self.matrix, dtype=np.float64)
-        matrix.flags.writeable = False
+        matrix = frozen(self.matrix)
         object.__setattr__(self, "matrix", matrix)
         raw = 1 + 2 * self.harmonics + len(self.degrees)
         if not np.isfinite([self.centre, self.half_range]).all() or not self.half_range > 0.0:
@@ -95,8 +95,40 @@ class Family:
         return np.asarray(self.matrix @ self.raw(q))
 
 
+class Products:
+    """Products of functions of k joint angles: ``families`` (k,); ``terms`` (t, k), which function of each angle."""
+
+    families: tuple[Family, ...]
+    terms: Integers
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of joint angles k."""
+        return len(self.families)
+
+    @property
+    def n_terms(self) -> int:
+        """Number of terms t."""
+        return len(self.terms)
+
+    def design(self, Q: Array) -> Array:
+        """Every term at every pose; Q (n, k) rad -> (n, t). All of it is held in memory (8 n t bytes)."""
+        angles = np.asarray(Q, dtype=np.float64).T
+        out: Array | None = None
+        for family, column, angle in zip(self.families, self._columns, angles, strict=True):
+            # Whole rows are gathered, which costs a tenth of gathering columns.
+            factor = family(angle)[column]
+            out = factor if out is None else np.multiply(out, factor, out=out)
+        assert out is not None  # noqa: S101 - there is at least one input
+        return out.T
+
+    @cached_property
+    def _columns(self) -> Integers:
+        return np.ascontiguousarray(self.terms.T)
+
+
 @dataclass(frozen=True, eq=False)
-class Expansion:
+class Expansion(Products):
     """``y(q) = sum_t coefficients[t] prod_i f_i[terms[t, i]](q_i)`` over k joint angles.
 
     Parameters
@@ -116,11 +148,9 @@ class Expansion:
     coefficients: Array
 
     def __post_init__(self) -> None:
-        terms = np.array(self.terms, dtype=np.int64)
-        coefficients = np.array(self.coefficients, dtype=np.float64)
-        for name, values in (("terms", terms), ("coefficients", coefficients)):
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        terms, coefficients = frozen(self.terms, np.int64), frozen(self.coefficients)
+        object.__setattr__(self, "terms", terms)
+        object.__setattr__(self, "coefficients", coefficients)
         check_terms(self.families, terms)
         if coefficients.ndim != 2 or len(coefficients) != len(terms) or not coefficients.shape[1]:
             raise InputError(
@@ -132,23 +162,9 @@ class Expansion:
             raise InputError("surrogate: coefficients", value="NaN or infinity", allowed="finite numbers")
 
     @property
-    def n_inputs(self) -> int:
-        """Number of joint angles k."""
-        return len(self.families)
-
-    @property
-    def n_terms(self) -> int:
-        """Number of terms t."""
-        return len(self.terms)
-
-    @property
     def n_outputs(self) -> int:
         """Numbers m at each pose."""
         return int(self.coefficients.shape[1])
-
-    def design(self, Q: Array) -> Array:
-        """Every term at every pose, Q (n, k) rad -> (n, t); all of it in memory, 8 n t bytes."""
-        return design(self.families, self._columns, Q)
 
     def __call__(self, Q: Array) -> Array:
         """Q (n, k) rad -> y (n, m), block by block. Angles are not checked."""
@@ -156,24 +172,8 @@ class Expansion:
         step = max(1, _BLOCK // self.n_terms)
         for start in range(0, len(Q), step):
             rows = slice(start, start + step)
-            out[rows] = design(self.families, self._columns, Q[rows]) @ self.coefficients
+            out[rows] = self.design(Q[rows]) @ self.coefficients
         return out
-
-    @cached_property
-    def _columns(self) -> Integers:
-        return np.ascontiguousarray(self.terms.T)
-
-
-def design(families: tuple[Family, ...], columns: Integers, Q: Array) -> Array:
-    """Products of the families' functions, columns (k, t), at Q (n, k) rad -> (n, t)."""
-    angles = np.asarray(Q, dtype=np.float64).T
-    out: Array | None = None
-    for family, column, angle in zip(families, columns, angles, strict=True):
-        # Whole rows are gathered, which costs a tenth of gathering columns.
-        factor = family(angle)[column]
-        out = factor if out is None else np.multiply(out, factor, out=out)
-    assert out is not None  # noqa: S101 - there is at least one input
-    return out.T
 
 
 def check_terms(families: tuple[Family, ...], terms: Integers) -> None:

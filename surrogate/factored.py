@@ -10,7 +10,6 @@ time until the rows are met or nothing more is gained.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -20,6 +19,7 @@ from robots.arrays import Array, Integers
 from robots.errors import InputError
 from surrogate.basis import FACTOR_ORDER, MAX_TERMS, Basis, mixed_families, polynomial_basis, sorted_terms
 from surrogate.expansion import Expansion, Family
+from surrogate.fit import Fit
 from surrogate.least_squares import Solver, solve
 from surrogate.model import Factor
 from surrogate.scope import Scope
@@ -41,30 +41,14 @@ _RUNS_A_TERM = 3
 _FEWEST_RUNS = 4096
 
 
-@dataclass(frozen=True)
-class FactoredFit:
-    """What was learned: rows as an expansion's basis and coefficients (t, 6 r), how they are summed, and how well.
-
-    ``row_error``: largest RMS error of a part's rows over their RMS; ``weight_error``: largest error of ln(weight).
-    """
-
-    basis: Basis
-    coefficients: Array
-    factor: Factor
-    row_error: float
-    weight_error: float
-    condition: float
-    runs: int
-
-
 def fit_factored(
     run: Callable[[Array], ComplianceFactor],
     design: Callable[[int], Array],
     scope: Scope,
     solver: Solver = "qr",
     runs: int | None = None,
-) -> FactoredFit:
-    """Learn the rows and the weights.
+) -> Fit:
+    """Learn the rows and the weights: an expansion's basis and coefficients (t, 6 r), and how they are summed.
 
     Parameters
     ----------
@@ -102,9 +86,8 @@ def fit_factored(
             made = run(Q)
             wanted, part = _flat(made)
     basis, coefficients = _pruned(basis, solution.coefficients)
-    laws, law_error = _laws(made, Q, scope)
-    coefficients, factor = _gathered(coefficients, made, laws)
-    return FactoredFit(basis, coefficients, factor, error, law_error, solution.condition, len(Q))
+    coefficients, factor = _gathered(coefficients, made, _laws(made, Q, scope))
+    return Fit(basis, "factored", coefficients, solution.condition, len(Q), factor)
 
 
 def _geometry(families: tuple[Family, ...]) -> Integers:
@@ -159,11 +142,10 @@ def _pruned(basis: Basis, coefficients: Array) -> tuple[Basis, Array]:
     return basis.take(kept), coefficients[kept]
 
 
-def _laws(made: ComplianceFactor, Q: Array, scope: Scope) -> tuple[list[float | Expansion], float]:
-    """ln(weight) of each spring, a number where it is constant, else learned; and the largest error of one."""
+def _laws(made: ComplianceFactor, Q: Array, scope: Scope) -> list[float | Expansion]:
+    """ln(weight) of each spring, a number where it is constant, else learned."""
     log = np.log(np.maximum(made.weights, 1e-300))
     out: list[float | Expansion] = []
-    worst = 0.0
     bases = _law_bases(scope)
     for values in log.T:
         if np.ptp(values) <= _CONSTANT:
@@ -177,9 +159,8 @@ def _laws(made: ComplianceFactor, Q: Array, scope: Scope) -> tuple[list[float | 
             if best[0] <= LAW_MET:
                 break
         assert best[1] is not None  # noqa: S101 - some fit is the best
-        worst = max(worst, best[0])
         out.append(best[1])
-    return out, worst
+    return out
 
 
 def _law_bases(scope: Scope) -> list[Basis]:

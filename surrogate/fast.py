@@ -5,7 +5,7 @@ A pose's value is that of :class:`surrogate.expansion.Expansion` to rounding: 1e
 
 from __future__ import annotations
 
-from functools import cache
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from robots.arrays import Array, Integers
 from robots.errors import InputError
-from robots.threads import in_shares
+from robots.threads import compiled_loops, in_shares
 from surrogate.expansion import Expansion
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ SHARE = 4_096
 # From so many outputs on, forming each product costs less than going through the tree again.
 MANY = 3
 
-
+# None where numba is not there.
+kernels = partial(compiled_loops, "surrogate.kernels")
 _plans: WeakKeyDictionary[Expansion, Plan] = WeakKeyDictionary()
 
 
@@ -63,16 +64,6 @@ def evaluate(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> 
 def backend() -> str:
     """What large batches are evaluated by: 'numba' or 'numpy'."""
     return "numpy" if kernels() is None else "numba"
-
-
-@cache
-def kernels() -> ModuleType | None:
-    """:mod:`surrogate.kernels`; None where numba is missing, too old for the numpy there is, or cannot start."""
-    try:
-        from surrogate import kernels as compiled
-    except (ImportError, RuntimeError):
-        return None
-    return compiled
 
 
 def _run(compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, threads: int | None) -> Array:

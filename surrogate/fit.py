@@ -11,7 +11,7 @@ from robots.errors import InputError
 from surrogate.basis import GEOMETRY_ORDER, Basis, BasisName, make_basis, mixed_families
 from surrogate.expansion import Family
 from surrogate.least_squares import Solution, Solver, solve
-from surrogate.model import TARGETS, Target
+from surrogate.model import TARGETS, Factor, Target
 from surrogate.scope import Scope
 
 # Polynomials beside the harmonics that chosen terms may have in each angle, and the fewest runs for each term.
@@ -27,13 +27,17 @@ _PATIENCE = 2
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted basis: ``coefficients`` (t, 1) in the quantity or its logarithm (``target``)."""
+    """A fitted basis: ``coefficients`` (t, 1) in the quantity or its logarithm (``target``).
+
+    With a ``factor``: (t, 6 r) of the rows of the 6 x 6 compliance, which it sums up.
+    """
 
     basis: Basis
     target: Target
     coefficients: Array
     condition: float
     runs: int
+    factor: Factor | None = None
 
 
 def fit(

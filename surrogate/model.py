@@ -14,7 +14,7 @@ from robots.errors import InputError
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
-from surrogate.scope import ROWS_SHOWN, Scope, count_rows
+from surrogate.scope import ROWS_SHOWN, Scope, count_rows, unit_vector
 
 Target = Literal["direct", "logarithm", "factored"]
 
@@ -182,7 +182,9 @@ def predict(surrogate: Surrogate, Q: Array, direction: Array | None = None) -> A
     # Far outside of the domain anything may overflow; what comes of it is refused just below.
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         if surrogate.factor is not None:
-            rows = surrogate.along(unit(direction)) if direction is not None else surrogate._along_load
+            rows = (
+                surrogate.along(unit_vector(direction, "direction")) if direction is not None else surrogate._along_load
+            )
             y = np.sum(surrogate.factor.weight(poses) * evaluate(rows, poses) ** 2, axis=1)
         elif direction is not None:
             raise InputError(
@@ -244,15 +246,6 @@ def compliance_matrix(surrogate: Surrogate, Q: Array) -> Array:
         size = np.trace(out, axis1=1, axis2=2)
     refuse(surrogate, size, ~np.isfinite(size))
     return 0.5 * (out + out.swapaxes(1, 2))
-
-
-def unit(direction: Array) -> Array:
-    """A direction (3,) of length 1; InputError if it has none."""
-    d = np.asarray(direction, dtype=np.float64)
-    length = float(np.linalg.norm(d))
-    if d.shape != (3,) or not 0.0 < length < np.inf:
-        raise InputError("direction", value=d.tolist(), allowed="three finite numbers, not all zero")
-    return np.asarray(d / length)
 
 
 def refuse(surrogate: Surrogate, y: Array, bad: Bools) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from robots.arrays import Array, Bools
 from robots.errors import InputError
@@ -160,11 +162,26 @@ def _between(values: Array, lower: Array, upper: Array) -> Bools:
     return np.asarray((values >= lower - LIMIT_TOLERANCE_RAD) & (values <= upper + LIMIT_TOLERANCE_RAD))
 
 
-def frozen(values: Array) -> Array:
+def frozen(values: ArrayLike, dtype: type[np.generic] = np.float64) -> NDArray[Any]:
     """A read-only copy: a frozen dataclass is then frozen all the way down."""
-    out = np.array(values, dtype=np.float64)
+    out = np.array(values, dtype=dtype)
     out.flags.writeable = False
     return out
+
+
+def unit_vector(vector: ArrayLike, what: str) -> Array:
+    """A unit vector (3,) along one of any length.
+
+    Raises
+    ------
+    InputError
+        Not three finite numbers, or all zero.
+    """
+    v = np.asarray(vector, dtype=np.float64)
+    norm = float(np.linalg.norm(v)) if v.shape == (3,) else 0.0
+    if not 0.0 < norm < np.inf:
+        raise InputError(what, value=v.tolist(), allowed="three finite numbers, not all zero")
+    return np.asarray(v / norm)
 
 
 def count_rows(bad: Bools) -> str:

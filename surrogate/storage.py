@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetPydanticSchema, create_model
+from pydantic_core.core_schema import no_info_after_validator_function
 
 from robots import Robot
-from robots.arrays import Array
 from robots.errors import InputError
 from robots.files.reading import parse_json, read_text
 from robots.files.validated import validated
@@ -33,6 +34,54 @@ class _Strict(Strict):
     model_config = ConfigDict(strict=True)
 
 
+def _even(rows: list[list[float]]) -> list[list[float]]:
+    if len({len(row) for row in rows}) > 1:
+        raise InputError("surrogate: a matrix", allowed="rows of one length")
+    return rows
+
+
+# How a file holds arrays and tuples: as lists.
+_Matrix = Annotated[list[list[float]], AfterValidator(_even)]
+_Terms = Annotated[list[list[int]], AfterValidator(_even)]
+_Texts = Annotated[list[str], AfterValidator(tuple)]
+
+
+def _table(kind: type[Any], **own: Any) -> GetPydanticSchema:
+    """A table with the fields of a dataclass, read as that; ``own``: types of fields that a file holds otherwise."""
+    hints = get_type_hints(kind)
+    columns: dict[str, Any] = {f.name: (own.get(f.name, hints[f.name]), ...) for f in fields(kind)}
+    table = create_model(kind.__name__, __base__=_Strict, **columns)
+
+    def made(found: BaseModel) -> Any:
+        return kind(**{name: getattr(found, name) for name in columns})
+
+    return GetPydanticSchema(lambda _, handler: no_info_after_validator_function(made, handler(table)))
+
+
+_FAMILY = _table(
+    Family,
+    centre=Annotated[float, Field(alias="centre_rad")],
+    half_range=Annotated[float, Field(alias="half_range_rad")],
+    degrees=Annotated[list[int], AfterValidator(tuple)],
+    matrix=_Matrix,
+)
+_Families = Annotated[list[Annotated[Family, _FAMILY]], AfterValidator(tuple)]
+_Sum = Annotated[Expansion, _table(Expansion, families=_Families, terms=_Terms, coefficients=_Matrix)]
+_Rows = Annotated[
+    Factor,
+    _table(
+        Factor,
+        group=Annotated[list[int], AfterValidator(np.array)],
+        weights=Annotated[list[_Sum], AfterValidator(tuple)],
+    ),
+]
+_Bars = Annotated[ErrorBars, _table(ErrorBars, leverage=_Sum, scale=_Sum)]
+_Parameters = Annotated[
+    ParameterBars,
+    _table(ParameterBars, gradients=_Sum, names=_Texts, undetermined=_Texts, open_share=_Sum | None),
+]
+
+
 class _Domain(_Strict):
     lower_rad: list[float]
     upper_rad: list[float]
@@ -45,48 +94,6 @@ class _Coupling(_Strict):
     factors: list[float]
     lower_rad: float | None
     upper_rad: float | None
-
-
-class _Family(_Strict):
-    centre_rad: float
-    half_range_rad: float
-    periodic: bool
-    harmonics: int
-    degrees: list[int]
-    matrix: list[list[float]]
-
-
-class _Expansion(_Strict):
-    families: list[_Family]
-    terms: list[list[int]]
-    coefficients: list[list[float]]
-
-
-class _Factor(_Strict):
-    group: list[int]
-    weights: list[_Expansion]
-
-
-class _Bars(_Strict):
-    leverage: _Expansion
-    scale: _Expansion
-    exponent: float
-    quantile: float
-    n_runs: int
-
-
-class _Parameters(_Strict):
-    gradients: _Expansion
-    names: list[str]
-    misfit: float
-    undetermined: list[str]
-    open_share: _Expansion | None
-
-
-class _Quantity(_Strict):
-    name: str
-    unit: str
-    label: str
 
 
 class _Robot(_Strict):
@@ -103,29 +110,11 @@ class _Robot(_Strict):
     T_flange_tool: list[list[float]]
 
 
-class _Errors(_Strict):
-    basis: str
-    degree: int
-    target: str
-    n_terms: int
-    n_train: int
-    n_test: int
-    rms_relative: float
-    p95_relative: float
-    max_relative: float
-    rms_interior: float
-    max_interior: float
-    coverage95: float
-    condition_number: float
-    matrix_rms: float | None
-    matrix_max: float | None
-
-
 class _File(_Strict):
     schema_version: str = Field(alias="schema")
     robot: str
     model_hash: str
-    quantity: _Quantity
+    quantity: Annotated[Quantity, _table(Quantity)]
     load_direction: list[float] = Field(min_length=3, max_length=3)
     inputs: list[str]
     fixed_deg: dict[str, float]
@@ -136,12 +125,12 @@ class _File(_Strict):
     target: Target
     basis: str
     degree: int
-    expansion: _Expansion
-    factor: _Factor | None
+    expansion: _Sum
+    factor: _Rows | None
     error_bars: _Bars | None
     parameters: _Parameters | None
     kinematics: _Robot | None
-    errors: _Errors
+    errors: Annotated[ErrorFigures, _table(ErrorFigures)]
     notes: list[str]
     content_sha256: str
 
@@ -184,12 +173,12 @@ def load_surrogate(path: str | Path) -> Surrogate:
 
 
 def _content(s: Surrogate) -> dict[str, Any]:
-    c = s.couplings
+    c, arm = s.couplings, s.kinematics
     return {
         "schema": s.schema_version,
         "robot": s.robot,
         "model_hash": s.model_hash,
-        "quantity": vars(s.quantity),
+        "quantity": _plain(s.quantity),
         "load_direction": [float(x) for x in s.load_direction],
         "inputs": list(s.inputs),
         "fixed_deg": {name: float(value) for name, value in s.fixed_deg.items()},
@@ -208,69 +197,24 @@ def _content(s: Surrogate) -> dict[str, Any]:
         "target": s.target,
         "basis": s.basis,
         "degree": s.degree,
-        "expansion": _written(s.expansion),
-        "factor": None
-        if s.factor is None
-        else {"group": s.factor.group.tolist(), "weights": [_written(law) for law in s.factor.weights]},
-        "error_bars": None
-        if s.bars is None
-        else vars(s.bars) | {"leverage": _written(s.bars.leverage), "scale": _written(s.bars.scale)},
-        "parameters": None
-        if s.parameters is None
-        else {
-            "gradients": _written(s.parameters.gradients),
-            "names": list(s.parameters.names),
-            "misfit": s.parameters.misfit,
-            "undetermined": list(s.parameters.undetermined),
-            "open_share": None if s.parameters.open_share is None else _written(s.parameters.open_share),
-        },
-        "kinematics": None if s.kinematics is None else _arm_written(s.kinematics),
-        "errors": vars(s.errors),
+        "expansion": _plain(s.expansion),
+        "factor": _plain(s.factor),
+        "error_bars": _plain(s.bars),
+        "parameters": _plain(s.parameters),
+        "kinematics": None if arm is None else {name: _plain(getattr(arm, name)) for name in _Robot.model_fields},
+        "errors": _plain(s.errors),
         "notes": list(s.notes),
     }
 
 
-def _written(e: Expansion) -> dict[str, Any]:
-    return {
-        "families": [
-            {
-                "centre_rad": f.centre,
-                "half_range_rad": f.half_range,
-                "periodic": f.periodic,
-                "harmonics": f.harmonics,
-                "degrees": list(f.degrees),
-                "matrix": f.matrix.tolist(),
-            }
-            for f in e.families
-        ],
-        "terms": e.terms.tolist(),
-        "coefficients": e.coefficients.tolist(),
-    }
-
-
-def _read(e: _Expansion) -> Expansion:
-    families = tuple(
-        Family(f.centre_rad, f.half_range_rad, f.periodic, f.harmonics, tuple(f.degrees), _matrix(f.matrix))
-        for f in e.families
-    )
-    return Expansion(families, np.array(_even(e.terms), dtype=np.int64), _matrix(e.coefficients))
-
-
-def _even(rows: list[list[Any]]) -> list[list[Any]]:
-    if len({len(row) for row in rows}) > 1:
-        raise InputError("surrogate: a matrix", allowed="rows of one length")
-    return rows
-
-
-def _matrix(rows: list[list[float]]) -> Array:
-    return np.array(_even(rows), dtype=np.float64)
-
-
-def _arm_written(robot: Robot) -> dict[str, Any]:
-    arrays = ("T_pre", "R_post", "sign", "offset", "limits", "T_last_flange", "T_flange_tool")
-    return {"coordinates": list(robot.coordinates), "joint_names": list(robot.joint_names)} | {
-        name: getattr(robot, name).tolist() for name in arrays
-    }
+def _plain(value: Any) -> Any:
+    """Dataclasses, arrays and tuples as JSON holds them."""
+    if is_dataclass(value):
+        named = {"centre": "centre_rad", "half_range": "half_range_rad"} if isinstance(value, Family) else {}
+        return {named.get(f.name, f.name): _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _arm(name: str, file: _Robot) -> Robot:
@@ -295,10 +239,6 @@ def _arm(name: str, file: _Robot) -> Robot:
     )
 
 
-def _factor(file: _Factor) -> Factor:
-    return Factor(np.array(file.group, dtype=np.int64), tuple(_read(law) for law in file.weights))
-
-
 def _surrogate(file: _File) -> Surrogate:
     k = len(file.inputs)
     if any(len(c.factors) != k for c in file.couplings):
@@ -310,11 +250,10 @@ def _surrogate(file: _File) -> Surrogate:
         np.array([np.inf if c.upper_rad is None else c.upper_rad for c in file.couplings]),
     )
     x, y, z = file.load_direction
-    factor, bars, parameters = file.factor, file.error_bars, file.parameters
     return Surrogate(
         robot=file.robot,
         model_hash=file.model_hash,
-        quantity=Quantity(**file.quantity.model_dump()),
+        quantity=file.quantity,
         load_direction=(x, y, z),
         inputs=tuple(file.inputs),
         fixed_deg=file.fixed_deg,
@@ -326,21 +265,11 @@ def _surrogate(file: _File) -> Surrogate:
         basis=file.basis,
         degree=file.degree,
         target=file.target,
-        expansion=_read(file.expansion),
-        factor=None if factor is None else _factor(factor),
-        errors=ErrorFigures(**file.errors.model_dump()),
-        bars=None
-        if bars is None
-        else ErrorBars(_read(bars.leverage), _read(bars.scale), bars.exponent, bars.quantile, bars.n_runs),
-        parameters=None
-        if parameters is None
-        else ParameterBars(
-            _read(parameters.gradients),
-            tuple(parameters.names),
-            parameters.misfit,
-            tuple(parameters.undetermined),
-            None if parameters.open_share is None else _read(parameters.open_share),
-        ),
+        expansion=file.expansion,
+        factor=file.factor,
+        errors=file.errors,
+        bars=file.error_bars,
+        parameters=file.parameters,
         kinematics=None if file.kinematics is None else _arm(file.robot, file.kinematics),
         notes=tuple(file.notes),
         schema_version=file.schema_version,
@@ -369,7 +298,3 @@ def _checksum(content: dict[str, Any]) -> str:
 
 def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a number that may stand in such a file")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -47,11 +47,6 @@ class Runs:
     Q: Array
     value: Array
 
-    @property
-    def compliance(self) -> Array:
-        """The quantity, where it is the compliance along the load, m/N."""
-        return self.value
-
 
 @dataclass(frozen=True, eq=False)
 class Trained:
@@ -75,11 +70,6 @@ class Trained:
     def best(self) -> Surrogate:
         """The one with the smallest held-out RMS error."""
         return self.surrogates[0]
-
-    def interior_error(self, basis: str) -> tuple[float, float]:
-        """RMS and worst relative error on the uniform held-out runs, without the boundary ones."""
-        one = next(s for s in self.surrogates if s.basis == basis)
-        return one.errors.rms_interior, one.errors.max_interior
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +261,7 @@ def _scalar(ways: _Ways, name: BasisName, training: Runs) -> Surrogate:
     # The runs for the error bars choose, never those that judge.
     tried = [(_rms(_relative(_unjudged(ways, found), ways.calibration)), i) for i, found in enumerate(fits)]
     found = fits[min(tried)[1]]
-    return _judged(ways, _unjudged(ways, found), found, training.Q)
+    return _judged(ways, found, training.Q)
 
 
 def _relative(one: Surrogate, runs: Runs) -> Array:
@@ -281,20 +271,18 @@ def _relative(one: Surrogate, runs: Runs) -> Array:
 
 
 def _factored(ways: _Ways, runs: int | None) -> Surrogate:
-    task, scope = ways.task, ways.task.scope
+    task = ways.task
     drawn: list[Array] = []
 
     def design(n: int) -> Array:
         drawn.append(task.design(n, "arcsine", ways.rng))
         return drawn[-1]
 
-    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, scope, ways.solver, runs)
-    alike = Fit(found.basis, "factored", found.coefficients, found.condition, found.runs)
-    one = _unjudged(ways, alike, factor=found.factor)
-    return _judged(ways, one, alike, drawn[-1])
+    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, task.scope, ways.solver, runs)
+    return _judged(ways, found, drawn[-1])
 
 
-def _unjudged(ways: _Ways, found: Fit, **more: Any) -> Surrogate:
+def _unjudged(ways: _Ways, found: Fit) -> Surrogate:
     task, name = ways.task, found.basis.name
     nothing = ErrorFigures(name, found.basis.degree, found.target, found.basis.n_terms, found.runs, 0, *(0.0,) * 6, 1.0)
     return Surrogate(
@@ -309,13 +297,13 @@ def _unjudged(ways: _Ways, found: Fit, **more: Any) -> Surrogate:
         parameters=ways.parameters,
         fixed_influence=dict(task.fixed_influence),
         notes=task.notes,
-        **more,
+        factor=found.factor,
     )
 
 
-def _judged(ways: _Ways, one: Surrogate, found: Fit, Q_fitted: Array) -> Surrogate:
+def _judged(ways: _Ways, found: Fit, Q_fitted: Array) -> Surrogate:
     """With error bars, and with its errors on runs that neither fit nor bars have seen."""
-    known = ways.calibration
+    one, known = _unjudged(ways, found), ways.calibration
     relative = predict(one, known.Q) / known.value - 1.0
     bars = learn_bars(found.basis, one, Q_fitted, known.Q, relative)
     error = np.abs(predict(one, ways.audit.Q) / ways.audit.value - 1.0)

@@ -11,7 +11,6 @@ from scipy.stats import kendalltau, spearmanr
 import fem
 import machining
 from machining.stiffness.distribution import Distribution, Over, distribution
-from machining.stiffness.grid import grid_task
 from robots.arrays import Array, Bools
 from surrogate.maps.data import Layout
 from surrogate.maps.layouts import plane_or_box, points_of
@@ -140,7 +139,8 @@ def on_plane(model: fem.ArmModel, reading: Reading, step_mm: float = 25.0) -> Pl
     x_mm, y_mm = np.arange(-600.0, 601.0, step_mm), np.arange(600.0, 1401.0, step_mm)
     grid, gamma = plane_or_box(x_mm, y_mm, 1e3 * P_M[2]), np.radians(PLANE_GAMMA_DEG)
     if reading.branch is None and reading.at == "tool":
-        task = grid_task(grid, tool_frame(reading), normal=UP, reference=np.array([1.0, 0.0, 0.0]))
+        path = machining.tool_path(points_of(grid), UP)
+        task = machining.Task(path, tool_frame(reading), np.eye(4), np.array([1.0, 0.0, 0.0]))
         value = distribution(model, task, None, reading.turn * gamma).value
     else:
         # No rule of `distribution`: limits broken, one branch, Jacobian elsewhere.

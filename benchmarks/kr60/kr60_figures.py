@@ -14,11 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from machining.stiffness.units import shown as shown_as
 from robots.arrays import Array
-from stiffarm.commands.maps.index.figures import HATCH, HATCH_INK, NOTHING, value_bar
+from stiffarm.commands.maps.index.figures import HATCH, HATCH_INK, NOTHING
+from stiffarm.commands.maps.looks import look_bar, look_of
 from stiffarm.pages.figure_parts import log_ticks
-from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, colour_scale, house_style, new_figure
+from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
+from surrogate.maps.data import Field
 
 # Small files: the page shows them at this size.
 DOTS_PER_INCH = 80
@@ -92,10 +93,10 @@ def maps(planes: Mapping[str, PlaneResult]) -> Figure:
             best = 1e-3 * plane.found.best_at_points().value.reshape(plane.grid.shape)
             shown = [*(plane.k[c] for c in columns), best]
             known = np.concatenate([values[np.isfinite(values)] for values in shown])
-            norm, ticks = colour_scale(known, None)
+            look = look_of("k_fs", Field(known, "N/mm", "k_fs"))
             for ax, values in zip(row, shown, strict=True):
-                _map(ax, plane, values, norm)
-            value_bar(figure, list(row), norm, ticks, (shown_as("k_fs"), False), known)
+                _map(ax, plane, values, look.norm)
+            look_bar(figure, look, axes=list(row))
             row[0].set_ylabel(f"{name}\ny (mm)")
         for ax, gamma in zip(rows[0], MAP_GAMMA_DEG, strict=False):
             ax.set_title(f"gamma = {gamma:.0f} deg")

@@ -8,8 +8,7 @@ poses of a share at once. Small displacements; the unloaded arm is the reference
 
 from __future__ import annotations
 
-from functools import cache
-from types import ModuleType
+from functools import partial
 
 import numpy as np
 
@@ -22,8 +21,10 @@ from robots import InputError
 from robots.arrays import Array
 from robots.kept import once_for_each
 from robots.kinematics import as_poses
-from robots.threads import in_shares
+from robots.threads import compiled_loops, in_shares
 
+# None where numba is not there.
+kernels = partial(compiled_loops, "fem.compiled.kernels")
 # Fewer poses than this numpy has done in some 10 ms; loading numba takes 0.3 s, once. Where thousands of calls follow
 # one another, loading counts for nothing.
 FEWEST, FEWEST_OFTEN = 2_000, 64
@@ -39,16 +40,6 @@ def why_not_compiled(model: ArmModel) -> str | None:
     if reason is None and kernels() is None:
         reason = "numba is not installed, or cannot start; pip install 'stiffarm[fast]'"
     return reason
-
-
-@cache
-def kernels() -> ModuleType | None:
-    """:mod:`fem.compiled.kernels`; None where numba is missing, too old for the numpy there is, or cannot start."""
-    try:
-        from fem.compiled import kernels as compliance_kernels
-    except (ImportError, RuntimeError):
-        return None
-    return compliance_kernels
 
 
 def compliance(

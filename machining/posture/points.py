@@ -160,25 +160,13 @@ def sweep_gamma(
     angle = as_gammas(gamma, task.path.n)
     n, m = angle.shape
     fast = fast_sweep(model, task, objective.quantity, objective.forces(n), angle)
-    if fast is not None:
-        q, valid, value, reason, names = fast.q, fast.valid, fast.value, fast.reason, BRANCH_NAMES
-        sure = np.ones((n, m), dtype=np.bool_)
+    if fast is None:
+        q, reason, names, sure = _solved(model, task, angle, generator)
+        value = None
     else:
-        frames = task.tool_frames(angle).reshape(n * m, 4, 4)
-        found = [
-            inverse_kinematics(
-                model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator
-            )
-            for i in range(0, n * m, TARGETS)
-        ]
-        names, value = max((part.names for part in found), key=len), None
-        q = np.full((n * m, len(names), model.robot.dof), np.nan)
-        valid = np.zeros(q.shape[:2], dtype=np.bool_)
-        reason = np.full(q.shape[:2], np.int8(Reason.NO_SUCH))
-        for i, part in enumerate(found):
-            rows, b = slice(i * TARGETS, i * TARGETS + len(part.q)), len(part.names)
-            q[rows, :b], valid[rows, :b], reason[rows, :b] = part.q, part.valid, part.reason
-        sure = np.concatenate([part.sure for part in found]).reshape(n, m)
+        q, reason, value = fast
+        names, sure = BRANCH_NAMES, np.ones(n * m, dtype=np.bool_)
+    valid = reason == Reason.FOUND
     point = np.nonzero(valid)[0] // m
     if value is None:
         value = np.full(valid.shape, np.nan)
@@ -194,8 +182,26 @@ def sweep_gamma(
         value.reshape(shape),
         reason.reshape(shape),
         names,
-        sure,
+        sure.reshape(n, m),
     )
+
+
+def _solved(
+    model: fem.ArmModel, task: Task, angle: Array, generator: np.random.Generator | None
+) -> tuple[Array, NDArray[np.int8], tuple[str, ...], Bools]:
+    """Of all k targets: q (k, b, dof), reason (k, b), names (b,) of the branches, and whether they are all (k,)."""
+    frames = task.tool_frames(angle).reshape(-1, 4, 4)
+    parts = [
+        inverse_kinematics(model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator)
+        for i in range(0, len(frames), TARGETS)
+    ]
+    names = max((part.names for part in parts), key=len)
+    q = np.full((len(frames), len(names), model.robot.dof), np.nan)
+    reason = np.full(q.shape[:2], np.int8(Reason.NO_SUCH))
+    for i, part in enumerate(parts):
+        rows, b = slice(i * TARGETS, i * TARGETS + len(part.q)), len(part.names)
+        q[rows, :b], reason[rows, :b] = part.q, part.reason
+    return q, reason, names, np.concatenate([part.sure for part in parts])
 
 
 def best_of(sweep: Sweep) -> Postures:

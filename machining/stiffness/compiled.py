@@ -11,8 +11,7 @@ two ways may differ by as much.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -23,19 +22,20 @@ import fem
 from fem.springs import ConstantSpring
 from machining.inputs import as_units
 from machining.task import Task
-from robots import InputError, Reason, Robot
-from robots.arrays import Array, Bools
+from robots import InputError, Robot
+from robots.arrays import Array
 from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
 from robots.inverse.wrist import BOUNDARY
 from robots.robot import LIMIT_TOLERANCE_RAD
+from robots.threads import compiled_loops, in_shares
 from robots.threads import default_threads as threads
-from robots.threads import in_shares
 
 if TYPE_CHECKING:
     from machining.stiffness.kernels import Figures
 
-
+# None where numba is not there.
+kernels = partial(compiled_loops, "machining.stiffness.kernels")
 # Fewer targets than this numpy has done in some 30 ms; loading numba takes 0.3 s, once.
 FEWEST = 5_000
 # Blocks that a thread takes at once.
@@ -54,25 +54,13 @@ _QUANTITIES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class FastSweep:
-    """Of k targets: ``q`` (k, 8, 6) rad, ``reason`` (k, 8), and ``value`` (k, 8), NaN where not valid.
+def fast_sweep(
+    model: fem.ArmModel, task: Task, quantity: str, force: Array | None, gamma: Array
+) -> tuple[Array, NDArray[np.int8], Array | None] | None:
+    """Sweep path points and gamma (n, m) rad; k targets in the order of ``gamma.ravel()``. None: take the other way.
 
-    ``value`` is None where the model or the quantity is none of those compiled.
-    """
-
-    q: Array
-    reason: NDArray[np.int8]
-    value: Array | None
-
-    @property
-    def valid(self) -> Bools:
-        """Which postures can be taken (k, 8)."""
-        return np.asarray(self.reason == Reason.FOUND)
-
-
-def fast_sweep(model: fem.ArmModel, task: Task, quantity: str, force: Array | None, gamma: Array) -> FastSweep | None:
-    """Sweep path points and gamma (n, m) rad; targets in the order of ``gamma.ravel()``. None: take the other way.
+    Returns q (k, 8, 6) rad, reason (k, 8), and value (k, 8), NaN where not valid; None instead of the value where the
+    model or the quantity is none of those compiled.
 
     ``force`` (n, 3) N at the points where the quantity needs one.
     """
@@ -93,21 +81,11 @@ def fast_sweep(model: fem.ArmModel, task: Task, quantity: str, force: Array | No
     points = _points(arm, task, frames, _load(what, task, force))
     q, reason, value = _run(compiled, figures, points, along, gamma)
     if compliance is None:
-        return FastSweep(q, reason, None)
+        return q, reason, None
     if stiffness:
         with np.errstate(divide="ignore"):
             np.divide(1.0, value, out=value)
-    return FastSweep(q, reason, value)
-
-
-@cache
-def kernels() -> ModuleType | None:
-    """:mod:`machining.stiffness.kernels`; None where numba is missing, too old for numpy, or cannot start."""
-    try:
-        from machining.stiffness import kernels as fast_kernels
-    except (ImportError, RuntimeError):
-        return None
-    return fast_kernels
+    return q, reason, value
 
 
 def axial_compliance(model: fem.ArmModel) -> Array | None:

@@ -20,11 +20,12 @@ from numpy.typing import ArrayLike
 import fem
 from machining.stiffness.objective import Objective
 from machining.sweep_parts import sweep_parts
-from machining.task import Task, ToolPath
+from machining.task import Task, tool_path
 from robots import InputError, Reason
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.solutions import why_no_closed_form
 from robots.progress import Progress
+from surrogate.maps.candidates import Arm, Chosen
 
 Over = Literal["reached", "common"]
 
@@ -61,7 +62,8 @@ class Distribution:
     """Best branch's value at n points and m angles.
 
     ``gamma`` (m,) rad; ``value`` (n, m) of the objective, NaN where no posture is within reach and limits; ``sure``:
-    the inverse kinematics found all solutions.
+    the inverse kinematics found all solutions. ``q`` (n, dof) rad: the pose at each point's best gamma, NaN where there
+    is none; None where it was not asked for.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class Distribution:
     gamma: Array
     value: Array
     sure: bool = True
+    q: Array | None = None
 
     def __post_init__(self) -> None:
         gamma, value = np.asarray(self.gamma, dtype=np.float64), np.asarray(self.value, dtype=np.float64)
@@ -102,7 +105,8 @@ class Distribution:
         InputError
             Another shape, or no point.
         """
-        return Distribution(self.objective, self.gamma, self.value[_checked(inside, len(self.value))], self.sure)
+        mask = _checked(inside, len(self.value))
+        return Distribution(self.objective, self.gamma, self.value[mask], self.sure)
 
     def statistics(self, over: Over = "reached") -> Statistics:
         """Mean, scatter and range at each gamma."""
@@ -170,9 +174,8 @@ def distribution(
 ) -> Distribution:
     """Value of the best branch at every point of a task and every angle gamma (m,) rad.
 
-    The points are those of :func:`machining.stiffness.grid.grid_task`, or a path's. Parts of them are worked on in
-    turn, so only the result grows with their number. ``generator`` as in :func:`machining.posture.points.sweep_gamma`;
-    ``progress`` is called with points done and points in all.
+    Parts of the points are worked on in turn, so only the result grows with their number. ``generator`` as in
+    :func:`machining.posture.points.sweep_gamma`; ``progress`` is called with points done and points in all.
 
     Raises
     ------
@@ -181,12 +184,45 @@ def distribution(
     """
     objective = objective or Objective()
     angle = np.atleast_1d(np.asarray(gamma, dtype=np.float64))
-    value, sure = [], True
+    value, q, sure = [], [], True
     for _, _, sweep in sweep_parts(model, task, objective, angle, generator=generator, progress=progress):
-        best = sweep.merit.max(axis=2)
+        best, each = sweep.merit.max(axis=2), np.arange(len(sweep.merit))
         value.append(np.where(np.isfinite(best), objective.sign * best, np.nan))
+        column = _first_best(best)
+        branch = sweep.merit[each, column].argmax(axis=1)
+        q.append(np.where(np.isfinite(best).any(axis=1)[:, None], sweep.q[each, column, branch], np.nan))
         sure = sure and bool(sweep.sure.all())
-    return Distribution(objective, angle, np.concatenate(value), sure)
+    return Distribution(objective, angle, np.concatenate(value), sure, np.concatenate(q))
+
+
+@dataclass(frozen=True, eq=False)
+class EveryGamma:
+    """Rule of a map's poses (:class:`surrogate.maps.poses.PoseRule`): at each point that of its best gamma.
+
+    It also tells ``by_gamma`` (n, m): the objective's value at each angle ``gamma`` (m,) rad, NaN where that does not
+    reach the point. ``normal`` and tool ``axis`` (3,) in base axes; gamma counts from a direction of the part frame
+    ``T_base_part`` (4, 4) m, as in :class:`machining.task.Task`. Errors as :func:`distribution`.
+    """
+
+    model: fem.ArmModel
+    objective: Objective
+    gamma: Array
+    T_flange_tool: Array
+    T_base_part: Array
+    normal: Array
+    axis: Array
+
+    def task(self, points: Array) -> Task:
+        """The task of bringing the tool to points (n, 3) m, base frame; it is no path, the order means nothing."""
+        R = self.T_base_part[:3, :3]
+        own = (points - self.T_base_part[:3, 3]) @ R
+        return Task(tool_path(own, self.normal @ R, self.axis @ R), self.T_flange_tool, self.T_base_part)
+
+    def choose(self, arm: Arm, points: Array, generator: np.random.Generator | None = None) -> Chosen:
+        """Best gamma and branch at each point, and the value at every gamma; see the class."""
+        found = distribution(self.model, self.task(points), self.objective, self.gamma, generator=generator)
+        assert found.q is not None  # noqa: S101 - a distribution that was just made has poses
+        return Chosen(found.q, np.full(len(points), found.sure), {"by_gamma": found.value})
 
 
 def why_not_reached(model: fem.ArmModel, task: Task, gamma: ArrayLike, *, sample: int = 200) -> str:
@@ -198,15 +234,10 @@ def why_not_reached(model: fem.ArmModel, task: Task, gamma: ArrayLike, *, sample
     if why_no_closed_form(model.robot) is not None:
         return ""
     rows = np.unique(np.linspace(0, task.path.n - 1, sample).astype(int))
-    p = task.path
-    some = Task(
-        ToolPath(p.points[rows], p.normals[rows], p.axes[rows], p.feed[rows]),
-        task.T_flange_tool,
-        task.T_base_part,
-        task.reference,
-    )
     found: Counter[int] = Counter()
-    for _, _, sweep in sweep_parts(model, some, Objective(), np.atleast_1d(np.asarray(gamma, dtype=np.float64))):
+    for _, _, sweep in sweep_parts(
+        model, task.at(rows), Objective(), np.atleast_1d(np.asarray(gamma, dtype=np.float64))
+    ):
         found.update(sweep.reason.ravel().tolist())
     shares = {Reason(code): count / found.total() for code, count in found.most_common() if code != Reason.NO_SUCH}
     return "; ".join(f"{100.0 * share:.3g} % of the branches {reason.words}" for reason, share in shares.items())

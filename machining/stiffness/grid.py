@@ -1,4 +1,4 @@
-"""Regular grids of tool points on a part: the tasks they make, and regions of them for a workpiece."""
+"""Regions of a regular grid of tool points on a part: where the workpiece is."""
 
 from __future__ import annotations
 
@@ -7,40 +7,13 @@ from math import prod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.task import Task, tool_path
 from robots import InputError
-from robots.arrays import Array, Bools
+from robots.arrays import Bools
 from surrogate.maps.data import Layout
 from surrogate.maps.layouts import own_points
 
-# Points of a grid at most, all of which are held in memory; a plane of 1400 x 1400.
-MOST = 2_000_000
 # Share of a step by which a point on the rim of a region may lie outside: rounding.
 RIM = 1e-9
-
-
-def grid_task(
-    grid: Layout,
-    T_flange_tool: Array,
-    *,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
-    axis: ArrayLike | None = None,
-    reference: Array | None = None,
-) -> Task:
-    """The task of bringing the tool to every point of a slice or box; it is no path, the order means nothing.
-
-    The part frame is the grid's. ``normal`` and tool ``axis`` (3,) in it, the axis along the normal if not given. Else
-    as :class:`machining.task.Task`, errors too.
-
-    Raises
-    ------
-    InputError
-        More points than :data:`MOST`.
-    """
-    if grid.n > MOST:
-        raise InputError("points of the grid", value=grid.n, allowed=f"{MOST} in all", remedy="make the step larger")
-    path = tool_path(own_points(grid), normal, axis)
-    return Task(path, T_flange_tool, np.eye(4) if grid.frame is None else grid.frame, reference)
 
 
 def in_box(grid: Layout, lower: ArrayLike, upper: ArrayLike) -> Bools:

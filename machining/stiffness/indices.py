@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 import fem
 from machining.inputs import as_compliances, as_units, as_vectors
-from machining.stiffness.cartesian import is_singular
+from machining.stiffness.cartesian import inverse
 from machining.stiffness.ellipsoid import ellipsoid_radius, reciprocal, stiffness_ellipsoid
 from robots import InputError
 from robots.arrays import Array
@@ -102,14 +102,7 @@ def rayleigh_quotient(C_tt: ArrayLike, displacement: ArrayLike) -> Array:
     """
     C = as_compliances(C_tt)
     d = as_units("displacement", displacement, len(C))
-    singular = is_singular(C)
-    if singular.any():
-        raise InputError(
-            f"Rayleigh quotient at pose {int(np.argmax(singular))}",
-            allowed="a translational compliance that has an inverse",
-            remedy="leave singular poses out, or use rayleigh_of_force",
-        )
-    return np.asarray(np.linalg.norm(np.linalg.solve(C, d[:, :, None])[:, :, 0], axis=1))
+    return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", inverse(C, "Rayleigh quotient"), d), axis=1))
 
 
 def rayleigh_of_force(C_tt: ArrayLike, force: ArrayLike) -> Array:

@@ -73,13 +73,11 @@ def loaded_compliance(model: fem.ArmModel, q: Array, wrench: ArrayLike, point: A
     robot = model.robot
     q = as_poses(robot, q)
     C = fem.compliance(model, q, point)
-    own = np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1)
-    B = _spring_turns(model)
-    J = jacobian(robot, q, as_points(point, len(q))) @ B
-    K_C = B.T @ complementary_stiffness(robot, q, wrench, point) @ B
+    J = spring_jacobian(model, q, point)
+    own, K_C = _springs(model, q, wrench, point)
     _check_stable(own, K_C)
-    softened = np.linalg.solve(np.eye(robot.dof) - own[:, :, None] * K_C, own[:, :, None] * np.eye(robot.dof))
     unloaded = own[:, :, None] * np.eye(robot.dof)
+    softened = np.linalg.solve(np.eye(robot.dof) - own[:, :, None] * K_C, unloaded)
     return np.asarray(C + J @ (softened - unloaded) @ np.swapaxes(J, 1, 2))
 
 
@@ -89,10 +87,7 @@ def softest_share(model: fem.ArmModel, q: Array, wrench: ArrayLike, point: Array
     It says whether K_C matters: below 0.01 the indices change by about a percent at most. Errors as in
     :func:`complementary_stiffness`.
     """
-    q = as_poses(model.robot, q)
-    B = _spring_turns(model)
-    own = np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1)
-    return _largest_share(own, B.T @ complementary_stiffness(model.robot, q, wrench, point) @ B)
+    return _largest_share(*_springs(model, as_poses(model.robot, q), wrench, point))
 
 
 def spring_jacobian(model: fem.ArmModel, q: Array, point: Array | None = None) -> Array:
@@ -103,6 +98,12 @@ def spring_jacobian(model: fem.ArmModel, q: Array, point: Array | None = None) -
     """
     q = as_poses(model.robot, q)
     return np.asarray(jacobian(model.robot, q, as_points(point, len(q))) @ _spring_turns(model))
+
+
+def _springs(model: fem.ArmModel, q: Array, wrench: ArrayLike, point: Array | None) -> tuple[Array, Array]:
+    """Compliances (n, dof) rad/(N m) of the springs about the axes, and K_C (n, dof, dof) by their turns."""
+    own, B = np.stack([joint.axial.compliance(q) for joint in model.joints], axis=1), _spring_turns(model)
+    return own, B.T @ complementary_stiffness(model.robot, q, wrench, point) @ B
 
 
 def _spring_turns(model: fem.ArmModel) -> Array:

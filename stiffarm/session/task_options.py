@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from robots import InputError
+from robots.arrays import Array
 from stiffarm.session.parsing import parse_numbers
 
 if TYPE_CHECKING:
@@ -15,6 +17,10 @@ if TYPE_CHECKING:
 
 # Angles gamma of a range at most.
 MOST_ANGLES = 1440
+# Share of a step by which a range may miss a whole number of steps: rounding of decimals.
+UNEVEN = 1e-6
+# Largest number of values along one axis: far beyond what a map can hold.
+MOST_VALUES = 100_000
 
 ToolOpt = Annotated[
     str | None,
@@ -50,6 +56,29 @@ ReferenceOpt = Annotated[
         "comes close to x.",
     ),
 ]
+
+
+def parse_values(text: str, option: str, unit: str = "mm", example: str = "-600:600:25") -> Array:
+    """Values (n,) from ``-600:600:25`` or ``486``.
+
+    Raises
+    ------
+    InputError
+        Not numbers, a range that does not ascend or is no whole number of steps, too many values.
+    """
+    values = parse_numbers(text, ":")
+    if values is not None and len(values) == 1:
+        return np.array(values)
+    low, high, step = values if values is not None and len(values) == 3 else (0.0, 0.0, 0.0)
+    count = (high - low) / step if step > 0.0 else 0.0
+    if not 1.0 - UNEVEN <= count <= MOST_VALUES or abs(count - round(count)) > UNEVEN * max(count, 1.0):
+        raise InputError(
+            option,
+            value=text,
+            allowed=f"FROM:TO:STEP or one number, {unit}, FROM below TO, a whole number of steps between them",
+            remedy=f"write it as in {option} {example}",
+        )
+    return np.linspace(low, high, round(count) + 1)
 
 
 def parse_gammas(text: str) -> GammaRange | float:

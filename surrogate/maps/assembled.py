@@ -1,34 +1,21 @@
-"""From the arrays of a finished store to a map, and figures of it taken block by block."""
+"""From the arrays of an engine to a map, and figures of it taken block by block."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Integers
 from robots.progress import Progress
 from surrogate.maps.blocks import Engine
+from surrogate.maps.columns import row_blocks
 from surrogate.maps.data import Field, MapData
-from surrogate.maps.store import MapStore
 
-# Rows looked at at once.
-ROWS = 1 << 17
 # Above this many points a median is that of evenly spaced points.
 EXACT_MEDIAN = 2_000_000
-
-
-def map_of_store(engine: Engine, store: MapStore, metadata: Mapping[str, str] | None = None) -> MapData:
-    """The map of a store that has all its blocks; its arrays are memory maps of the store's files.
-
-    Raises
-    ------
-    InputError
-        Blocks are missing.
-    """
-    return map_data(engine, store.finished(), metadata)
 
 
 def computed_map(
@@ -86,7 +73,7 @@ def figures(values: Array) -> Figures | None:
     """Figures of values (n,), a block at a time; None if all are NaN."""
     n = len(values)
     count, low, high, at_low, at_high = 0, np.inf, -np.inf, -1, -1
-    for rows in _row_blocks(n):
+    for rows in row_blocks(n):
         part = np.asarray(values[rows])
         there = np.flatnonzero(np.isfinite(part))
         if not len(there):
@@ -108,20 +95,10 @@ def figures(values: Array) -> Figures | None:
 def counts(values: Array, categories: int) -> Integers:
     """How many points (categories,) have each whole number 0, 1, ..."""
     out = np.zeros(categories, dtype=np.int64)
-    for rows in _row_blocks(len(values)):
+    for rows in row_blocks(len(values)):
         part = np.asarray(values[rows])
         out += np.bincount(part[part >= 0.0].astype(np.int64), minlength=categories)[:categories]
     return out
-
-
-def number_true(flags: Bools) -> int:
-    """How many of flags (n,) are set, a block at a time."""
-    return sum(int(np.count_nonzero(flags[rows])) for rows in _row_blocks(len(flags)))
-
-
-def _row_blocks(n: int) -> Iterator[slice]:
-    for start in range(0, n, ROWS):
-        yield slice(start, min(start + ROWS, n))
 
 
 def _numbers(array: NDArray[np.generic]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ class Engine:
     """What evaluates the blocks of a map.
 
     ``rule`` and ``arm``: how the pose at a point is chosen; None for a joint layout. ``seed``: of arms whose inverse
-    kinematics is a search; each block draws its own numbers, so that blocks do not depend on each other.
+    kinematics is a search; each block draws its own numbers, so that blocks do not depend on each other. ``told``: what
+    the rule tells besides (:class:`surrogate.maps.candidates.Chosen`).
     """
 
     grid: Layout
@@ -36,6 +37,7 @@ class Engine:
     rule: PoseRule | None = None
     arm: Arm | None = None
     seed: int = 0
+    told: Mapping[str, Column] = field(default_factory=dict)
 
     @property
     def points_a_block(self) -> int:
@@ -52,7 +54,7 @@ class Engine:
             "reached": Column(truth),
             "sure": Column(truth),
         }
-        out |= {kind.name: Column(number) for kind in self.quantities.kinds}
+        out |= {**self.told, **{kind.name: Column(number) for kind in self.quantities.kinds}}
         if self.quantities.shares:
             out["shares"] = Column("<f4", (len(self.quantities.parts),))
         return out
@@ -65,7 +67,7 @@ class Engine:
         InputError
             As :meth:`surrogate.maps.quantities.Quantities.values`.
         """
-        robot = self.quantities.model.robot
+        robot, out = self.quantities.model.robot, dict[str, NDArray[np.generic]]()
         if self.rule is None or self.arm is None:
             q = poses_of(self.grid, robot, rows)
             points = tool_position(robot, forward_kinematics(robot, q), self.quantities.point)
@@ -76,9 +78,9 @@ class Engine:
                 self.arm, points, np.random.default_rng([self.seed, rows.indices(self.grid.n)[0]])
             )
             q, reached, sure = chosen.q, chosen.reached, chosen.sure
+            out |= chosen.told
         values = self.quantities.values(q[reached]) if reached.any() else {}
-        out: dict[str, NDArray[np.generic]] = {"points": points, "reached": reached, "sure": sure}
-        out["q"] = np.where(reached[:, None], q, np.nan)
+        out |= {"points": points, "reached": reached, "sure": sure, "q": np.where(reached[:, None], q, np.nan)}
         for name, column in self.columns.items():
             if name in out:
                 continue

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from robots.arrays import Array, Bools, Indices
 from robots.frames import framed
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
-from surrogate.maps.self_motion import NEARLY_THERE, brought_back, improve
+from surrogate.maps.self_motion import NEARLY_THERE, THERE, brought_back, improve
 
 Merit = Callable[[Array], Array]
 
@@ -33,10 +33,14 @@ FAR_CORRECTIONS, NEXT_CORRECTIONS, RESCUED = 25, 12, 8
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """Poses at m points: ``q`` (m, dof) rad, NaN where there is none; ``sure`` (m,): all branches were looked at."""
+    """Poses at m points: ``q`` (m, dof) rad, NaN where there is none; ``sure`` (m,): all branches were looked at.
+
+    ``told``: what else a rule tells of each point, (m, ...) by name.
+    """
 
     q: Array
     sure: Bools
+    told: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def reached(self) -> Bools:
@@ -82,6 +86,18 @@ class Arm:
         """Merit (n,) times ``sign``: finite, but -inf where a pose does not count."""
         value = self.merit(q)
         return np.where(np.isnan(value), -np.inf, sign * np.clip(value, -MOST, MOST))
+
+    def brought(
+        self, q: Array, points: Array, sign: float, corrections: int, near: float = THERE
+    ) -> tuple[Array, Array]:
+        """Poses q (t k, dof) brought to points (k, 3) m, t times over, and their merit, -inf where that failed."""
+        q, kept = brought_back(
+            self.robot, q, points, self.T_flange_tool[:3, 3], self.last_is_free, corrections=corrections, near=near
+        )
+        merit = np.full(len(q), -np.inf)
+        if kept.any():
+            merit[kept] = self.signed(q[kept], sign)
+        return q, merit
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,13 +201,10 @@ def _rescue(arm: Arm, points: Array, sign: float, rows: Indices, q: Array, out: 
     size = max(1, TARGETS // 4)
     for i in range(0, len(at), size):
         which, column = at[i : i + size], start[i : i + size]
-        tool = arm.T_flange_tool[:3, 3]
-        found, kept = brought_back(
-            arm.robot, q[which, column], points[rows[which]], tool, arm.last_is_free, corrections=FAR_CORRECTIONS
-        )
-        if kept.any():
-            place = rows[which[kept]], column[kept]
-            out.q[place], out.merit[place] = found[kept], arm.signed(found[kept], sign)
+        found, merit = arm.brought(q[which, column], points[rows[which]], sign, FAR_CORRECTIONS)
+        kept = merit > -np.inf
+        place = rows[which[kept]], column[kept]
+        out.q[place], out.merit[place] = found[kept], merit[kept]
 
 
 def best_of_starts(arm: Arm, points: Array, sign: float, starts: int, random: int) -> Peaks:
@@ -201,13 +214,7 @@ def best_of_starts(arm: Arm, points: Array, sign: float, starts: int, random: in
     """
     low, high = arm.robot.limits.T
     q = np.repeat(np.random.default_rng(0).uniform(low, high, (random, arm.robot.dof)), len(points), axis=0)
-    q, kept = brought_back(
-        arm.robot, q, points, arm.T_flange_tool[:3, 3], arm.last_is_free,
-        corrections=FAR_CORRECTIONS, near=NEARLY_THERE,
-    )  # fmt: skip
-    merit = np.full(len(q), -np.inf)
-    if kept.any():
-        merit[kept] = arm.signed(q[kept], sign)
+    q, merit = arm.brought(q, points, sign, FAR_CORRECTIONS, NEARLY_THERE)
     found = q.reshape(random, len(points), -1).swapaxes(0, 1), merit.reshape(random, len(points)).T
     return Peaks(*found, np.zeros(len(points), dtype=np.bool_)).best(starts)
 
@@ -223,14 +230,7 @@ def shared(arm: Arm, points: Array, peaks: Peaks, neighbours: Indices, sign: flo
     """With what the peaks of the neighbours (m, k), numbers of points (m, 3), become when brought to each point."""
     q, merit = (a[neighbours].reshape(len(points), -1, *a.shape[2:]) for a in (peaks.q, peaks.merit.copy()))
     row, column = np.nonzero(np.isfinite(merit))
-    moved, kept = brought_back(
-        arm.robot, q[row, column], points[row], arm.T_flange_tool[:3, 3], arm.last_is_free,
-        corrections=NEXT_CORRECTIONS, near=NEARLY_THERE,
-    )  # fmt: skip
-    value = np.full(len(moved), -np.inf)
-    if kept.any():
-        value[kept] = arm.signed(moved[kept], sign)
-    q[row, column], merit[row, column] = moved, value
+    q[row, column], merit[row, column] = arm.brought(q[row, column], points[row], sign, NEXT_CORRECTIONS, NEARLY_THERE)
     return peaks.joined(Peaks(q, merit, peaks.sure))
 
 

@@ -26,9 +26,6 @@ _HEXAHEDRON = 12
 _KINDS = {0: VTK_VERTEX, 1: 3, 2: 9, 3: _HEXAHEDRON}
 # Most axes that span one cell; those before them in a sweep of joints are layers.
 _MOST_AXES = 3
-_FULL_TURN_DEG = 360.0
-# Of a step: how far the gap over the end of a full turn may differ from the other steps (rounded decimals).
-_TURN_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +96,7 @@ def cell_grid(layout: Layout, reached: Bools) -> CellGrid:
         raise InputError(f"map layout {layout.kind}", value=f"{len(layout.axes)} axes", allowed="1 to 3")
     spanning = range(max(layout.layers, len(layout.axes) - _MOST_AXES), len(layout.axes))
     axes = tuple(a for a in reversed(spanning) if layout.shape[a] > 1)
-    closed = tuple(_is_full_turn(layout, axis) for axis in axes)
+    closed = tuple(layout.kind == "cylinder" and layout.axes[axis].full_turn for axis in axes)
     first = np.array(reached, dtype=np.bool_).reshape(layout.shape)
     if not axes:  # a single point, or layers of single points
         return CellGrid(layout, (), (), np.zeros(layout.n, dtype=np.bool_), first.ravel())
@@ -111,16 +108,6 @@ def cell_grid(layout: Layout, reached: Bools) -> CellGrid:
     for axis in axes:
         used |= np.roll(used, 1, axis)
     return CellGrid(layout, axes, closed, first.ravel(), np.asarray(reached) & ~used.ravel())
-
-
-def _is_full_turn(layout: Layout, axis: int) -> bool:
-    """Whether an angle about the base's axis ends one step before where it began."""
-    angle = layout.axes[axis]
-    if layout.kind != "cylinder" or angle.unit != "deg" or len(angle.values) <= 2:
-        return False
-    steps = np.abs(np.diff(angle.values))
-    gap = _FULL_TURN_DEG - abs(angle.values[-1] - angle.values[0])
-    return bool(abs(gap - steps.mean()) < _TURN_TOLERANCE * steps.mean())
 
 
 def _volumes(cells: Integers, points: Array) -> Array:

@@ -13,6 +13,9 @@ from robots.arrays import Array, Bools, Indices
 from robots.errors import InputError
 
 LayoutKind = Literal["joints", "slice", "box", "cylinder"]
+_FULL_TURN_DEG = 360.0
+# Of a step: how far the gap over the end of a full turn may differ from the other steps (rounded decimals).
+_TURN_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +25,15 @@ class Axis:
     name: str
     unit: str
     values: Array
+
+    @property
+    def full_turn(self) -> bool:
+        """Whether these are angles about the base's axis that end one step before where they began."""
+        if self.name != "phi" or self.unit != "deg" or len(self.values) <= 2:
+            return False
+        steps = np.abs(np.diff(self.values))
+        gap = _FULL_TURN_DEG - abs(self.values[-1] - self.values[0])
+        return bool(abs(gap - steps.mean()) < _TURN_TOLERANCE * steps.mean())
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,26 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from robots import InputError
 from robots.arrays import Array
+from surrogate.scope import unit_vector
 
 # Cosine between reference direction and tool axis above which the next base axis is taken.
 NEAR = 0.966
-
-
-def unit_vector(vector: ArrayLike, what: str) -> Array:
-    """A unit vector (3,) along one of any length.
-
-    Raises
-    ------
-    InputError
-        Not three finite numbers, or all zero.
-    """
-    v = np.asarray(vector, dtype=np.float64)
-    norm = float(np.linalg.norm(v)) if v.shape == (3,) else 0.0
-    if not 0.0 < norm < np.inf:
-        raise InputError(what, value=v.tolist(), allowed="three finite numbers, not all zero")
-    return np.asarray(v / norm)
 
 
 def tool_rotations(axis: ArrayLike, gamma: ArrayLike) -> Array:
@@ -82,9 +67,3 @@ def pattern(step: int, *, tilts_only: bool) -> Array:
         return np.column_stack([np.cos(angle), np.sin(angle), np.zeros(4)])
     rows = Rotation.random(rng=np.random.default_rng(step)).as_matrix()
     return np.concatenate([rows, -rows])
-
-
-def turned(R: Array, vectors: Array) -> Array:
-    """Rotations R (k, 3, 3) followed by turns ``vectors`` (..., k, 3) rad in their own axes, (..., k, 3, 3)."""
-    flat = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
-    return np.asarray(R @ flat)

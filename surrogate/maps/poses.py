@@ -27,8 +27,9 @@ from surrogate.maps.candidates import (
     shared,
     within_length,
 )
-from surrogate.maps.orientation import spread_rotations, tool_rotations, unit_vector
+from surrogate.maps.orientation import spread_rotations, tool_rotations
 from surrogate.maps.self_motion import NEARLY_THERE, THERE, brought_back
+from surrogate.scope import unit_vector
 
 # Orientations nearer to each other than this many spacings of the sample lie on one peak, but not beyond WIDEST rad.
 APART = 2.0
@@ -55,20 +56,11 @@ class PoseRule(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FixedOrientation:
-    """One tool axis (3,) from the tip into the holder, base axes, and one gamma rad; the best branch of them."""
-
-    tool_axis: Array
-    gamma: float = 0.0
-
-    def choose(self, arm: Arm, points: Array, generator: np.random.Generator | None = None) -> Chosen:
-        """Best branch at each point; see :class:`PoseRule`."""
-        return BestGamma(self.tool_axis, np.array([self.gamma]), refine=False).choose(arm, points, generator)
-
-
-@dataclass(frozen=True, eq=False)
 class BestGamma:
-    """One tool axis (3,); the best of the angles ``gammas`` (g,) rad and, with ``refine``, of those between them."""
+    """One tool axis (3,) from the tip into the holder, base axes, and the best of the angles ``gammas`` (g,) rad.
+
+    With ``refine`` also of those between them; with one angle the orientation is fixed, and the best branch is taken.
+    """
 
     tool_axis: Array
     gammas: Array

@@ -19,7 +19,7 @@ from robots.arrays import Array
 from robots.constants import N_PER_M_TO_N_PER_MM
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import middle_pose
-from surrogate.maps.orientation import unit_vector
+from surrogate.scope import unit_vector
 
 # Share of a pose's whole compliance below which that along the load is rounding.
 RIGID = 1e-14

@@ -7,7 +7,7 @@ back onto them with the tool point held: the search slides along limits, and sto
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -17,12 +17,14 @@ from robots import Robot
 from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import axis_lines
 from robots.kinematics import forward_kinematics, tool_position
+from robots.threads import compiled_loops
 from surrogate.maps.orientation import pattern
 
 if TYPE_CHECKING:
     from surrogate.maps.kernels import Limbs
 
-
+# None where numba is not there.
+loops = partial(compiled_loops, "surrogate.maps.kernels")
 # Poses worked on at once: bounds memory, not the result.
 BATCH = 100_000
 # Rad of all joints together below which the search ends.
@@ -132,16 +134,6 @@ def brought_back(
         compiled.brought_back(arm, q, _plain(target), corrections, near, DAMPING, LONGEST, found)
         there = found > 0.0
     return q, there & robot.reachable(q)
-
-
-@cache
-def loops() -> ModuleType | None:
-    """:mod:`surrogate.maps.kernels`; None where numba is missing, too old for the numpy there is, or cannot start."""
-    try:
-        from surrogate.maps import kernels
-    except (ImportError, RuntimeError):
-        return None
-    return kernels
 
 
 def _plain(a: Array) -> Array:

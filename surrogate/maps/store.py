@@ -186,10 +186,9 @@ class MapStore:
         """The bytes of a block as they are on the disk."""
         rows, out = self.rows(number), dict[str, memoryview]()
         for name, column in self.columns.items():
-            itemsize = np.dtype(column.dtype).itemsize * int(np.prod(column.shape))
-            with self._file(name).open("rb") as file:
-                file.seek(self.starts[name] + rows.start * itemsize)
-                out[name] = memoryview(file.read((rows.stop - rows.start) * itemsize))
+            size = np.dtype(column.dtype).itemsize * int(np.prod(column.shape))
+            start, count = self.starts[name] + rows.start * size, (rows.stop - rows.start) * size
+            out[name] = np.fromfile(self._file(name), np.uint8, count, offset=start).data
         return out
 
     def _put(self, name: str, row: int, values: Array) -> None:

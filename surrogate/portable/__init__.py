@@ -1,9 +1,8 @@
 """Surrogates for programs that know nothing of stiffarm: ONNX, a C99 header, a Python file without imports."""
 
-from surrogate.portable.c_header import c_header
-from surrogate.portable.content import LINKS, Link, Portable, Status, reference
+from surrogate.portable.content import LINKS, Link, Portable, Status
 from surrogate.portable.onnx_file import onnx_model, write_onnx
-from surrogate.portable.python_snippet import python_snippet
+from surrogate.portable.source import c_header, python_snippet
 
 __all__ = [
     "LINKS",
@@ -13,6 +12,5 @@ __all__ = [
     "c_header",
     "onnx_model",
     "python_snippet",
-    "reference",
     "write_onnx",
 ]

@@ -12,7 +12,7 @@ from robots.arrays import Array
 from robots.errors import InputError
 from robots.files.written import write_whole
 from surrogate.expansion import TURN, Expansion, Family
-from surrogate.portable.content import ROWS, SCHEMA, Portable, Status, content_hash
+from surrogate.portable.content import SCHEMA, Portable, Status, content_hash
 from surrogate.portable.words import identifier, provenance, with_unit
 
 if TYPE_CHECKING:
@@ -56,7 +56,11 @@ def onnx_model(portable: Portable) -> ModelProto:
     )
     opset = onnx.helper.make_opsetid("", OPSET)
     model: ModelProto = onnx.helper.make_model(
-        made, opset_imports=[opset], ir_version=IR_VERSION, producer_name="stiffarm", doc_string=_text(p)
+        made,
+        opset_imports=[opset],
+        ir_version=IR_VERSION,
+        producer_name="stiffarm",
+        doc_string="\n".join(provenance(p)),
     )
     onnx.helper.set_model_props(model, metadata(p))
     onnx.checker.check_model(model, full_check=True)
@@ -78,7 +82,6 @@ def write_onnx(portable: Portable, path: str | Path) -> None:
 def metadata(portable: Portable) -> dict[str, str]:
     """What the model's properties say; lists and mappings as JSON, infinite bounds as null."""
     p = portable
-    lower, upper = ([float(v) if np.isfinite(v) else None for v in values] for values in (p.lower, p.upper))
     c = p.couplings
     coupled = [
         {"name": n, "factors": row.tolist(), "lower_rad": _bound(low), "upper_rad": _bound(high)}
@@ -93,7 +96,7 @@ def metadata(portable: Portable) -> dict[str, str]:
         "unit": p.unit,
         "link": p.link,
         "inputs": json.dumps(list(p.inputs)),
-        "domain_rad": json.dumps({"lower": lower, "upper": upper}),
+        "domain_rad": json.dumps({"lower": p.lower.tolist(), "upper": p.upper.tolist()}),
         "couplings": json.dumps(coupled),
         "fixed_deg": json.dumps(dict(p.fixed_deg)),
         "held_out_errors": json.dumps(dict(p.errors)),
@@ -176,14 +179,14 @@ def _link(graph: _Graph, p: Portable) -> str:
     s = _expansion(graph, p.expansion)
     if p.link == "exp":
         return graph.node("Exp", s)
-    if p.link not in ROWS:
+    if p.factor is None:
         return s
     # 0 keeps the number of poses.
     rows = graph.node("Reshape", s, np.array([0, len(p.row_weights), p.expansion.n_outputs // len(p.row_weights)]))
     weighted = rows
-    if p.weights:
+    if len(p.sums) > 1:
         one = graph.node("Exp", graph.node("Mul", graph.node("Gather", s, np.array([0]), axis=1), np.float64(0.0)))
-        weights = [graph.node("Exp", _expansion(graph, w)) for w in p.weights]
+        weights = [graph.node("Exp", _expansion(graph, w)) for w in p.sums[1:]]
         each = graph.node("Gather", graph.node("Concat", one, *weights, axis=1), p.row_weights, axis=1)
         weighted = graph.node("Mul", rows, graph.node("Unsqueeze", each, np.array([2])))
     y = graph.node("MatMul", graph.node("Transpose", rows, perm=[0, 2, 1]), weighted)
@@ -204,10 +207,6 @@ def _status(graph: _Graph, p: Portable, y: str) -> str:
         status = graph.node("Where", kept, status, codes[Status.COUPLINGS_BROKEN])
     status = graph.node("Where", graph.all_between(INPUT, *p.bounds), status, codes[Status.OUTSIDE_DOMAIN])
     return graph.node("Where", graph.all_between(INPUT, *limits), status, codes[Status.NOT_FINITE])
-
-
-def _text(p: Portable) -> str:
-    return "\n".join(provenance(p))
 
 
 def _bound(value: float) -> float | None:

@@ -1,4 +1,4 @@
-"""What the templates of source files are filled with."""
+"""A surrogate as source text that needs nothing else: one C99 header, or one Python file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from surrogate.expansion import TURN, Expansion, Family
-from surrogate.portable.content import ROWS, Portable, Status, content_hash
-from surrogate.portable.words import number, provenance, string
+from surrogate.portable.content import Portable, Status, content_hash
+from surrogate.portable.words import identifier, number, provenance, string
 
 # Numbers in a line: up to 25 characters each.
 _PER_LINE = 4
@@ -49,8 +49,38 @@ class Brackets:
         return number(value)
 
 
-def render(template: str, portable: Portable, name: str, brackets: Brackets) -> str:
-    """Fill in a template; ``name`` is an identifier."""
+_C = Brackets("{ ", " }", "", "HUGE_VAL")
+_PYTHON = Brackets("(", ")", ",", "_INF")
+
+
+def c_header(portable: Portable) -> str:
+    """Text of the header, ASCII; it compiles as C99 and as C++.
+
+    With NAME the surrogate's name as an identifier (:func:`surrogate.portable.words.identifier`) it has
+
+    - ``int NAME_evaluate(const double q_rad[k], double out[])`` and ``NAME_evaluate_deg``, which answer a
+      :class:`~surrogate.portable.content.Status` and fill ``out`` with NaN unless it is 0;
+    - ``NAME_inputs`` and ``NAME_values``, how many numbers go in and come out.
+
+    A matrix 6 x 6 is written row by row. Numbers read back as the same bits. Where the compiler may not take NaN for
+    what it is (``-ffast-math``), faults go unseen.
+    """
+    return _render("c_header.h.j2", portable, _C)
+
+
+def python_snippet(portable: Portable) -> str:
+    """Text of the file, ASCII, for Python 3.8 and newer.
+
+    It has ``evaluate(q_rad)`` and ``evaluate_deg(q_deg)``, which give a list of values (six lists for a matrix 6 x 6)
+    or raise ``NoValue`` with a ``status``, and ``check(q_rad)``, which gives that
+    :class:`~surrogate.portable.content.Status` beforehand; ``INPUTS``, ``QUANTITY`` and ``UNIT``. Numbers read back as
+    the same bits.
+    """
+    return _render("python_snippet.py.j2", portable, _PYTHON)
+
+
+def _render(template: str, portable: Portable, brackets: Brackets) -> str:
+    """Fill in a template."""
     p, e = portable, portable.expansion
     lower, upper = p.bounds
     coupled_lower, coupled_upper = p.coupled_bounds
@@ -59,7 +89,7 @@ def render(template: str, portable: Portable, name: str, brackets: Brackets) -> 
         _environment()
         .get_template(template)
         .render(
-            name=name,
+            name=identifier(portable.name),
             comment=[*provenance(p), f"SHA-256 of the numbers: {content_hash(p)}"],
             link=p.link,
             inputs=[string(i) for i in p.inputs],
@@ -69,7 +99,7 @@ def render(template: str, portable: Portable, name: str, brackets: Brackets) -> 
             m=e.n_outputs,
             sums=[_sum(place, part, brackets) for place, part in enumerate(p.sums)],
             row_weights=p.row_weights.tolist(),
-            by_rows=p.link in ROWS,
+            by_rows=p.factor is not None,
             n_values=p.n_values,
             lower=brackets.row(lower),
             upper=brackets.row(upper),

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from expansion_cases import angles, expansion
 
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from surrogate.expansion import Expansion
-from surrogate.portable import Link, Portable
+from surrogate.model import Factor
+from surrogate.portable import Link, Portable, Status
 from surrogate.scope import Couplings
 
 # Link, kinds of functions, numbers at each pose: one to six inputs, each kind of family, 1 and 36 outputs.
@@ -46,7 +47,7 @@ def portable(link: Link, kinds: tuple[str, ...], m: int, rng: np.random.Generato
     upper = np.array([f.centre + 1.1 * f.half_range for f in e.families])
     for i, f in enumerate(e.families):
         if f.periodic:
-            lower[i], upper[i] = f.centre - 15.0, np.inf
+            lower[i], upper[i] = f.centre - 15.0, f.centre + 15.0
     couplings = Couplings.none(k)
     if k > 1:
         row = np.zeros((2, k))
@@ -59,8 +60,12 @@ def portable(link: Link, kinds: tuple[str, ...], m: int, rng: np.random.Generato
     laws = [expansion(kinds, 1, rng, most=9) for _ in range(2)] if weighted else []
     fields: dict[str, Any] = {
         # Small exponents, see above.
-        "weights": tuple(Expansion(w.families, w.terms, 1e-3 * w.coefficients) for w in laws),
-        "group": (1, -1, 0, 1)[:rows] if weighted else (),
+        "factor": None
+        if link not in ("squares", "factor")
+        else Factor(
+            np.array((1, -1, 0, 1)[:rows] if weighted else (-1,) * rows),
+            tuple(Expansion(w.families, w.terms, 1e-3 * w.coefficients) for w in laws),
+        ),
         "expansion": e,
         "link": link,
         "name": "xr701 compliance",
@@ -72,11 +77,40 @@ def portable(link: Link, kinds: tuple[str, ...], m: int, rng: np.random.Generato
         "couplings": couplings,
         "robot": "xr701",
         "model_hash": "ab12",
+        "load_direction": (0.0, 0.0, -1.0),
         "fixed_deg": {"q1_deg": 12.5},
         "notes": ("95 % of errors lie within 1.96 times rms_relative.",),
         "errors": {"rms_relative": 1.25e-3},
     }
     return Portable(**(fields | changes))
+
+
+def reference(p: Portable, Q: Array) -> tuple[Array, Integers]:
+    """What every portable form must answer: Q (n, k) rad -> values (n, *shape), NaN without one, and status (n,)."""
+    poses = np.asarray(Q, dtype=np.float64)
+    lower, upper = p.bounds
+    coupled_lower, coupled_upper = p.coupled_bounds
+    status = np.full(len(poses), int(Status.OK))
+    with np.errstate(invalid="ignore", over="ignore"):
+        sums = poses @ p.couplings.matrix.T
+        status[~((sums >= coupled_lower) & (sums <= coupled_upper)).all(axis=1)] = Status.COUPLINGS_BROKEN
+        status[~((poses >= lower) & (poses <= upper)).all(axis=1)] = Status.OUTSIDE_DOMAIN
+        status[~np.isfinite(poses).all(axis=1)] = Status.NOT_FINITE
+        good = status == Status.OK
+        s = p.expansion(poses[good])
+        if p.link == "exp":
+            s = np.exp(s)
+        elif p.factor is not None:
+            weights = [np.exp(w(poses[good])) for w in p.sums[1:]]
+            w = np.hstack([np.ones((len(s), 1)), *weights])[:, p.row_weights, None]
+            L = s.reshape(len(s), len(p.row_weights), -1)
+            C = np.swapaxes(L, 1, 2) @ (w * L)
+            s = 0.5 * (C + np.swapaxes(C, 1, 2))
+    values = np.full((len(poses), *p.shape), np.nan)
+    values[good] = s.reshape(-1, *p.shape)
+    broken = good & ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    status[broken], values[broken] = Status.NOT_FINITE, np.nan
+    return values, status
 
 
 def poses(p: Portable, n: int, rng: np.random.Generator) -> Array:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import oracles
 import pytest
-from portable_cases import CASES, HOSTILE, check, portable, poses
+from portable_cases import CASES, HOSTILE, check, portable, poses, reference
 
-from surrogate.portable import Link, Portable, c_header, reference
+from surrogate.portable import Link, Portable, c_header
 from surrogate.portable.words import identifier, number
 from surrogate.scope import Couplings
 
@@ -143,6 +143,8 @@ def portable_like(hostile: Portable, p: Portable) -> Portable:
         couplings=Couplings(("sum",), c.matrix, c.lower, c.upper),
         robot=p.robot,
         model_hash=p.model_hash,
+        load_direction=p.load_direction,
+        factor=hostile.factor,
     )
 
 

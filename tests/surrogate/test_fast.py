@@ -11,6 +11,7 @@ import pytest
 from expansion_cases import KINDS, angles, expansion, family, size
 
 from robots.errors import InputError
+from robots.threads import compiled_loops
 from surrogate import fast
 from surrogate.expansion import Expansion, Family
 
@@ -37,9 +38,9 @@ def _always_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
 def _without_numba(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setitem(sys.modules, "surrogate.kernels", None)
     monkeypatch.delattr("surrogate.kernels", raising=False)
-    fast.kernels.cache_clear()
+    compiled_loops.cache_clear()
     yield
-    fast.kernels.cache_clear()
+    compiled_loops.cache_clear()
 
 
 def check(e: Expansion, Q: np.ndarray, found: np.ndarray) -> None:

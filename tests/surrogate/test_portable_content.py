@@ -7,11 +7,12 @@ import re
 import numpy as np
 import pytest
 from expansion_cases import expansion
-from portable_cases import HOSTILE, portable
+from portable_cases import HOSTILE, portable, reference
 
 from robots.errors import InputError
 from surrogate.expansion import Expansion, Family
-from surrogate.portable import Portable, reference
+from surrogate.model import Factor
+from surrogate.portable import Portable
 from surrogate.portable.words import comment, identifier, string, with_unit
 from surrogate.scope import Couplings
 
@@ -53,6 +54,10 @@ def law(k: int, m: int) -> Expansion:
     return expansion(("mixed",) * k, m, np.random.default_rng(1))
 
 
+def factor(*group: int, laws: tuple[Expansion, ...] = ()) -> Factor:
+    return Factor(np.array(group), laws)
+
+
 def some(**changes: object) -> Portable:
     return portable("identity", ("mixed", "polynomial"), 2, np.random.default_rng(0), **changes)
 
@@ -63,19 +68,18 @@ def some(**changes: object) -> Portable:
         ({"link": "square"}, "link"),
         ({"link": "factor"}, "factor"),
         ({"inputs": ("a",)}, "inputs"),
-        ({"inputs": ("a", "a")}, "inputs"),
+        ({"inputs": ("a", "a")}, "coordinates"),
         ({"lower": [0.0]}, "domain"),
         ({"lower": [9.0, 9.0], "upper": [1.0, 1.0]}, "domain"),
         ({"upper": [np.nan, 1.0]}, "domain"),
         ({"couplings": Couplings.none(3)}, "couplings"),
         ({"errors": {"rms": np.nan}}, "errors"),
         ({"fixed_deg": {"q1_deg": np.inf}}, "fixed_deg"),
-        ({"group": (0, -1)}, "weights"),
-        ({"link": "squares", "group": (0, -1)}, "group"),
-        ({"link": "squares", "group": (-1,)}, "group"),
-        ({"link": "squares", "weights": (law(2, 1),)}, "group"),
-        ({"link": "squares", "weights": (law(1, 1),), "group": (0, 0)}, "weights"),
-        ({"link": "squares", "weights": (law(2, 2),), "group": (0, 0)}, "weights"),
+        ({"factor": factor(-1, -1)}, "factor"),
+        ({"link": "squares"}, "factor"),
+        ({"link": "squares", "factor": factor(-1)}, "numbers of a factor"),
+        ({"link": "factor", "factor": factor(-1, -1)}, "numbers of a factor"),
+        ({"link": "squares", "factor": factor(0, 0, laws=(law(1, 1),))}, "functions of the 2 inputs"),
     ],
 )
 def test_parts_that_do_not_fit(changes: dict[str, object], word: str) -> None:
@@ -107,11 +111,11 @@ def test_reference_of_weighted_rows() -> None:
     e = Expansion((f,), np.array([[1]]), rows)
     law = Expansion((f,), np.array([[0], [1]]), np.array([[np.log(2.0)], [1.0]]))
     changes = {"inputs": ("q",), "lower": [-1.0], "upper": [1.0], "couplings": Couplings.none(1)}
-    changes |= {"expansion": e, "weights": (law,)}
+    changes |= {"expansion": e}
     x, w = 0.5, 2.0 * np.exp(0.5)
-    C, _ = reference(some(link="factor", group=(-1, 0), **changes), np.array([[x]]))
+    C, _ = reference(some(link="factor", factor=factor(-1, 0, laws=(law,)), **changes), np.array([[x]]))
     a, b = x * rows.reshape(2, 6)
     np.testing.assert_allclose(C[0], np.outer(a, a) + w * np.outer(b, b), rtol=1e-14)
-    y, _ = reference(some(link="squares", group=(0, *(-1,) * 11), **changes), np.array([[x]]))
+    y, _ = reference(some(link="squares", factor=factor(0, *(-1,) * 11, laws=(law,)), **changes), np.array([[x]]))
     weights = np.r_[w, np.ones(11)]
     np.testing.assert_allclose(y, [[np.sum(weights * (x * rows[0]) ** 2)]], rtol=1e-14)

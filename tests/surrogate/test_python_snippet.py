@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from portable_cases import CASES, HOSTILE, check, portable, poses
+from portable_cases import CASES, HOSTILE, check, portable, poses, reference
 
-from surrogate.portable import Link, Portable, python_snippet, reference
+from surrogate.portable import Link, Portable, python_snippet
 from surrogate.scope import Couplings
 
 # Reads poses as hexadecimal numbers; -I -S: no site packages, no folder of ours on the path.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import fields
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.portable import Link, Portable, c_header, python_snippet, write_onnx
+from surrogate.scope import Scope
 
 FORMATS: Final = {"onnx": "surrogate.onnx", "c": "surrogate.h", "python": "surrogate_snippet.py"}
 
@@ -55,6 +57,8 @@ def portable(surrogate: Surrogate, *, matrix: bool = False) -> Portable:
     links: dict[str, Link] = {"direct": "identity", "logarithm": "exp", "factored": "squares"}
     e = surrogate.errors
     return Portable(
+        **{f.name: getattr(surrogate, f.name) for f in fields(Scope)},
+        factor=factor,
         expansion=surrogate.expansion
         if factor is None or matrix
         else surrogate.along(np.array(surrogate.load_direction)),
@@ -62,13 +66,6 @@ def portable(surrogate: Surrogate, *, matrix: bool = False) -> Portable:
         name=f"{surrogate.robot}_{surrogate.quantity.name}" + ("_matrix" if matrix else ""),
         quantity="compliance_matrix" if matrix else surrogate.quantity.name,
         unit="SI" if matrix else surrogate.quantity.unit,
-        inputs=surrogate.inputs,
-        lower=surrogate.lower,
-        upper=surrogate.upper,
-        couplings=surrogate.couplings,
-        robot=surrogate.robot,
-        model_hash=surrogate.model_hash,
-        fixed_deg=surrogate.fixed_deg,
         notes=(
             *_meaning(surrogate, matrix),
             f"about 95 % of uniform poses are within {2.0 * e.rms_interior:.1e} of the model, relative; "
@@ -76,8 +73,6 @@ def portable(surrogate: Surrogate, *, matrix: bool = False) -> Portable:
             *surrogate.notes,
         ),
         errors={"rms_relative": e.rms_relative, "p95_relative": e.p95_relative, "max_relative": e.max_relative},
-        weights=() if factor is None else factor.weights,
-        group=() if factor is None else tuple(int(g) for g in factor.group),
     )
 
 

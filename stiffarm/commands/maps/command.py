@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from typer.core import TyperGroup
 
@@ -15,7 +14,7 @@ from machining import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
 from robots.library.models import bundled_names
-from stiffarm.commands.maps import surrogate_input, words
+from stiffarm.commands.maps import words
 from stiffarm.commands.maps.options import FORMATS, POSES
 from stiffarm.commands.maps.request import MERITS, SHORTS
 from stiffarm.session.console import progress, say, say_notes, user_errors
@@ -335,7 +334,12 @@ def index_command(
     partly: Annotated[
         bool, typer.Option("--partly", help="Let a gamma win that does not reach all of the workpiece.")
     ] = False,
+    file_format: Format = None,
+    html: Html = False,
+    svg: Svg = False,
     pictures: Pictures = True,
+    dask: Dask = None,
+    work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     seed: Seed = 0,
@@ -343,24 +347,23 @@ def index_command(
     debug: Debug = False,
 ) -> None:  # fmt: skip
     """Map an index over a plane or a box of the part at every angle gamma about the tool axis, and find the best."""
+    from stiffarm.commands.maps.files import Files
     from stiffarm.commands.maps.index import files
     from stiffarm.commands.maps.index import request as asking
+    from stiffarm.commands.maps.options import formats_of
 
+    options = {
+        "--quantity": quantity, "--x": x, "--y": y, "--z": z, "--tool": tool, "--part": part, "--normal": normal,
+        "--tool-axis": tool_axis, "--gamma": gamma, "--show": show, "--force": force, "--workpiece": workpiece,
+        "--aim": aim, "--partly": "" if partly else None, "--format": file_format,
+    }  # fmt: skip
     with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
-        asked = asking.read_request(
-            {
-                "--quantity": quantity, "--x": x, "--y": y, "--z": z, "--tool": tool, "--part": part,
-                "--normal": normal, "--tool-axis": tool_axis, "--gamma": gamma, "--show": show, "--force": force,
-                "--workpiece": workpiece, "--aim": aim, "--partly": "" if partly else None,
-            }
-        )  # fmt: skip
+        asked, formats = asking.read_request(options), formats_of("index", options)
         given = frame.model(model, links, load_path, without="the map")
-        with frame.folder(seed) as folder:
-            with folder.timed("map"), progress("map points") as bar:
-                made = asking.map_of(given, asked, np.random.default_rng(seed), bar)
-            with folder.timed("files"):
-                content = files.write(made, folder, pictures)
+        wanted = Files(formats, pictures=pictures, svg=svg, html=html, dask=dask, work=work)
+        with frame.folder(seed) as folder, progress("map points") as bar:
+            content = files.make_index_map(given, asked, folder, wanted, seed, bar)
         _say(content, frame)
 
 
@@ -422,10 +425,10 @@ def _surrogate_map(
     from stiffarm.commands.maps import sweep
 
     given = frame.model(model, links, load_path, without="the map")
-    learned = surrogate_input.read_surrogate_for_map(given, file)
+    learned = sweep.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-    wanted = surrogate_input.parse_layers(given.robot, layers)
+    wanted = sweep.parse_layers(given.robot, layers)
     frame.reads(surrogate=file)
     with frame.folder() as folder, progress("map poses") as bar:
         made = sweep.learned_map(given, learned, points, wanted, bar)

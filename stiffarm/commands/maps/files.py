@@ -20,15 +20,6 @@ from surrogate.maps.quantities import STIFFNESS_ARRAY
 CSV_UP_TO = 200_000
 # Points up to which pictures are drawn: they hold all points and cells in memory.
 DRAWN_UP_TO = 1_000_000
-# Fields that are for programs, or say the same as another: no picture of each.
-NOT_DRAWN = (
-    "worst_direction_x",
-    "worst_direction_y",
-    "worst_direction_z",
-    "jacobian_smallest_singular_value",
-    "near_singular",
-    "softest_part_share",
-)
 ROWS = 1 << 15
 WRITERS: Mapping[str, Callable[[MapData, Path], None]] = {
     "vtu": vtk_stream.write_vtu,
@@ -54,6 +45,11 @@ class Files:
     dask: str | None = None
     work: Path | None = None
 
+    @property
+    def picture_formats(self) -> tuple[str, ...]:
+        """Of 'png' and 'svg' those asked for."""
+        return (("png",) if self.pictures else ()) + (("svg",) if self.svg else ())
+
 
 def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
     """Write all files but map.json.
@@ -62,12 +58,10 @@ def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -
     -------
     Their names, and messages for the user.
     """
-    names: list[str] = []
     messages: list[str] = []
-    joints = data.layout.kind == "joints"
-    for form in files.formats:
-        names.append(f"{'stiffness_map' if joints else 'map'}.{form}")
-        WRITERS[form](data, folder.path(names[-1]))
+    joints, formats = data.layout.kind == "joints", files.picture_formats
+    title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
+    names = write_arrays(given, data, folder, files, "stiffness_map" if joints else "map", title)
     if data.layout.n <= CSV_UP_TO:
         names.append("map.csv")
         write_table(data, folder.path(names[-1]))
@@ -75,18 +69,26 @@ def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -
         from stiffarm.commands.maps.figures.whole import draw_stiffness
 
         names += draw_stiffness(data, given, folder, messages)
-    formats = (("png",) if files.pictures else ()) + (("svg",) if files.svg else ())
     if formats and data.layout.n > DRAWN_UP_TO:
         messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")
     elif formats and (not joints or files.figures):
-        names += _figures(given, data, folder, formats, messages)
+        from stiffarm.commands.maps.figures.whole import draw_map_figures
+
+        names += draw_map_figures(data, given.description, given.robot, folder, formats=formats, notes=messages)
+    return names, messages
+
+
+def write_arrays(given: Arm, data: MapData, folder: OutputFolder, files: Files, stem: str, title: str) -> list[str]:
+    """Write the map's arrays in each of the formats, and the page to pick in; returns the names of the files."""
+    names = [f"{stem}.{form}" for form in files.formats]
+    for form, name in zip(files.formats, names, strict=True):
+        WRITERS[form](data, folder.path(name))
     if files.html:
         from stiffarm.commands.maps.viewer import viewer_page
 
-        title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
         folder.write_text("map.html", viewer_page(data, given.description, given.model, title=title))
         names.append("map.html")
-    return names, messages
+    return names
 
 
 def write_table(data: MapData, path: Path) -> None:
@@ -107,22 +109,3 @@ def _cells(values: Array, categories: Sequence[str] = ()) -> list[str]:
         return [categories[int(v)] if v >= 0.0 else "" for v in values]
     # Poses on a limit are rounded to it; -0 is 0.
     return ["" if np.isnan(v) else f"{v + 0.0:.9g}" for v in values]
-
-
-def _figures(
-    given: Arm, data: MapData, folder: OutputFolder, formats: tuple[str, ...], messages: list[str]
-) -> list[str]:
-    from stiffarm.commands.maps.figures.whole import draw_map_figures
-
-    reached = np.asarray(data.reached)
-    drawn = [
-        name
-        for name, field in data.fields.items()
-        if name not in NOT_DRAWN
-        and not name.startswith("compliance_")
-        and np.isfinite(np.asarray(field.values)[reached]).any()
-    ]
-    facts = "; ".join(words for key in ("pose", "load") if (words := data.metadata.get(key)))
-    return draw_map_figures(
-        data, given.description, given.robot, folder, quantities=drawn, formats=formats, notes=messages, facts=facts
-    )

@@ -27,7 +27,7 @@ from robots.arrays import Array
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, colour_scale
 from surrogate.maps.data import Field
 
-Kind = Literal["stiff", "soft", "error", "other", "category"]
+Kind = Literal["stiff", "soft", "error", "other", "angle", "category"]
 
 # Values that the ends of a scale are found from; more of them would not move its percentiles.
 _MOST_VALUES: Final = 500_000
@@ -41,9 +41,11 @@ COLOURS: Final = MappingProxyType(
         "soft": STIFFNESS_COLOURS.reversed(),
         "error": _BLUES,
         "other": _GREENS,
+        # Angles close on themselves: -180 and 180 deg have one colour.
+        "angle": mpl.colormaps["twilight"],
     }
 )
-"""Colour map by kind; lightness rises or falls all the way in each, also for colour-blind readers."""
+"""Colour map by kind; lightness rises or falls all the way in each but that of angles, also for colour-blind eyes."""
 
 _ERROR_WORDS: Final = ("error", "uncertain", "interval", "half_width", "deviation", "sigma", "std")
 _SOFT_UNITS: Final = ("um", "um/N", "mm", "mm/N", "m/N", "rad/N")
@@ -109,6 +111,8 @@ def kind_of(name: str, field: Field) -> Kind:
         return "error"
     if field.unit in _SOFT_UNITS:
         return "soft"
+    if field.unit == "deg":
+        return "angle"
     return "stiff" if field.unit in _STIFF_UNITS else "other"
 
 
@@ -130,7 +134,10 @@ def look_of(name: str, field: Field) -> Look:
         raise InputError(
             f"map: {name}", value="no value at any point", remedy="move the grid to where the robot reaches"
         )
-    if np.ptp(values) <= 1e-9 * np.abs(values).max():
+    if kind == "angle":
+        low = 0.0 if values.min() >= 0.0 and values.max() > 180.0 else -180.0
+        norm, ticks = Normalize(low, low + 360.0), low + np.arange(0.0, 361.0, 45.0)
+    elif np.ptp(values) <= 1e-9 * np.abs(values).max():
         # One value everywhere: a scale about it.
         size = 0.05 * max(float(np.abs(values).max()), 1e-12)
         low, high = float(values.min()) - size, float(values.max()) + size

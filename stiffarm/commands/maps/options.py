@@ -12,7 +12,6 @@ from fem.arm import Arm
 from machining import GammaRange
 from robots import InputError, Robot
 from robots.arrays import Array
-from stiffarm.commands.maps.index.request import parse_values
 from stiffarm.commands.maps.request import (
     MERITS,
     SHORTS,
@@ -22,9 +21,9 @@ from stiffarm.commands.maps.request import (
     table_of,
     uncertainty_of,
 )
-from stiffarm.commands.maps.surrogate_input import parse_layers
-from stiffarm.session.parsing import parse_direction, parse_names, parse_vector, tool_of
-from stiffarm.session.task_options import parse_gammas
+from stiffarm.commands.maps.sweep import parse_layers
+from stiffarm.session.parsing import parse_direction, parse_names, parse_numbers, parse_vector, parse_word, tool_of
+from stiffarm.session.task_options import parse_gammas, parse_values
 from surrogate.maps.blocks import POINTS_GIVEN, POINTS_SEARCHED
 from surrogate.maps.data import Layout
 from surrogate.maps.layouts import (
@@ -51,7 +50,7 @@ VERTICAL = (0.0, 0.0, -1.0)
 GAMMA = "-180:180:15"
 # Up to so many points the share of each part is kept by default: they take more room than all else together.
 SHARES_UP_TO = 1_000_000
-_DEFAULT_FORMAT = {"joints": "vtu", "cylinder": "vtu", "slice": "vti", "box": "vti"}
+_DEFAULT_FORMAT = {"joints": "vtu", "cylinder": "vtu", "index": "vtu", "slice": "vti", "box": "vti"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +73,15 @@ def check_options(kind: str, options: Mapping[str, str | None]) -> None:
     InputError
         An unknown word, or an option of another pose rule.
     """
-    _word(options, "--plane", tuple(PLANES), "xz")
-    pose = _word(options, "--pose", POSES, "stiffest")
+    parse_word(options.get("--plane") or "xz", tuple(PLANES), "--plane")
+    pose = parse_word(options.get("--pose") or "stiffest", POSES, "--pose")
     for name in ("--tool-axis", "--gamma"):
         if options.get(name) is not None and pose not in ("fixed", "best-gamma"):
             raise InputError(
                 f"{name} cannot be combined with --pose {pose}, which takes any orientation",
                 remedy="choose --pose fixed or --pose best-gamma",
             )
-    _word(options, "--best-by", MERITS, "stiffness")
+    parse_word(options.get("--best-by") or "stiffness", MERITS, "--best-by")
     parse_names(options.get("--values"), SHORTS, "--values")
     formats_of(kind, options)
 
@@ -96,7 +95,8 @@ def formats_of(kind: str, options: Mapping[str, str | None]) -> tuple[str, ...]:
         An unknown format, or .vti for a grid that is no image.
     """
     formats = parse_names(options.get("--format"), FORMATS, "--format")
-    if formats is not None and "vti" in formats and kind not in ("slice", "box"):
+    image = kind in ("slice", "box") or (kind == "index" and options.get("--part") is None)
+    if formats is not None and "vti" in formats and not image:
         raise InputError(f"--format vti of a map over {kind}", allowed="a slice or a box", remedy="take vtu")
     return formats or (_DEFAULT_FORMAT[kind],)
 
@@ -195,72 +195,51 @@ def _middle(reach: Reach) -> float:
 
 def _pose(options: Mapping[str, str | None]) -> tuple[dict[str, Any], str]:
     """Rule of the request and its words."""
-    rule = _word(options, "--pose", POSES, "stiffest")
+    rule = parse_word(options.get("--pose") or "stiffest", POSES, "--pose")
     by = options.get("--best-by") or "stiffness"
     if rule in ("stiffest", "softest"):
-        what = "stiffest" if rule == "stiffest" else "softest"
-        return {"rule": rule}, f"{what} of all orientations and branches, by {by}"
+        return {"rule": rule}, f"{rule} of all orientations and branches, by {by}"
     axis = parse_vector(options.get("--tool-axis") or "0,0,1", "--tool-axis", "a direction in base axes")
     words = "tool axis " + " ".join(f"{v + 0.0:.6g}" for v in axis)
     gammas = parse_gammas(options.get("--gamma") or ("0" if rule == "fixed" else GAMMA))
-    if rule == "fixed":
-        if isinstance(gammas, GammaRange):
-            raise InputError(
-                "--gamma with --pose fixed", value=options.get("--gamma"), allowed="one angle in deg",
-                remedy="choose --pose best-gamma for a range",
-            )  # fmt: skip
-        return (
-            {"rule": rule, "axis": axis.tolist(), "gamma": gammas},
-            f"{words}, gamma {np.degrees(gammas):g} deg, best branch by {by}",
-        )
-    if not isinstance(gammas, GammaRange):
+    angles = gammas.angles.tolist() if isinstance(gammas, GammaRange) else [gammas]
+    if (rule == "fixed") != (len(angles) == 1):
+        allowed, other = "FROM:TO:STEP", "fixed for one angle"
+        if rule == "fixed":
+            allowed, other = "one angle", "best-gamma for a range"
         raise InputError(
-            "--gamma with --pose best-gamma", value=options.get("--gamma"), allowed="FROM:TO:STEP in deg",
-            remedy="choose --pose fixed for one angle",
-        )  # fmt: skip
-    return (
-        {"rule": rule, "axis": axis.tolist(), "gammas": gammas.angles.tolist()},
-        f"{words}, best gamma and branch by {by}",
-    )
+            f"--gamma with --pose {rule}",
+            value=options.get("--gamma"),
+            allowed=f"{allowed} in deg",
+            remedy=f"choose --pose {other}",
+        )
+    chosen = f"gamma {np.degrees(angles[0]):g} deg, best branch" if rule == "fixed" else "best gamma and branch"
+    return {"rule": rule, "axis": axis.tolist(), "gammas": angles}, f"{words}, {chosen} by {by}"
 
 
 def _step(options: Mapping[str, str | None], names: tuple[str, ...], length: float, count: int) -> float:
     """Step in mm of axes without a range: the finest of those that have one, else a round one."""
-    given = [parse_values(text, f"--{n}") * 1e3 for n in names if (text := options.get(f"--{n}")) is not None]
+    given = [parse_values(text, f"--{n}") for n in names if (text := options.get(f"--{n}")) is not None]
     steps = [float(v[1] - v[0]) for v in given if len(v) > 1]
     return min(steps) if steps else step_for(length, count)
 
 
 def _values(options: Mapping[str, str | None], name: str, ends: Array, step: float) -> Array:
     text = options.get(name)
-    return range_for(float(ends[0]), float(ends[1]), step) if text is None else parse_values(text, name) * 1e3
+    return range_for(float(ends[0]), float(ends[1]), step) if text is None else parse_values(text, name)
 
 
 def _angles(text: str | None) -> Array:
     if text is None:
         return np.linspace(-180.0, 180.0, round(360.0 / TURN_deg) + 1)
-    try:
-        return parse_values(text, "--phi") * 1e3
-    except InputError:
-        raise InputError(
-            "--phi", value=text, allowed="FROM:TO:STEP or one number, deg, a whole number of steps",
-            remedy="write it as in --phi -90:90:15",
-        ) from None  # fmt: skip
+    return parse_values(text, "--phi", "deg", "-90:90:15")
 
 
 def _number(options: Mapping[str, str | None], name: str, otherwise: float) -> float:
     text = options.get(name)
-    try:
-        value = otherwise if text is None else float(text)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
+    if text is None:
+        return otherwise
+    values = parse_numbers(text)
+    if values is None or len(values) != 1:
         raise InputError(name, value=text, allowed="one number in mm")
-    return value
-
-
-def _word(options: Mapping[str, str | None], name: str, allowed: tuple[str, ...], otherwise: str) -> str:
-    value = options.get(name) or otherwise
-    if value not in allowed:
-        raise InputError(name, value=value, allowed=", ".join(allowed), remedy="choose one of them")
-    return value
+    return values[0]

@@ -101,8 +101,6 @@ def _at(layout: Layout, grid: Indices, across: int, k: int, others: list[int]) -
         return Plane(rows, (r, z), (corners[0], corners[1]), ("r (mm)", "z (mm)"), right, _UNIT["z"], where, at)
     phi, r = np.radians(first.values[a]), second.values[b]
     phi_edges, r_edges = edges(phi), np.maximum(edges(r), 0.0)
-    step = phi[1] - phi[0] if len(phi) > 1 else 0.0
-    closed = bool(len(phi) > 2 and abs(phi[-1] + step - phi[0] - 2.0 * np.pi) < 1e-6)
     return Plane(
         rows,
         (r * np.cos(phi)[:, None], r * np.sin(phi)[:, None]),
@@ -112,7 +110,7 @@ def _at(layout: Layout, grid: Indices, across: int, k: int, others: list[int]) -
         _UNIT["y"],
         where,
         float(axis.values[k]),
-        closed,
+        first.full_turn and len(a) == len(first.values),
     )
 
 

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 from fem import LINK_KINDS, ArmModel
 from fem.arm import Arm
 from fem.effects import build_arm
+from machining import Objective
+from machining.stiffness.distribution import EveryGamma
 from machining.stiffness.map_rows import index_rows
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
@@ -25,8 +27,9 @@ from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Axis, Layout
-from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, PoseRule, last_joint_is_free
+from surrogate.maps.poses import BestGamma, Extreme, PoseRule, last_joint_is_free
 from surrogate.maps.quantities import TABLE, Quantities, Quantity, named, uncertainty
+from surrogate.maps.store import Column
 
 FORM = "stiffarm-map/1"
 _CHECKSUM = "content_sha256"
@@ -98,23 +101,33 @@ def model_text(given: Arm) -> tuple[str, str]:
 def grid_table(grid: Layout) -> dict[str, Any]:
     """A grid as plain data."""
     axes = [[axis.name, axis.unit, axis.values.tolist()] for axis in grid.axes]
-    return {"kind": grid.kind, "axes": axes, "layers": grid.layers, "held": dict(grid.held)}
+    frame = None if grid.frame is None else grid.frame.tolist()
+    return {"kind": grid.kind, "axes": axes, "layers": grid.layers, "held": dict(grid.held), "frame": frame}
 
 
 def grid_from(table: Mapping[str, Any]) -> Layout:
     """Read :func:`grid_table`."""
     axes = tuple(Axis(name, unit, np.array(values)) for name, unit, values in table["axes"])
-    return Layout(table["kind"], axes, table["layers"], dict(table["held"]))
+    frame = None if table["frame"] is None else np.array(table["frame"])
+    return Layout(table["kind"], axes, table["layers"], dict(table["held"]), frame)
 
 
 def rule_from(table: Mapping[str, Any]) -> PoseRule:
-    """The rule of a request: ``rule`` 'fixed', 'best-gamma', 'stiffest' or 'softest', angles in rad."""
-    name = table["rule"]
-    if name == "fixed":
-        return FixedOrientation(np.array(table["axis"]), table["gamma"])
-    if name == "best-gamma":
+    """The rule of a request: ``axis`` and ``gammas`` (rad), or ``rule`` 'stiffest' or 'softest'."""
+    if "gammas" in table:
         return BestGamma(np.array(table["axis"]), np.array(table["gammas"]))
-    return Extreme(name)
+    return Extreme(table["rule"])
+
+
+def every_gamma(asked: MapRequest, model: ArmModel) -> EveryGamma | None:
+    """The rule of a request that tells an ``objective`` at every one of its ``gammas``; None for other requests."""
+    table, frame = asked.pose or {}, asked.grid["frame"]
+    if "objective" not in table:
+        return None
+    quantity, force, aim = table["objective"]
+    objective = Objective(quantity, None if force is None else np.array(force), aim)
+    figures = (table["gammas"], asked.tool, frame, asked.normal, table["axis"])
+    return EveryGamma(model, objective, *map(np.array, figures))
 
 
 def table_of(normal: ArrayLike = (0.0, 0.0, 1.0), relative_sd: Callable[[Array], Array] | None = None) -> tuple[
@@ -140,8 +153,12 @@ def engine_of(asked: MapRequest, description: ModelDescription, model: ArmModel)
     grid = grid_from(asked.grid)
     if asked.pose is None:
         return Engine(grid, quantities, seed=asked.seed)
+    merit, rule = quantities.merit(named(table, [asked.merit])[0]), every_gamma(asked, model)
+    if rule is not None:
+        told = {"by_gamma": Column("<f8", (len(rule.gamma),))}
+        return Engine(grid, quantities, rule, candidates.Arm(model.robot, tool, merit), asked.seed, told)
     free = last_joint_is_free(model.robot, tool, lambda q: quantities.poses(q).translational)
-    arm = candidates.Arm(model.robot, tool, quantities.merit(named(table, [asked.merit])[0]), free)
+    arm = candidates.Arm(model.robot, tool, merit, free)
     return Engine(grid, quantities, rule_from(asked.pose), arm, asked.seed)
 
 

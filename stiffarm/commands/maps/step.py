@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.arm import Arm
 from robots import InputError, content_hash
@@ -13,12 +16,12 @@ from robots.progress import Progress
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
-from stiffarm.commands.maps.request import engine_of, evaluate
+from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate
 from stiffarm.session.inputs import no_springs_note
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
-from surrogate.maps.assembled import counts, figures, map_of_store, number_true
+from surrogate.maps.assembled import counts, figures, map_data
 from surrogate.maps.blocks import Engine, run_blocks
 from surrogate.maps.cluster import run_on
 from surrogate.maps.data import MapData
@@ -26,21 +29,23 @@ from surrogate.maps.poses import Extreme, shortfall
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 from surrogate.maps.store import MapStore
 
+Arrays = Mapping[str, NDArray[np.generic]]
+
 # Points at which an extreme pose is sought again with a denser sample.
 CHECKED = 12
 
 
-def make_map(
-    given: Arm, asked: Asked, folder: OutputFolder, files: Files, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Make the map and write it; returns names of files and figures, as map.json has them.
+@contextmanager
+def evaluated(
+    given: Arm, request: MapRequest, folder: OutputFolder, files: Files, progress: Progress | None = None
+) -> Iterator[tuple[Engine, Arrays]]:
+    """A map's blocks, made here or on a cluster: its engine, and its arrays, which are files until the context ends.
 
     Raises
     ------
     InputError
-        No point is reached; a work folder or a cluster that cannot be used; a package that is missing.
+        A work folder or a cluster that cannot be used; a package that is missing.
     """
-    request = asked.request
     engine = engine_of(request, given.description, given.model)
     # Inside the hidden stage, unless it is to outlive an interrupted run; the stage is emptied of it before the end.
     place = folder.stage / "work" if files.work is None else files.work
@@ -51,29 +56,42 @@ def make_map(
         else:
             address = files.dask
             store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
-    data = map_of_store(engine, store, metadata(given, asked))
-    if not number_true(data.reached):
-        raise _out_of_reach(given, asked)
-    content = statistics(engine, store, data, asked)
-    rigid = no_springs_note(given)
-    content["messages"] += [rigid] if rigid else []
-    with folder.timed("files"):
-        names, messages = write_files(given, data, folder, files)
-    content["messages"] += messages
-    if request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
-        content |= sweep.figures_of(data)
-    content["files"] = [*names, "map.json"]
-    folder.write_json("map.json", {"schema": "stiffarm-map/1", **content})
-    del data
+    yield engine, store.finished()
     if files.work is None:
-        _remove(place)
+        shutil.rmtree(place)
+
+
+def make_map(
+    given: Arm, asked: Asked, folder: OutputFolder, files: Files, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Make the map and write it; returns names of files and figures, as map.json has them.
+
+    Raises
+    ------
+    InputError
+        No point is reached; else as :func:`evaluated`.
+    """
+    with evaluated(given, asked.request, folder, files, progress) as (engine, arrays):
+        data = map_data(engine, arrays, metadata(given, asked))
+        if not np.any(data.reached):
+            raise _out_of_reach(given, asked)
+        content = statistics(engine, arrays, data, asked)
+        rigid = no_springs_note(given)
+        content["messages"] += [rigid] if rigid else []
+        with folder.timed("files"):
+            names, messages = write_files(given, data, folder, files)
+        content["messages"] += messages
+        if asked.request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
+            content |= sweep.figures_of(data)
+        content["files"] = [*names, "map.json"]
+        folder.write_json("map.json", {"schema": "stiffarm-map/1", **content})
     return content
 
 
-def statistics(engine: Engine, store: MapStore, data: MapData, asked: Asked) -> dict[str, Any]:
+def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> dict[str, Any]:
     """Figures of a map for map.json and the screen."""
-    n, reached = data.layout.n, number_true(data.reached)
-    unsure = n - number_true(store.finished()["sure"].view(np.bool_))
+    n, reached = data.layout.n, int(np.count_nonzero(data.reached))
+    unsure = n - int(np.count_nonzero(arrays["sure"]))
     messages = [] if asked.note is None else [asked.note]
     if asked.note is None and unsure:
         messages.append(f"at {unsure} points not all branches are certain to have been found")
@@ -172,9 +190,3 @@ def _out_of_reach(given: Arm, asked: Asked) -> InputError:
         allowed=f"within the reach of {given.robot.name}, about {asked.reach.words}",
         remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),
     )
-
-
-def _remove(place: Path) -> None:
-    for file in place.iterdir():
-        file.unlink()
-    place.rmdir()

@@ -1,20 +1,22 @@
-"""A map of the stiffness over joint coordinates, from a surrogate: its file and the pictures from both viewpoints."""
+"""A map of the stiffness over joint coordinates from a surrogate: what it takes, its file, pictures from both sides."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
-from robots import content_hash
+from robots import InputError, Robot, content_hash
 from robots.arrays import Array
 from robots.progress import Progress
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from surrogate import Surrogate
-from surrogate.maps.assembled import computed_map, figures, number_true
+from stiffarm.session.parsing import parse_numbers
+from surrogate import Surrogate, default_sweep, load_surrogate
+from surrogate.maps.assembled import computed_map, figures
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cells import cell_grid
 from surrogate.maps.data import MapData
@@ -22,6 +24,52 @@ from surrogate.maps.layouts import sweep_layout
 from surrogate.maps.quantities import STIFFNESS_ARRAY, Kind, Poses, Quantities, Quantity
 from surrogate.maps.vtk_stream import write_vtu
 from surrogate.model import predict_compliance
+
+
+def read_surrogate_for_map(given: Arm, file: Path) -> Surrogate:
+    """A surrogate that can stand for this robot in the 3-D map.
+
+    Raises
+    ------
+    InputError
+        Another robot's, of another load than the vertical one, or without a coordinate that the map moves.
+    """
+    learned = load_surrogate(file)
+    refit = "fit one for this map (`stiffarm fit`)"
+    if learned.robot != given.robot.name:
+        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=given.robot.name, remedy=refit)
+    if not np.allclose(learned.load_direction, (0.0, 0.0, -1.0), rtol=0.0, atol=1e-9):
+        raise InputError(
+            f"surrogate {file}: load direction", value=learned.load_direction, allowed="0, 0, -1", remedy=refit
+        )
+    swept, layer = default_sweep(given.robot)
+    held = [name for name in (*swept, layer) if name is not None and name not in learned.inputs]
+    if held:
+        raise InputError(
+            f"surrogate {file} knows only one value of {', '.join(held)}, which the map moves", remedy=refit
+        )
+    return learned
+
+
+def parse_layers(robot: Robot, text: str | None) -> tuple[float, ...] | None:
+    """Values in deg, ``-90,0,90``, of the coordinate that leaves a map's plane; None if not given."""
+    if text is None:
+        return None
+    name = default_sweep(robot)[1]
+    if name is None:
+        raise InputError(
+            "--layers", value=text, allowed=f"nothing: the map of {robot.name} has no layers", remedy="leave it out"
+        )
+    low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
+    values = parse_numbers(text)
+    if values is None or not all(low <= v <= high for v in values) or len(set(values)) < len(values):
+        raise InputError(
+            "--layers",
+            value=text,
+            allowed=f"values of {name}, each once, from {low:g} to {high:g} deg",
+            remedy="separate them by commas, as in -90,0,90",
+        )
+    return values
 
 
 def learned_rows(learned: Surrogate, model: ArmModel) -> tuple[Quantity, ...]:
@@ -87,7 +135,7 @@ def figures_of(made: MapData) -> dict[str, Any]:
     stiffness = figures(made.fields[STIFFNESS_ARRAY].values)
     assert stiffness is not None  # noqa: S101 - the map has poses
     return {
-        "points": number_true(made.reached),
+        "points": int(np.count_nonzero(made.reached)),
         "cells": int(np.count_nonzero(cell_grid(made.layout, made.reached).first)),
         "stiffness_N_per_mm": {
             "min": number(stiffness.least),

@@ -21,6 +21,7 @@ from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_bodies import framed_bodies
 from stiffarm.pages.robot_drawing import ROBOT_COLOURS
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
+from surrogate.maps.assembled import figures
 from surrogate.maps.data import Field, Layout, MapData
 
 # More points than these are thinned: about 120 bytes each in the file.
@@ -50,8 +51,6 @@ def viewer_page(
     model: ArmModel,
     *,
     title: str,
-    relative_error: Array | None = None,
-    notes: Sequence[str] = (),
 ) -> str:
     """The page as HTML text; what comes from files is escaped.
 
@@ -59,26 +58,25 @@ def viewer_page(
     ----------
     data : the map; of more than ``MOST_POINTS`` points every second, third ... along its axes is kept, and said so
     description, model : of the robot that the map was made with: its shape, and its kinematics and parts
-    relative_error : (n,) half width e of the 95 % interval of the compliance over it (0.01: +-1 %; the stiffness K
-        lies between K/(1+e) and K/(1-e)); NaN: none.
-        By default 1.96 times the map's own 'uncertainty_percent', if it has that
-    notes : sentences that the page shows beside the map's metadata
+
+    A map that has 'uncertainty_percent' has intervals: with 1.96 times it as the share e of the compliance, the
+    stiffness K lies between K/(1+e) and K/(1-e).
 
     Raises
     ------
     InputError
-        Another robot's map, an error of the wrong shape or negative, or no point at all that the robot reaches.
+        Another robot's map, or no point at all that the robot reaches.
     """
     thinned = _thinned_words(data.layout, kept_points(data.layout)[0])
     return render_page(
         "map_viewer.html.j2",
-        viewer_data(data, description, model, relative_error=relative_error),
+        viewer_data(data, description, model),
         _SCRIPTS,
         title=title,
         robot=description.title,
         quantities=_summaries(data),
         about=[*data.metadata.items()],
-        notes=[*notes, *thinned],
+        notes=thinned,
         thinned=thinned,
         hash=content_hash(description),
         version=__version__,
@@ -92,19 +90,17 @@ def viewer_data(
     data: MapData,
     description: ModelDescription,
     model: ArmModel,
-    *,
-    relative_error: Array | None = None,
 ) -> dict[str, Any]:
     """Everything that the page shows; arrays as base64, little end first. Arguments as of :func:`viewer_page`."""
     robot = model.robot
-    _check(data, description, model, relative_error)
+    _check(data, description, model)
     layout, rows = kept_points(data.layout)
     reached = np.asarray(data.reached[rows])
     q = np.asarray(data.q[rows])
     shown = _shown_parts(data, rows)
     kinds = part_kinds(model, data.parts)
     colours = _part_colours(data.parts, kinds)
-    error = _relative_error(data, relative_error)
+    uncertainty = data.fields.get("uncertainty_percent")
     return {
         "robot": {"name": description.name, "title": description.title},
         "chain": chain_data(robot),
@@ -131,7 +127,7 @@ def viewer_data(
         "reached": packed(reached, "<u1"),
         "near_singular": packed(_near_singular(data, rows, robot, q, reached), "<u1"),
         "fields": [_field(name, f, rows, colours) for name, f in data.fields.items()],
-        "error": None if error is None else column(np.asarray(error[rows])),
+        "error": None if uncertainty is None else column(np.asarray(NORMAL_95 / 100.0 * uncertainty.values[rows])),
         "error_of": stiffness_field(data),
         "parts": [{"name": data.parts[i], "kind": kinds[i], "colour": colours[data.parts[i]]} for i in shown],
         "shares": _shares(data, rows, shown),
@@ -191,7 +187,7 @@ def stiffness_field(data: MapData) -> int | None:
     return next((i for i, f in enumerate(data.fields.values()) if f.unit == "N/mm"), None)
 
 
-def _check(data: MapData, description: ModelDescription, model: ArmModel, error: Array | None) -> None:
+def _check(data: MapData, description: ModelDescription, model: ArmModel) -> None:
     names = tuple(joint.coordinate for joint in description.joint)
     for what, given in (("model", model.robot.coordinates), ("map", data.coordinates)):
         if given != names:
@@ -205,19 +201,6 @@ def _check(data: MapData, description: ModelDescription, model: ArmModel, error:
         raise InputError("map page: points that the robot reaches", value=0, allowed="at least one")
     if not data.fields:
         raise InputError("map page: quantities", value=0, allowed="at least one")
-    if error is not None:
-        if np.shape(error) != (data.layout.n,):
-            allowed = f"({data.layout.n},)"
-            raise InputError("map page: relative error", value=f"shape {np.shape(error)}", allowed=allowed)
-        if np.any(np.asarray(error) < 0.0):
-            raise InputError("map page: relative error", value=float(np.nanmin(error)), allowed="0 or more, or NaN")
-
-
-def _relative_error(data: MapData, given: Array | None) -> Array | None:
-    own = data.fields.get("uncertainty_percent")
-    if given is not None or own is None:
-        return given
-    return np.asarray(NORMAL_95 / 100.0 * own.values)
 
 
 def _near_singular(data: MapData, rows: Integers | slice, robot: Robot, q: Array, reached: Bools) -> Bools:
@@ -285,13 +268,9 @@ def _thinned_words(whole: Layout, kept: Layout) -> list[str]:
 
 def _summaries(data: MapData) -> list[tuple[str, ...]]:
     """Least, median and largest value of each quantity that is a number, as text without any script."""
-    out = []
-    for f in data.fields.values():
-        values = np.asarray(f.values)[np.asarray(data.reached)]
-        values = values[np.isfinite(values)]
-        if not f.categories and values.size:
-            out.append((f.label, *(f"{x:.5g}" for x in np.quantile(values, [0.0, 0.5, 1.0])), f.unit))
-    return out
+    numbers = [f for f in data.fields.values() if not f.categories]
+    found = [(f, figures(np.where(data.reached, f.values, np.nan))) for f in numbers]
+    return [(f.label, *(f"{x:.5g}" for x in (of.least, of.median, of.greatest)), f.unit) for f, of in found if of]
 
 
 def _load(data: MapData) -> str:

@@ -11,14 +11,14 @@ from map_arms import engine, kr60
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
 from surrogate.maps.layouts import slice_layout
-from surrogate.maps.poses import FixedOrientation
+from surrogate.maps.poses import BestGamma
 
 SIZE = 16
 
 
 def made() -> Engine:
     grid = slice_layout("xz", np.arange(0.0, 2001.0, 100.0), np.arange(0.0, 1001.0, 100.0))
-    return engine(kr60(), grid, FixedOrientation(np.array([0.0, 0.0, 1.0])), wanted=("stiffness", "isotropy"))
+    return engine(kr60(), grid, BestGamma(np.array([0.0, 0.0, 1.0]), np.zeros(1)), wanted=("stiffness", "isotropy"))
 
 
 def slowly(request: str, number: int) -> dict[str, Any]:

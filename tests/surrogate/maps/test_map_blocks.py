@@ -11,10 +11,10 @@ import pytest
 from map_arms import engine, kr60
 
 from robots import InputError
-from surrogate.maps.assembled import counts, figures, map_of_store, number_true
+from surrogate.maps.assembled import counts, figures, map_data
 from surrogate.maps.blocks import Engine, run_blocks
 from surrogate.maps.layouts import joint_layout, slice_layout
-from surrogate.maps.poses import FixedOrientation
+from surrogate.maps.poses import BestGamma
 from surrogate.maps.store import Column, MapStore
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -32,7 +32,7 @@ def sweep(points: int = 6) -> Engine:
 
 def plane() -> Engine:
     grid = slice_layout("xz", np.arange(0.0, 2001.0, 200.0), np.arange(0.0, 1001.0, 250.0))
-    return engine(kr60(), grid, FixedOrientation(UP), wanted=WANTED, shares=True)
+    return engine(kr60(), grid, BestGamma(UP, np.zeros(1)), wanted=WANTED, shares=True)
 
 
 def store_of(made: Engine, folder: Path, size: int, key: str = "k") -> MapStore:
@@ -58,7 +58,7 @@ def test_a_map_of_a_store_has_all_it_needs(tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
     run_blocks(made, store, lambda done, total: seen.append((done, total)))
     assert seen[-1] == (store.n, store.n)
-    data = map_of_store(made, store, {"robot": "kr60-3"})
+    data = map_data(made, store.finished(), {"robot": "kr60-3"})
     assert isinstance(data.points.base, np.memmap) or isinstance(data.points, np.memmap)
     assert list(data.fields) == [
         "stiffness_N_per_mm", "isotropy", "softest_part", "softest_part_share",
@@ -74,10 +74,10 @@ def test_a_map_of_a_store_has_all_it_needs(tmp_path: Path) -> None:
     of = figures(data.fields["stiffness_N_per_mm"].values)
     values = np.asarray(data.fields["stiffness_N_per_mm"].values)
     assert of is not None
-    assert (of.count, of.least, of.greatest) == (number_true(data.reached), np.nanmin(values), np.nanmax(values))
+    assert (of.count, of.least, of.greatest) == (np.count_nonzero(data.reached), np.nanmin(values), np.nanmax(values))
     assert of.median == np.nanmedian(values)
     assert values[of.row_of_greatest] == of.greatest
-    assert counts(data.fields["softest_part"].values, len(data.parts)).sum() == number_true(data.reached)
+    assert counts(data.fields["softest_part"].values, len(data.parts)).sum() == np.count_nonzero(data.reached)
     assert figures(np.full(3, np.nan)) is None
 
 

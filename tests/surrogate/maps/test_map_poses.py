@@ -14,7 +14,7 @@ from robots.arrays import Array
 from surrogate.maps.candidates import Arm
 from surrogate.maps.layouts import box_layout, cylinder_layout, points_of, slice_layout
 from surrogate.maps.orientation import directions, spread_rotations, tool_rotations
-from surrogate.maps.poses import BestGamma, Extreme, FixedOrientation, check_robot, last_joint_is_free, shortfall
+from surrogate.maps.poses import BestGamma, Extreme, check_robot, last_joint_is_free, shortfall
 
 UP = np.array([0.0, 0.0, 1.0])
 OFF_AXIS = np.eye(4)
@@ -52,9 +52,9 @@ def test_orientations_are_spread_over_the_sphere() -> None:
     np.testing.assert_allclose(R.swapaxes(1, 2) @ R, np.broadcast_to(np.eye(3), R.shape), atol=1e-14)
 
 
-@pytest.mark.parametrize("rule", [FixedOrientation(UP), BestGamma(UP, np.radians([0.0, 90.0])), Extreme()])
+@pytest.mark.parametrize("rule", [BestGamma(UP, np.zeros(1)), BestGamma(UP, np.radians([0.0, 90.0])), Extreme()])
 def test_with_one_spring_the_stiffness_is_that_of_its_lever_whatever_the_pose(
-    rule: FixedOrientation | BestGamma | Extreme,
+    rule: BestGamma | Extreme,
 ) -> None:
     k, load = 1e6, np.array([1.0, 0.0, 0.0])
     model = one_spring(k)
@@ -71,7 +71,11 @@ def test_poses_bring_the_tool_to_the_point_with_the_orientation_asked_for(rng: n
     points = some_points(model, 12, rng, OFF_AXIS[:3, 3])
     arm = Arm(model.robot, OFF_AXIS, lambda q: stiffness(model, q, OFF_AXIS[:3, 3]))
     axis = np.array([0.3, -0.5, 0.8])
-    for rule in (FixedOrientation(axis, 0.4), BestGamma(axis, np.radians(np.arange(-180.0, 180.0, 60.0))), Extreme()):
+    for rule in (
+        BestGamma(axis, np.array([0.4])),
+        BestGamma(axis, np.radians(np.arange(-180.0, 180.0, 60.0))),
+        Extreme(),
+    ):
         found = rule.choose(arm, points)
         there = found.reached
         assert there.any()
@@ -92,7 +96,7 @@ def test_best_gamma_is_never_worse_than_any_gamma_of_its_grid(rng: np.random.Gen
     arm = Arm(model.robot, OFF_AXIS, lambda q: stiffness(model, q, OFF_AXIS[:3, 3]))
     gammas = np.radians(np.arange(-180.0, 180.0, 30.0))
     value = stiffness(model, BestGamma(UP, gammas).choose(arm, points).q, OFF_AXIS[:3, 3])
-    one = [stiffness(model, FixedOrientation(UP, g).choose(arm, points).q, OFF_AXIS[:3, 3]) for g in gammas]
+    one = [stiffness(model, BestGamma(UP, np.array([g])).choose(arm, points).q, OFF_AXIS[:3, 3]) for g in gammas]
     best = np.fmax.reduce(one)
     assert (np.isnan(value) == np.isnan(best)).all()
     assert np.nanmax(best / value) < 1.0 + 1e-12
@@ -121,7 +125,7 @@ def test_stiffest_fixed_and_softest_are_in_that_order(rng: np.random.Generator) 
     model = kr60()
     points = some_points(model, 16, rng)
     arm = Arm(model.robot, model.robot.T_flange_tool, lambda q: stiffness(model, q), last_is_free=True)
-    rules = (Extreme("stiffest"), FixedOrientation(UP), Extreme("softest"))
+    rules = (Extreme("stiffest"), BestGamma(UP, np.zeros(1)), Extreme("softest"))
     most, fixed, least = (stiffness(model, rule.choose(arm, points).q) for rule in rules)
     there = np.isfinite(fixed)
     assert there.sum() > 2
@@ -238,7 +242,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(InputError, match="stiffest, softest"):
         Extreme("middling")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="tool axis"):
-        FixedOrientation(np.zeros(3)).choose(
+        BestGamma(np.zeros(3), np.zeros(1)).choose(
             Arm(kr60().robot, np.eye(4), lambda q: stiffness(kr60(), q)), np.zeros((1, 3))
         )
     with pytest.raises(InputError, match="gamma"):

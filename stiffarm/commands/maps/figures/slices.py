@@ -63,9 +63,9 @@ def slice_figure(
     # One frame for all panels, so that they compare.
     low, high = np.min([f[0] for f in frames], axis=0), np.max([f[1] for f in frames], axis=0)
     with house_style():
-        figure, axes = _panels(len(shown), (high - low), look)
+        figure, axes = panels(len(shown), (high - low), look)
         for k, (ax, plane) in enumerate(zip(axes, shown, strict=True)):
-            _panel(ax, data, look, plane, lines=_LINES[0] if alone else _LINES[1])
+            panel(ax, _values(data, look, plane), look, plane, lines=_LINES[0] if alone else _LINES[1])
             draw_outlines(ax, bodies[k], linewidth=1.1 if alone else 0.8)
             _marks(ax, data, look, plane, scale=1.0 if alone else 0.75)
             ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
@@ -110,7 +110,8 @@ def headings(figure: Figure, heading: str, facts: str) -> None:
     figure.text(box.x0, box.y0, facts, size=9, color="#555555", va="bottom")
 
 
-def _panels(count: int, size: Array, look: Look) -> tuple[Figure, list[Axes]]:
+def panels(count: int, size: Array, look: Look) -> tuple[Figure, list[Axes]]:
+    """A figure with axes for planes of one size (2,) mm, and room for the bar or the legend of a quantity."""
     columns = 1 if count == 1 else (2 if count in (2, 4) else 3)
     rows = -(-count // columns)
     width = 6.0 if count == 1 else (4.2 if columns == 2 else 3.3)
@@ -136,16 +137,18 @@ def _values(data: MapData, look: Look, plane: Plane) -> Array:
     return np.where(np.asarray(data.reached)[plane.rows], values, np.nan)
 
 
-def _panel(ax: Axes, data: MapData, look: Look, plane: Plane, lines: int) -> None:
-    values = _values(data, look, plane)
+def panel(ax: Axes, values: Array, look: Look, plane: Plane, lines: int) -> None:
+    """Draw values (a, b) of a plane's points, NaN where there is none, with about so many contour lines."""
     masked = np.ma.masked_invalid(values)
     ax.set_aspect("equal")
     # Pixels inside a vector file stay small, and cells of thousands of paths do not.
     ax.pcolormesh(*plane.corners, masked, cmap=look.colours, norm=look.norm, rasterized=True, zorder=1)
-    ax.set(xlabel=plane.labels[0], ylabel=plane.labels[1])
+    ax.set(
+        xlabel=plane.labels[0] if ax.xaxis.get_tick_params()["labelbottom"] else "",
+        ylabel=plane.labels[1] if ax.yaxis.get_tick_params()["labelleft"] else "",
+    )
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(nbins=6 if lines > 3 else 4, steps=[1, 2, 5, 10]))
-    ax.label_outer()
     levels = contour_levels(look, values, lines)
     if not len(levels) or min(values.shape) < 3:
         return
@@ -165,7 +168,7 @@ def _panel(ax: Axes, data: MapData, look: Look, plane: Plane, lines: int) -> Non
 
 def contour_levels(look: Look, values: Array, lines: int) -> Array:
     """Round numbers for contour lines: of the bar's ticks those between the values, thinned to about ``lines``."""
-    if look.kind == "category" or not np.isfinite(values).any():
+    if look.kind in ("angle", "category") or not np.isfinite(values).any():
         return np.zeros(0)
     inner = look.ticks[(look.ticks > np.nanmin(values)) & (look.ticks < np.nanmax(values))]
     return np.asarray(inner[:: max(1, round(len(inner) / lines))])

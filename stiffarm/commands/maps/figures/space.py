@@ -118,10 +118,8 @@ def _thinned(data: MapData, name: str) -> tuple[Array, Array, tuple[int, ...]]:
     step = max(1, int(np.ceil((data.layout.n / MOST_POINTS) ** (1 / 3))))
     # A short axis keeps both its ends.
     kept = [np.unique(np.append(np.arange(0, n, step), n - 1)) for n in shape]
-    if data.layout.kind == "cylinder":
-        phi = data.layout.axes[1].values
-        if len(phi) > 2 and abs(phi[-1] + (phi[1] - phi[0]) - phi[0] - 360.0) < 1e-6:
-            kept[1] = np.append(kept[1], 0)
+    if data.layout.kind == "cylinder" and data.layout.axes[1].full_turn:
+        kept[1] = np.append(kept[1], 0)
     rows = np.arange(data.layout.n).reshape(shape)[np.ix_(*kept)]
     values = np.where(np.asarray(data.reached)[rows], np.asarray(data.fields[name].values)[rows], np.nan)
     return np.asarray(data.points)[rows.ravel()], values.ravel(), rows.shape
@@ -146,11 +144,8 @@ def iso_figure(
     InputError
         Nothing is reached, or the map is no box or cylinder.
     """
+    data.require_reached("move the grid to where the robot reaches")
     reached = np.flatnonzero(np.asarray(data.reached))
-    if not len(reached):
-        raise InputError(
-            f"map: {look.name}", value="no point reached", remedy="move the grid to where the robot reaches"
-        )
     # Ten million points would say the same about the frame, the levels and the best place for the robot.
     reached = reached[:: max(1, len(reached) // MOST_POINTS)]
     points = np.asarray(data.points)[reached]
@@ -190,11 +185,8 @@ def cloud_figure(
         raise InputError("view of the map", value=view, allowed=", ".join(VIEWS))
     values = np.asarray(data.fields[look.name].values)
     known = np.asarray(data.reached) & np.isfinite(values) & (values >= 0.0 if look.kind == "category" else True)
+    data.require_reached("move the grid to where the robot reaches")
     rows = np.flatnonzero(known)
-    if not len(rows):
-        raise InputError(
-            f"map: {look.name}", value="no point reached", remedy="move the grid to where the robot reaches"
-        )
     poses = len(rows)
     rows = rows[:: max(1, poses // MOST_POINTS)]
     points = np.asarray(data.points)[rows] * M_TO_MM

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
 from fem.arm import Arm
@@ -25,6 +26,15 @@ from surrogate.maps.quantities import STIFFNESS_ARRAY
 
 FORMATS: Final = ("png", "svg")
 _SVG_DPI: Final = 200
+# Fields that are for programs, or say the same as another: no picture of each.
+NOT_DRAWN = (
+    "worst_direction_x",
+    "worst_direction_y",
+    "worst_direction_z",
+    "jacobian_smallest_singular_value",
+    "near_singular",
+    "softest_part_share",
+)
 # Entries of a map's metadata that a reader of a figure needs, in this order.
 _FACTS: Final = ("pose", "load")
 
@@ -38,7 +48,6 @@ def draw_map_figures(
     quantities: Sequence[str] | None = None,
     formats: Sequence[str] = ("png",),
     notes: list[str] | None = None,
-    facts: str | None = None,
 ) -> list[str]:
     """Write the figures of a map; returns the names of the files.
 
@@ -47,10 +56,9 @@ def draw_map_figures(
 
     Parameters
     ----------
-    quantities : names of fields; default all that have a value
+    quantities : names of fields; default all that have a value and are for people
     formats : of 'png' (150 dots an inch) and 'svg' (lines and text as vectors, coloured areas as images)
     notes : gets one message where pictures in space were drawn without OpenGL
-    facts : a line under the titles; default: what the metadata says about load and orientation
 
     Raises
     ------
@@ -63,20 +71,25 @@ def draw_map_figures(
     unknown = [name for name in quantities or () if name not in data.fields]
     if unknown:
         raise InputError("quantity of the map", value=unknown[0], allowed=", ".join(data.fields))
-    if not data.reached.any():
-        raise InputError("map", value="no point reached", remedy="move the grid to where the robot reaches")
-    said = _facts(data) if facts is None else facts
+    data.require_reached("move the grid to where the robot reaches")
     files: list[str] = []
     in_space = data.layout.kind != "slice"
     works, message = chosen(None) if in_space else (True, "")
-    for name in data.fields if quantities is None else quantities:
+    for name in _for_people(data) if quantities is None else quantities:
         look = look_of(name, data.fields[name])
         heading = f"{description.title.split(' (')[0]}: {look.label}"
-        for suffix, figure in _figures(data, look, description, robot, heading, said, works):
+        for suffix, figure in _figures(data, look, description, robot, heading, _facts(data), works):
             files += save_figure(figure, folder, f"map_{name}{suffix}", formats)
     if not works and notes is not None and message not in notes:
         notes.append(message)
     return files
+
+
+def _for_people(data: MapData) -> list[str]:
+    """Fields with a value that say something of their own."""
+    reached = np.asarray(data.reached)
+    named = [name for name in data.fields if name not in NOT_DRAWN and not name.startswith("compliance_")]
+    return [name for name in named if np.isfinite(np.asarray(data.fields[name].values)[reached]).any()]
 
 
 def one_figure(data: MapData, name: str, arm: Arm) -> Figure:
@@ -128,8 +141,7 @@ def _figures(
 
 
 def _facts(data: MapData) -> str:
-    known = [data.metadata[key] for key in _FACTS if data.metadata.get(key)]
-    return "; ".join(known)
+    return "; ".join(words for key in _FACTS if (words := data.metadata.get(key)))
 
 
 def save_figure(figure: Figure, folder: OutputFolder, stem: str, formats: Sequence[str]) -> list[str]:

@@ -1,26 +1,40 @@
-"""Writing an index over a plane or a box: tables, the .vtu for ParaView, pictures, figures for JSON."""
+"""Making an index over a plane or a box, and its files: tables, the map's arrays, pictures, figures for JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
-from machining.stiffness.distribution import Distribution, GammaChoice, Statistics
+from fem.arm import Arm
+from machining import Task
+from machining.stiffness.distribution import (
+    Distribution,
+    EveryGamma,
+    GammaChoice,
+    Statistics,
+    best_gamma,
+    why_not_reached,
+)
 from machining.stiffness.units import Shown, shown
+from robots import InputError
 from robots.arrays import Array, Bools
-from robots.constants import M_TO_MM
 from robots.files.csv_text import columns_text
+from robots.progress import Progress
+from stiffarm.commands.maps.files import Files, write_arrays, write_table
+from stiffarm.commands.maps.index.request import IndexRequest, map_request
 from stiffarm.commands.maps.planes import layer_of
+from stiffarm.commands.maps.request import MapRequest
+from stiffarm.commands.maps.step import evaluated
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from surrogate.maps.data import Field, Layout, MapData
-from surrogate.maps.layouts import points_of
-from surrogate.maps.vtk_stream import write_vtu
+from stiffarm.session.parsing import frame_words
+from surrogate.maps.assembled import map_data
+from surrogate.maps.data import Field, MapData
 
-# Angles drawn, and values in the .vtu, where the user names none: so many, spread over the range.
+# Angles drawn, and values in the map's file, where the user names none: so many, spread over the range.
 DRAWN: Final = 5
 # Values at all gamma that differ by less than this share are one: the inverse of some arms is searched.
 SAME: Final = 1e-6
@@ -30,28 +44,108 @@ SAME: Final = 1e-6
 class IndexMap:
     """What a map command found.
 
-    ``inside`` (n,): points of the workpiece, None: all. ``choice``: the best gamma for it, None where none reaches all
-    of it (``why_no_choice``). ``drawn``: columns of the distribution's gamma for pictures and .vtu. ``metadata``: what
-    the map is of, words by name.
+    ``data``: the best gamma's pose at each point, with the fields that all maps have. ``inside`` (n,): points of the
+    workpiece, None: all. ``choice``: the best gamma for it, None where none reaches all of it (``why_no_choice``).
+    ``drawn``: columns of the distribution's gamma for pictures and the map's file.
     """
 
-    grid: Layout
+    data: MapData
     found: Distribution
     inside: Bools | None
     choice: GammaChoice | None
     why_no_choice: str | None
     drawn: tuple[int, ...]
-    metadata: Mapping[str, str]
 
     @property
     def shown(self) -> Shown:
         """Quantity and unit."""
         return shown(self.found.objective.quantity)
 
-    @property
-    def points(self) -> Array:
-        """Points (n, 3) m of the grid in the base frame."""
-        return points_of(self.grid)
+    def with_values(self, columns: Sequence[int]) -> MapData:
+        """The map with the quantity at some of the gamma.
+
+        Fields: ``best_<quantity>`` and ``best_gamma_deg``, the quantity at each gamma, ``share_of_gamma`` that reach
+        the point, ``workpiece`` 0 or 1, and those that all maps have.
+        """
+        what, found = self.shown, self.found
+        best, unit = found.best_at_points(), what.unit or "1"
+        inside = np.ones(len(found.value)) if self.inside is None else self.inside.astype(np.float64)
+        fields = {
+            f"best_{what.column}": Field(what.factor * best.value, unit, f"best {what.quantity}"),
+            "best_gamma_deg": Field(np.degrees(best.gamma), "deg", "best gamma"),
+        }
+        for c in columns:
+            name = angle_name(found.gamma[c])
+            label = f"{what.quantity}, {name.removesuffix('_deg').replace('_', ' ')} deg"
+            fields[f"{what.column}_{name}"] = Field(what.factor * found.value[:, c], unit, label)
+        fields["share_of_gamma"] = Field(
+            found.reached.mean(axis=1), "", "share of the angles gamma that reach the point"
+        )
+        fields["workpiece"] = Field(inside, "", "point of the workpiece")
+        return replace(self.data, fields={**fields, **self.data.fields})
+
+
+def make_index_map(
+    given: Arm,
+    asked: IndexRequest,
+    folder: OutputFolder,
+    files: Files,
+    seed: int,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Make the map and write it; returns what index_map.json holds.
+
+    Raises
+    ------
+    InputError
+        No point of the grid, or of the workpiece, can be reached at any gamma; else as
+        :func:`stiffarm.commands.maps.step.evaluated`.
+    """
+    request = map_request(given, asked, seed)
+    with evaluated(given, request, folder, files, progress) as (engine, arrays):
+        assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - map_request asks for it
+        task = engine.rule.task(np.asarray(arrays["points"], dtype=np.float64))
+        values, sure = np.asarray(arrays["by_gamma"], dtype=np.float64), bool(np.all(arrays["sure"]))
+        found = Distribution(asked.objective, asked.gamma, values, sure)
+        for inside, what in ((None, "grid"), (asked.inside, "workpiece")):
+            if not (found.reached if inside is None else found.reached[inside]).any():
+                raise InputError(
+                    f"no point of the {what} can be reached at any gamma",
+                    value=why_not_reached(given.model, task, asked.gamma) or "no posture was found",
+                    allowed="one point within reach and joint limits",
+                    remedy="move the grid or the part, or change the tool or its axis",
+                )
+        choice, why = None, None
+        try:
+            choice = best_gamma(found, asked.inside, partly=asked.partly)
+        except InputError as error:
+            why = str(error)
+        data = map_data(engine, arrays, _metadata(given, asked, request, task))
+        drawn = asked.drawn or drawn_columns(asked.gamma, choice)
+        with folder.timed("files"):
+            return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files)
+
+
+def _metadata(given: Arm, asked: IndexRequest, request: MapRequest, task: Task) -> dict[str, str]:
+    """What the map is of, words by name."""
+    frame, force = task.T_base_part, asked.objective.force
+    return {
+        "robot": given.robot.name,
+        "model_hash": request.model_hash,
+        "links": request.links,
+        "load_path": given.model.load_path,
+        "tool_on_flange": frame_words(task.T_flange_tool),
+        "part_in_base": frame_words(frame),
+        "normal": _words(asked.normal),
+        "tool_axis": _words(asked.axis),
+        "gamma_counts_from": _words(frame[:3, :3] @ np.asarray(task.reference)),
+        "force_N": "none" if force is None else _words(force),
+        "not_looked_at": "collisions; the way from point to point",
+    }
+
+
+def _words(vector: Array) -> str:
+    return " ".join(f"{v + 0.0:.6g}" for v in vector)
 
 
 def drawn_columns(gamma: Array, choice: GammaChoice | None) -> tuple[int, ...]:
@@ -66,18 +160,19 @@ def angle_name(gamma: float) -> str:
     return f"gamma_{round(float(np.degrees(gamma)), 6) + 0.0:g}_deg"
 
 
-def write(made: IndexMap, folder: OutputFolder, pictures: bool = True) -> dict[str, Any]:
-    """Write ``index_map.vtu``, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json`` and the PNGs.
+def write(made: IndexMap, given: Arm, folder: OutputFolder, files: Files) -> dict[str, Any]:
+    """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json`` and the pictures.
 
     Returns what the JSON file holds, with the names of all files.
     """
-    files = ["index_map.vtu", "index_map.csv", "gamma_statistics.csv", "index_map.json"]
-    write_vtu(map_data(made), folder.path(files[0]))
-    folder.write_text(files[1], _point_table(made))
-    folder.write_text(files[2], _statistics_table(made))
-    if pictures:
-        files += _pictures(made, folder)
-    content = payload(made) | {"files": files}
+    title = f"Map of {made.shown.quantity} of the {given.description.title.split(' (')[0]}"
+    names = write_arrays(given, made.with_values(made.drawn), folder, files, "index_map", title)
+    names += ["index_map.csv", "gamma_statistics.csv", "index_map.json"]
+    write_table(made.with_values(range(len(made.found.gamma))), folder.path("index_map.csv"))
+    folder.write_text("gamma_statistics.csv", _statistics_table(made))
+    if files.picture_formats:
+        names += _pictures(made, folder, files.picture_formats)
+    content = payload(made) | {"files": names}
     folder.write_json("index_map.json", content)
     return content
 
@@ -88,16 +183,16 @@ def payload(made: IndexMap) -> dict[str, Any]:
     best = found.best_at_points()
     return {
         "schema": "stiffarm-index-map/1",
-        **made.metadata,
+        **made.data.metadata,
         "quantity": what.quantity,
         "unit": what.unit or "1",
-        "points": made.grid.n,
-        "counts": list(made.grid.shape[::-1]),
+        "points": made.data.layout.n,
+        "counts": list(made.data.layout.shape[::-1]),
         "points_reached": int(found.reached.any(axis=1).sum()),
         "points_every_gamma_reaches": int(found.common.sum()),
         "all_solutions_found": found.sure,
         "best_of_each_point": _range(what.factor * best.value[np.isfinite(best.value)]),
-        "workpiece_points": made.grid.n if made.inside is None else int(made.inside.sum()),
+        "workpiece_points": made.data.layout.n if made.inside is None else int(made.inside.sum()),
         "best_gamma": None
         if made.choice is None
         else {
@@ -159,66 +254,25 @@ def _statistics_table(made: IndexMap) -> str:
     return columns_text(table, digits=9)
 
 
-def _point_table(made: IndexMap) -> str:
-    """Points in base axes, the best gamma and its value, and the value at every gamma; empty where not reached."""
-    what, best = made.shown, made.found.best_at_points()
-    table: dict[str, Any] = dict(zip(("x_mm", "y_mm", "z_mm"), (M_TO_MM * made.points).T, strict=True))
-    if made.inside is not None:
-        table["workpiece"] = made.inside.astype(np.int64)
-    table |= {"best_gamma_deg": np.degrees(best.gamma), f"best_{what.column}": what.factor * best.value}
-    table |= {
-        f"{what.column}_{angle_name(g)}": what.factor * v
-        for g, v in zip(made.found.gamma, made.found.value.T, strict=True)
-    }
-    return columns_text(table, digits=9)
-
-
-def map_data(made: IndexMap) -> MapData:
-    """The map as all maps are.
-
-    Fields: ``best_<quantity>`` and ``best_gamma_deg``, the quantity at each gamma drawn, ``share_of_gamma`` reached,
-    ``workpiece`` 0 or 1. Every point of the grid counts as reached, NaN where no posture is.
-    """
-    what, found, grid = made.shown, made.found, made.grid
-    best = found.best_at_points()
-    unit = what.unit or "1"
-    inside = np.ones(grid.n) if made.inside is None else made.inside.astype(np.float64)
-    fields = {
-        f"best_{what.column}": Field(what.factor * best.value, unit, f"best {what.quantity}"),
-        "best_gamma_deg": Field(np.degrees(best.gamma), "deg", "best gamma"),
-        **{
-            f"{what.column}_{angle_name(found.gamma[c])}": Field(what.factor * found.value[:, c], unit, what.quantity)
-            for c in made.drawn
-        },
-        "share_of_gamma": Field(found.reached.mean(axis=1), "", "share of the angles gamma that reach the point"),
-        "workpiece": Field(inside, "", "point of the workpiece"),
-    }
-    every, none = np.ones(grid.n, dtype=np.bool_), np.zeros((grid.n, 0))
-    return MapData(grid, made.points, none, every, (), fields, metadata=made.metadata)
-
-
-def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
+def _pictures(made: IndexMap, folder: OutputFolder, formats: Sequence[str]) -> list[str]:
+    from stiffarm.commands.maps.figures.whole import save_figure
     from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps
-    from stiffarm.pages.style import save_png
 
-    name = f"{made.shown.quantity} of the {made.metadata['robot']}"
-    plane = layer_of(made.grid, _busiest_layer(made))
+    name = f"{made.shown.quantity} of the {made.data.metadata['robot']}"
+    plane = layer_of(made.data.layout, _busiest_layer(made))
     maps = draw_index_maps(plane, made.found, made.drawn, title=name, inside=made.inside)
-    save_png(maps, folder.path("index_map.png"))
+    names = save_figure(maps, folder, "index_map", formats)
     if len(made.found.gamma) == 1:
-        return ["index_map.png"]
-    save_png(
-        draw_gamma_statistics(made.found, title=f"{name} against gamma", choice=made.choice),
-        folder.path("gamma_statistics.png"),
-    )
-    return ["index_map.png", "gamma_statistics.png"]
+        return names
+    statistics = draw_gamma_statistics(made.found, title=f"{name} against gamma", choice=made.choice)
+    return names + save_figure(statistics, folder, "gamma_statistics", formats)
 
 
 def _busiest_layer(made: IndexMap) -> int:
     """Of a box the layer with most points reached, of several the one nearest to the middle."""
-    if made.grid.kind == "slice":
+    if made.data.layout.kind == "slice":
         return 0
-    count = made.grid.shape[0]
+    count = made.data.layout.shape[0]
     reached = made.found.reached.any(axis=1).reshape(count, -1).sum(axis=1)
     layers = np.flatnonzero(reached == reached.max())
     return int(layers[np.abs(layers - count // 2).argmin()])

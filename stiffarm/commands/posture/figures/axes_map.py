@@ -20,9 +20,11 @@ from machining.posture.path import PathPosture
 from machining.stiffness.units import shown
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.commands.maps.index.figures import angle_ticks, stiffness_colours, value_bar
+from stiffarm.commands.maps.index.figures import angle_ticks
+from stiffarm.commands.maps.looks import look_bar, look_of
 from stiffarm.pages.figure_parts import title as figure_title
-from stiffarm.pages.style import INK, OKABE_ITO, colour_scale, house_style, new_figure
+from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from surrogate.maps.data import Field
 
 TURN: Final = 360.0
 
@@ -116,7 +118,7 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
 
 def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) -> tuple[float, float]:
     """Draw values and zones; returns the range of gamma that the axis shows."""
-    what, minimised = shown(made.objective.quantity), made.objective.minimised
+    what = shown(made.objective.quantity)
     value, zone, rows = what.factor * made.value, made.zone, degrees
     window = (float(degrees[0]), float(degrees[-1]))
     cell = float(np.median(np.diff(degrees)))
@@ -131,11 +133,10 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
     finite = value[np.isfinite(value)]
     xe, ye = steps(x), steps(rows)
     if finite.size:
-        norm, ticks = colour_scale(finite, None)
+        look = look_of(what.column, Field(finite, what.unit, what.quantity))
         edges = np.append(xe[::2], xe[-1]), np.append(ye[::2], ye[-1])
-        colours = stiffness_colours(minimised)
-        ax.pcolormesh(*edges, np.ma.masked_invalid(value.T), norm=norm, cmap=colours, rasterized=True)
-        value_bar(figure, [ax], norm, ticks, (what, minimised), finite)
+        ax.pcolormesh(*edges, np.ma.masked_invalid(value.T), norm=look.norm, cmap=look.colours, rasterized=True)
+        look_bar(figure, look, axes=ax)
     for one, tone in TONES.items():
         mask = zone == one
         if one is Zone.UNREACHABLE or not mask.any():

@@ -366,6 +366,6 @@ def test_bad_requests(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="stiffness_N_per_mm"):
             draw_map_figures(data, DESCRIPTION, ROBOT, out, quantities=["speed"])
         empty = MapData(data.layout, data.points, data.q, np.zeros_like(data.reached), data.coordinates, data.fields)
-        with pytest.raises(InputError, match="no point reached"):
+        with pytest.raises(InputError, match="no pose at any"):
             draw_map_figures(empty, DESCRIPTION, ROBOT, out)
     assert mpl.rcParams["svg.fonttype"] != "none"  # only while a file is written

@@ -16,12 +16,14 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 import fem
 import robots
-from machining import Objective
+from machining import Objective, Task, stiffness_index, tool_path
 from machining.stiffness.distribution import best_gamma, distribution
-from machining.stiffness.grid import grid_task, in_box
+from machining.stiffness.grid import in_box
 from robots import InputError
-from stiffarm.commands.maps.index.request import parse_values, parse_workpiece, read_request
+from stiffarm.commands.maps.index.request import parse_workpiece, read_request
 from stiffarm.session.parsing import parse_frame
+from stiffarm.session.task_options import parse_values
+from surrogate.maps.blocks import Engine
 from surrogate.maps.layouts import own_points, plane_or_box
 
 GRID = ("--x", "-300:600:150", "--y", "600:1200:150", "--z", "486")
@@ -63,7 +65,7 @@ def test_all_figures_are_those_of_the_library(made: tuple[Path, Any]) -> None:
     grid = plane_or_box(np.arange(-300.0, 610.0, 150.0), np.arange(600.0, 1210.0, 150.0), 486.0, part)
     # The part is turned about base z: its normal is base z.
     gamma = np.radians(np.arange(-180.0, 180.0, 60.0))
-    found = distribution(model, grid_task(grid, tool), Objective(), gamma)
+    found = distribution(model, Task(tool_path(own_points(grid), [0.0, 0.0, 1.0]), tool, part), Objective(), gamma)
     table = pd.read_csv(out / "index_map.csv")
     values = table.filter(regex="^k_fs_N_per_mm_gamma").to_numpy()
     # Nine digits are written.
@@ -98,7 +100,8 @@ def test_the_grid_is_readable_by_plain_vtk(made: tuple[Path, Any]) -> None:
     # Asked for 0 and 180 deg; 180 is the angle -180 of the full turn.
     assert set(arrays) == {
         "best_k_fs_N_per_mm", "best_gamma_deg", "k_fs_N_per_mm_gamma_-180_deg", "k_fs_N_per_mm_gamma_0_deg",
-        "share_of_gamma", "workpiece",
+        "share_of_gamma", "workpiece", "jacobian_smallest_singular_value", "near_singular",
+        *(f"q{i}_deg" for i in range(1, 7)),
     }  # fmt: skip
     for name in ("best_k_fs_N_per_mm", "best_gamma_deg", "k_fs_N_per_mm_gamma_0_deg"):
         np.testing.assert_allclose(arrays[name], table[name], rtol=1e-8)
@@ -137,6 +140,37 @@ def test_a_box_has_hexahedra_and_a_number_has_no_unit(cli: Command, tmp_path: Pa
     np.testing.assert_array_equal(arrays["best_isotropy"], arrays["isotropy_gamma_20_deg"])
     # Right-handed cells: volumes are positive.
     assert "index_map.png" not in tree(tmp_path / "out")
+
+
+def test_the_files_are_those_of_all_maps(cli: Command, tmp_path: Path) -> None:
+    """Formats, the page to pick in, and a work folder that a second run goes on from; the pose is the best gamma's."""
+    grid = ("--x", "900:1100:100", "--y", "-100:100:100", "--z", "600", *TOOL, "--gamma", "-180:180:60")
+    more = ("--format", "vti,nc", "--html", "--svg", "--work", "work")
+    outcome = a_map(cli, *grid, *more, "--links", "rigid", "--no-pictures", "--json")
+    assert outcome.code == 0, outcome.err
+    made = tree(tmp_path / "out")
+    assert {"index_map.vti", "index_map.nc", "map.html", "index_map.svg", "gamma_statistics.svg"} <= set(made)
+    assert "index_map.vtu" not in made
+    table = pd.read_csv(tmp_path / "out" / "index_map.csv")
+    model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
+    q = np.radians(table.filter(regex="^q").to_numpy())
+    tool = parse_frame("200,0,80,0,90,0", "--tool")
+    k = stiffness_index(model, q, [0.0, 0.0, 1.0], tool[:3, 3])
+    np.testing.assert_allclose(1e-3 * k, table["best_k_fs_N_per_mm"], rtol=1e-7)
+    tips = robots.tool_position(model.robot, robots.forward_kinematics(model.robot, q), tool[:3, 3])
+    np.testing.assert_allclose(1e3 * tips, table[["x_mm", "y_mm", "z_mm"]], atol=1e-4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Engine, "block", lambda *_: pytest.fail("made a second time"))
+        again = cli("map", "index", "kr60-3", *grid, *more, "--links", "rigid", "--no-pictures", "--out", "again")
+    assert again.code == 0, again.err
+    same = (tmp_path / folder / "index_map.csv" for folder in ("out", "again"))
+    assert len({file.read_bytes() for file in same}) == 1
+
+
+def test_an_image_has_no_turned_part(cli: Command) -> None:
+    outcome = a_map(cli, *GRID, "--part", "0,0,100,0,0,10", "--format", "vti", *QUICK)
+    assert outcome.code == 2
+    assert "--format vti" in outcome.err
 
 
 def test_normal_and_axis_are_in_base_axes(cli: Command) -> None:
@@ -228,9 +262,9 @@ def test_an_unknown_quantity_is_refused_with_the_known_ones(cli: Command) -> Non
 
 
 def test_values_of_an_axis() -> None:
-    np.testing.assert_allclose(parse_values("-600:600:400", "--x"), [-0.6, -0.2, 0.2, 0.6])
-    np.testing.assert_allclose(parse_values("0:0.3:0.1", "--x"), [0.0, 1e-4, 2e-4, 3e-4])
-    np.testing.assert_allclose(parse_values("486", "--z"), [0.486])
+    np.testing.assert_allclose(parse_values("-600:600:400", "--x"), [-600.0, -200.0, 200.0, 600.0])
+    np.testing.assert_allclose(parse_values("0:0.3:0.1", "--x"), [0.0, 0.1, 0.2, 0.3])
+    np.testing.assert_allclose(parse_values("486", "--z"), [486.0])
 
 
 def test_a_workpiece_by_box_and_by_corners() -> None:

@@ -49,7 +49,7 @@ def hostile(data: MapData) -> MapData:
 def test_the_page_needs_nothing_else_and_runs_nothing_of_a_file() -> None:
     description, model = arm("xr701")
     evil = description.model_copy(update={"title": HOSTILE})
-    page = viewer_page(hostile(small_map()), evil, model, title=HOSTILE, notes=(HOSTILE,))
+    page = viewer_page(hostile(small_map()), evil, model, title=HOSTILE)
     assert "<script>alert" not in page
     assert "<title>&lt;script&gt;" in page
     assert "49" not in re.sub(r'<script type="application/json".*', "", page, flags=re.DOTALL).split("<body>")[1]
@@ -195,10 +195,6 @@ def test_bad_input_is_refused() -> None:
         viewer_page(data, other, other_model, title="t")
     with pytest.raises(InputError, match="joint coordinates of the model"):
         viewer_page(data, description, other_model, title="t")
-    with pytest.raises(InputError, match="relative error"):
-        viewer_page(data, description, model, title="t", relative_error=np.zeros(3))
-    with pytest.raises(InputError, match="relative error"):
-        viewer_page(data, description, model, title="t", relative_error=np.full(data.layout.n, -0.1))
     with pytest.raises(InputError, match="reaches"):
         viewer_page(replace(data, reached=np.zeros(data.layout.n, dtype=bool)), description, model, title="t")
     with pytest.raises(InputError, match="quantities"):

@@ -15,6 +15,7 @@ from viewer_maps import DOWN, arm, joint_map, kr60_box, kr60_slice, xr701_sweep
 
 from fem import compliance_budget, directional_stiffness
 from robots import forward_kinematics
+from robots.constants import NORMAL_95
 from stiffarm.commands.maps.viewer import DIGITS, viewer_page
 from stiffarm.pages.robot_bodies import frame_transforms
 from surrogate.maps.data import Field, MapData
@@ -120,7 +121,9 @@ def test_a_sweep_of_the_joints(tmp_path: Path, where: str) -> None:
     stiffness = data.fields["stiffness_N_per_mm"].values
     error = 0.004 + 0.01 * np.random.default_rng(1).random(data.layout.n)
     limit = float(np.nanmedian(stiffness)) * 1.2
-    page = viewer_page(data, description, model, title=HOSTILE, relative_error=error, notes=(HOSTILE,))
+    uncertainty = Field(100.0 / NORMAL_95 * error, "percent", "standard uncertainty")
+    sure = replace(data, fields={**data.fields, "uncertainty_percent": uncertainty}, metadata={HOSTILE: HOSTILE})
+    page = viewer_page(sure, description, model, title=HOSTILE)
     probe = f"""
       const count = () => V.counts().shown;
       Object.assign(out, {{ renderer: V.renderer, message: $("message").textContent, title: document.title }});
