@@ -7,10 +7,11 @@ from robots.lazily import lazily
 if TYPE_CHECKING:
     from doe.estimation.campaign import Campaign, bundled_campaign, load_campaign
     from doe.planning.designs import factorial_poses, level_grid, two_level_factorial
+    from doe.published.equations import Equations, equations, model_compliances
     from doe.published.parametric import PoseFit, fit_pose
-    from doe.published.readings import Equations, equations, loaded_points, model_compliances, select_loads
+    from doe.published.pose_studies import SpringPoints, fit_law
     from doe.published.sensitivity import PoseEffects, sensitivity_study
-    from doe.published.spring_regression import SpringPoints, fit_law
+    from doe.tables.loaded import loaded_points, select_loads
     from doe.tables.measurements import Measurements
     from doe.tables.reading import bundled_data, read_measurements, write_measurements
 else:

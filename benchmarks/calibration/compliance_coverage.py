@@ -17,10 +17,10 @@ import numpy as np
 
 import fem
 from doe import Measurements
+from doe.calibration.run import run_campaign
+from doe.calibration.written import with_origin
 from doe.certainty.propagation import parameter_uncertainty, propagate
-from doe.estimation.calibration import run_campaign
 from doe.estimation.campaign import campaign_of
-from doe.model_file.origin import with_origin
 from robots import ModelDescription, load_description
 from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95

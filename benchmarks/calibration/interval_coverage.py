@@ -83,7 +83,7 @@ What to know about them:
   then comes out too small. Over 400 repeats the case gives 93.9 to 94.9 +- 0.6 %, with `--no-robust` 94.8 to
   95.2 +- 0.6 %; the rest is chance, for the intervals of one repeat share its noise.
 - **Nine set-ups** are above 95 %, for a variance that was found to be zero counts as uncertain: with so few set-ups
-  readings can hardly tell which kind of scatter there is (`doe/certainty/satterthwaite.py`).
+  readings can hardly tell which kind of scatter there is (`doe/certainty/uncertainty.py`).
 - **Open ends and bounds.** Stiffnesses cannot be negative, and an interval that is cut at a rigid joint holds a very
   stiff one for certain; cases with many of them lie above 95 %.
 - **All six stiffnesses of every joint.** Loads at one end of the arm turn its joints alike, so most of 36

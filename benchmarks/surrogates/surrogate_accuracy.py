@@ -19,7 +19,7 @@ import numpy as np
 
 import fem
 from doe import bundled_campaign, bundled_data, read_measurements, select_loads
-from doe.estimation.calibration import run_campaign
+from doe.calibration.run import run_campaign
 from fem.arm import Arm
 from fem.springs import FourierBasis, PolynomialBasis, TableBasis
 from stiffarm.session import inputs

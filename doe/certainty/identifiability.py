@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
-from doe.certainty.combinations import Combination, alike, complement, components, sparsest
-from doe.certainty.trade_off_words import KNOWN, combination_words, group_words, near_words, unit_of
-from doe.certainty.uncertainty import MAX_CONDITION, Certainty
-from doe.estimation.estimate import Estimate, prior_residual, step_sizes
+from doe.certainty.combinations import (
+    KNOWN,
+    Combination,
+    alike,
+    combination_words,
+    complement,
+    components,
+    group_words,
+    groups,
+    near_words,
+    sparsest,
+    unit_of,
+)
+from doe.certainty.uncertainty import Certainty, determined_covariance
+from doe.estimation.estimate import Estimate, step_sizes
 from fem.free.parameters import Parameter
-from robots.arrays import Array, Bools, Indices
+from robots.arrays import Array, Indices
 
 # A correlation beyond this, either way, means that two parameters are read as one.
 TRADED = 0.9
@@ -26,20 +38,26 @@ SMALL = 0.1
 class TradeOff:
     """Parameters that the readings see only together.
 
-    ``parameters``: their names; ``weights`` (k,) of the estimator's variables in the best determined combination,
-    the largest 1; ``value`` and ``sd`` of that combination, in ``unit``; ``words``: what an engineer wants to know.
-    ``combinations``: independent ones that the readings determine, best known first; ``missing``: how many numbers
-    must come from elsewhere before all are determined (0: all are, but poorly).
+    ``parameters``: their names; ``combinations``: independent ones that the readings determine, best known first;
+    ``words``: what an engineer wants to know; ``missing``: how many numbers must come from elsewhere before all are
+    determined (0: all are, but poorly).
     """
 
     parameters: tuple[str, ...]
-    weights: Array
-    value: float
-    sd: float
-    unit: str
+    combinations: tuple[Combination, ...]
     words: str
-    combinations: tuple[Combination, ...] = ()
     missing: int = 0
+
+    @property
+    def best(self) -> Combination:
+        """The best determined combination."""
+        return self.combinations[0]
+
+    @property
+    def weights(self) -> Array:
+        """Weights (k,) of the parameters' estimator's variables in the best determined combination, the largest 1."""
+        own = dict(zip(self.best.names, self.best.weights, strict=True))
+        return np.array([own.get(name, 0.0) for name in self.parameters])
 
 
 def trade_offs(e: Estimate, c: Certainty) -> tuple[TradeOff, ...]:
@@ -58,7 +76,7 @@ def trade_offs(e: Estimate, c: Certainty) -> tuple[TradeOff, ...]:
     free = np.array([k for k, j in enumerate(index) if int(j) not in taken], dtype=np.intp)
     poor = np.sqrt(np.diag(covariance)) > WELL_KNOWN * np.abs(e.u[index])
     joined = (np.abs(correlation) > TRADED) & (poor[:, None] | poor)
-    for group_of_free in _groups(joined[np.ix_(free, free)]):
+    for group_of_free in groups(joined[np.ix_(free, free)]):
         group = free[group_of_free]
         out.append(_near(e, covariance[np.ix_(group, group)], index[group]))
     return tuple(out)
@@ -75,7 +93,7 @@ def correlations(e: Estimate) -> tuple[Array, Array, Indices]:
     Directions without information get the variance of their whole range, so that they show as trade-offs.
     """
     index = np.flatnonzero(e.seen)
-    A = _rows(e)[:, index]
+    A = e.rows[:, index]
     span = step_sizes(e.problem)[index]
     information = (A * span).T @ (A * span) + np.eye(index.size)
     covariance = np.linalg.inv(information) * np.outer(span, span)
@@ -83,20 +101,14 @@ def correlations(e: Estimate) -> tuple[Array, Array, Indices]:
     return covariance / np.outer(sd, sd), covariance, index
 
 
-def _rows(e: Estimate) -> Array:
-    """Derivatives with unit covariance, and the priors'."""
-    return np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])
-
-
 def _inseparable(e: Estimate, c: Certainty) -> list[tuple[Indices, Array]]:
     """Groups of variables joined by directions without information, and those directions (columns of norm one)."""
     if not len(c.null):
         return []
-    norm = np.where(e.seen, np.linalg.norm(_rows(e), axis=0), 0.0)
+    norm = np.where(e.seen, np.linalg.norm(e.rows, axis=0), 0.0)
     null = c.null * norm
     null = null / np.linalg.norm(null, axis=1, keepdims=True)
-    groups = [g for g in components(null) if g.size > 1]
-    return [(g, _rank_basis(null[:, g])) for g in groups]
+    return [(g, _rank_basis(null[:, g])) for g in components(null)]
 
 
 def _rank_basis(rows: Array) -> Array:
@@ -107,46 +119,20 @@ def _rank_basis(rows: Array) -> Array:
 
 def _exact(e: Estimate, group: Indices, null: Array) -> TradeOff:
     """A group of which only some combinations are determined: those with the fewest terms, best known first."""
-    A = _rows(e)
+    A = e.rows
     norm = np.linalg.norm(A[:, group], axis=0)
     parameters = [e.problem.parameters[k] for k in group]
-    covariance = _pseudo_covariance(A, e.seen)[np.ix_(group, group)]
+    covariance = determined_covariance(A, e.seen)[0][np.ix_(group, group)]
     rows, _ = sparsest(complement(null))
-    found = sorted((_combination(parameters, row * norm, e.u[group], covariance) for row in rows), key=_doubt)
+    found = sorted(
+        (_combination(parameters, row * norm, e.u[group], covariance) for row in rows), key=attrgetter("relative")
+    )
     twins = [tuple(parameters[j].name for j in same) for same in alike(null)]
     given = tuple(parameters[j].name for j in sparsest(null)[1])
-    best = found[0]
-    weights = np.zeros(len(group))
-    for name, weight in zip(best.names, best.weights, strict=True):
-        weights[[q.name for q in parameters].index(name)] = weight
     names = tuple(q.name for q in parameters)
-    words = best.words if len(found) == 1 and len(names) == 2 else group_words(parameters, found, twins, given)
-    return TradeOff(names, weights, best.value, best.sd, best.unit, words, tuple(found), len(null))
-
-
-def _pseudo_covariance(A: Array, seen: Bools) -> Array:
-    """Covariance (p, p) of what is determined; directions without information count as known."""
-    norm = np.where(seen, np.linalg.norm(A, axis=0), 1.0)
-    R = np.linalg.qr(np.where(seen, A, 0.0) / norm, mode="r")
-    _, s, V = np.linalg.svd(R, full_matrices=False)
-    good = s * MAX_CONDITION >= s[0]
-    return np.asarray((V[good].T / s[good] ** 2) @ V[good] / np.outer(norm, norm))
-
-
-def _groups(joined: Bools) -> list[list[int]]:
-    """Connected groups of two or more."""
-    left, groups = set(range(len(joined))), []
-    while left:
-        group, edge = [], [left.pop()]
-        while edge:
-            k = edge.pop()
-            group.append(k)
-            near = {j for j in left if joined[k, j]}
-            left -= near
-            edge += sorted(near)
-        if len(group) > 1:
-            groups.append(sorted(group))
-    return sorted(groups)
+    single = len(found) == 1 and len(names) == 2
+    words = found[0].words if single else group_words(parameters, found, twins, given)
+    return TradeOff(names, tuple(found), words, len(null))
 
 
 def _near(e: Estimate, covariance: Array, index: Indices) -> TradeOff:
@@ -155,19 +141,10 @@ def _near(e: Estimate, covariance: Array, index: Indices) -> TradeOff:
     sd = np.sqrt(np.diag(covariance))
     _, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
     best, worst = (_combination(parameters, vectors[:, k] / sd, e.u[index], covariance, SMALL) for k in (0, -1))
-    weights = np.zeros(len(index))
     names = tuple(q.name for q in parameters)
-    for name, weight in zip(best.names, best.weights, strict=True):
-        weights[names.index(name)] = weight
-    kept = [q for q in parameters if q.name in best.names]
-    words = best.words if len(names) == 2 else near_words(parameters, best, worst)
     if len(names) == 2:
-        names, weights = tuple(q.name for q in kept), best.weights
-    return TradeOff(names, weights, best.value, best.sd, best.unit, words, (best,), 0)
-
-
-def _doubt(c: Combination) -> float:
-    return c.relative
+        return TradeOff(best.names, (best,), best.words)
+    return TradeOff(names, (best,), near_words(parameters, best, worst))
 
 
 def _combination(

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.certainty.uncertainty import blind_directions, null_directions
-from doe.estimation.blocks import Blocks
 from doe.estimation.estimate import Estimate, check_enough, seen_columns
 from doe.estimation.least_squares import ROUNDING, bounded_step, minimise, prior_residual
 from doe.estimation.problem import Problem
@@ -144,7 +143,7 @@ def _fitted_anew(e: Estimate, mine: Indices) -> tuple[Array, list[str]]:
     rest = e.problem.take(others)
     check_enough(rest)
     common = e.noise.common(e.problem, e.prediction)[others]
-    V = Blocks.of(rest).covariance(e.covariance.variance[others], common)
+    V = rest.blocks.covariance(e.covariance.variance[others], common)
     u = minimise(rest, V, e.u)[0]
     left = e.problem.take(~others)
     value, J = left.evaluate(u)

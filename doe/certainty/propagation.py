@@ -33,10 +33,8 @@ __all__ = [
     "Propagated",
     "compliance_gradients",
     "drawn_variables",
-    "gradients",
     "parameter_uncertainty",
     "propagate",
-    "relative_sd",
     "sampled",
 ]
 
@@ -126,28 +124,6 @@ def propagate(
     sd = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", G[:, :p], V, G[:, :p]), 0.0))
     rough = (sd > ROUGH) | _bent(bound, uncertainty, q, G)
     return Propagated(C, G[:, :p], sd, bound.open_names, _open_share(bound, uncertainty, G), rough)
-
-
-def relative_sd(
-    model: ArmModel,
-    uncertainty: ParameterUncertainty,
-    q: Array,
-    direction: Array | None = None,
-    point: Array | None = None,
-) -> Array:
-    """Relative standard deviation (n,) of the compliance alone; :func:`propagate` also says where it is too small."""
-    return propagate(model, uncertainty, q, direction, point).relative_sd
-
-
-def gradients(
-    model: ArmModel,
-    uncertainty: ParameterUncertainty,
-    q: Array,
-    direction: Array | None = None,
-    point: Array | None = None,
-) -> Array:
-    """Derivatives (n, p) of ln(compliance) by the variables; arguments and errors as in :func:`propagate`."""
-    return propagate(model, uncertainty, q, direction, point).gradient
 
 
 @dataclass(frozen=True, eq=False)

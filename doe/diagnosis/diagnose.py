@@ -16,8 +16,8 @@ from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count
 from doe.estimation.noise import Noise, within_readings
-from doe.published.readings import rms_mm
-from doe.tables.telling import told_by
+from doe.plausibility.passive_arm import told_by
+from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
 from robots.arrays import Array
 from robots.progress import Messages

@@ -21,7 +21,7 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.diagnosis.weighing import Row, at_noise, discrepancies, extended, rough_at, unknown_at
 from doe.estimation.noise import Noise
-from doe.published.readings import rms_mm
+from doe.tables.loaded import rms_mm
 from robots.arrays import Array
 
 # Set-ups may scatter this much where something unknown acts on them.

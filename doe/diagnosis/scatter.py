@@ -9,7 +9,7 @@ import numpy as np
 
 from doe.diagnosis.setting import Setting
 from doe.estimation.blocks import Covariance
-from doe.estimation.noise import Noise, fit_noise
+from doe.estimation.noise import Noise, fit_noise, rms_by_kind
 from robots.arrays import Array
 
 # Readings scatter by some 3 % of their size, within a factor of two or so; set-ups by 1 %, seldom by 2.
@@ -40,8 +40,7 @@ class NoisePrior:
 
 def typical_size(s: Setting) -> tuple[float, float]:
     """RMS of the translations and rotations read; zero where none was."""
-    turn = s.data.component >= 3
-    return tuple(float(np.sqrt(np.mean(s.data.value[k] ** 2))) if k.any() else 0.0 for k in (~turn, turn))  # type: ignore[return-value]
+    return rms_by_kind(s.data, s.data.value)
 
 
 def fitted_noise(s: Setting, columns: Array, weight: Array, start: Noise | None = None) -> Noise:
@@ -55,7 +54,7 @@ def fitted_noise(s: Setting, columns: Array, weight: Array, start: Noise | None 
     if basis.shape[1] >= len(f) - 1:
         return begin
     try:
-        found = fit_noise(s.data, f, basis, s.residual, begin, FLOOR, weight, blocks=s.blocks)
+        found = fit_noise(s.data, f, basis, s.residual, begin, FLOOR, weight)
     except np.linalg.LinAlgError:
         # Columns that follow all set-ups but one leave nothing to tell their scatter by.
         return begin
@@ -97,5 +96,4 @@ def with_setup(noise: Noise, share: float) -> Noise:
 
 def covariance(s: Setting, noise: Noise, weight: Array) -> Covariance:
     """Covariance of the readings."""
-    f = s.prediction
-    return s.blocks.covariance(noise.variance(s.data, f) / weight, noise.common(s.data, f))
+    return noise.covariance(s.data, s.prediction, weight)

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from doe.estimation.blocks import Blocks
 from doe.estimation.problem import Problem, problem
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
@@ -40,11 +39,6 @@ class Setting:
     errors: Array
     known: dict[str, Effect]
     accepted: tuple[PlacedEffect, ...] = ()
-
-    @cached_property
-    def blocks(self) -> Blocks:
-        """Readings of one component in one set-up."""
-        return Blocks.of(self.data)
 
     @cached_property
     def unloading(self) -> Bools:

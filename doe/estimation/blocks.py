@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from doe.estimation.problem import Problem
 from robots.arrays import Array, Integers
 
 
@@ -25,9 +24,9 @@ class Blocks:
     sums: csr_array
 
     @staticmethod
-    def of(p: Problem) -> Blocks:
-        """Blocks of a problem: readings of one component in one pose."""
-        _, number = np.unique(6 * p.pose + p.component, return_inverse=True)
+    def of(key: Integers) -> Blocks:
+        """Blocks of readings with the same ``key`` (m,)."""
+        _, number = np.unique(key, return_inverse=True)
         starts = np.concatenate([[0], np.cumsum(np.bincount(number))])
         order = np.argsort(number, kind="stable")
         return Blocks(number, csr_array((np.ones(len(order)), order, starts), shape=(len(starts) - 1, len(order))))
@@ -46,16 +45,15 @@ class Blocks:
 
     def covariance(self, variance: Array, common: Array) -> Covariance:
         """V = diag(variance) + common common^T in every block; variance (m,), common (m, 2)."""
-        return Covariance(self, variance, common if common.any() else None)
-
-    def whiten(self, variance: Array, common: Array, columns: Array) -> tuple[Array, float]:
-        """Turn columns (m, c) into ones of unit covariance, and ln|V|; V as in :meth:`covariance`."""
-        V = self.covariance(variance, common)
-        return V.whiten(columns), V.log_det
+        kept = common[:, common.any(axis=0)]
+        return Covariance(self, variance, kept if kept.size else None)
 
 
 class Covariance:
-    """V of all readings: its inverse and determinant, and a square root of the inverse, applied block by block."""
+    """V of all readings: its inverse and determinant, and a square root of the inverse, applied block by block.
+
+    ``common`` (m, k): one or two columns, none of them zero. ``E`` (m, k): D^-1 times these.
+    """
 
     def __init__(self, blocks: Blocks, variance: Array, common: Array | None) -> None:
         self.blocks = blocks
@@ -64,17 +62,13 @@ class Covariance:
         self.log_det = float(np.log(variance).sum())
         if common is not None:
             self.E = common / variance[:, None]
-            products = np.stack([common[:, 0] * self.E[:, 0], common[:, 0] * self.E[:, 1], common[:, 1] * self.E[:, 1]])
-            self.a, self.b, self.c = blocks.add(products.T).T
-            # I + C^T D^-1 C and its determinant.
-            self.a, self.c = 1.0 + self.a, 1.0 + self.c
-            self.det = self.a * self.c - self.b**2
-            self.log_det += float(np.log(self.det).sum())
+            self.inner = blocks.add(common[:, :, None] * self.E[:, None, :]) + np.eye(common.shape[1])
+            self.log_det += float(np.log(_determinant(self.inner)).sum())
 
     @cached_property
     def middle(self) -> Array:
-        """(I + C^T D^-1 C)^-1 (b, 2, 2)."""
-        return np.asarray(_matrices(self.c, -self.b, self.a) / self.det[:, None, None])
+        """(I + C^T D^-1 C)^-1 (b, k, k)."""
+        return _inverse(self.inner)
 
     def solve(self, columns: Array) -> Array:
         """V^-1 times columns (m, c)."""
@@ -87,22 +81,33 @@ class Covariance:
     def whiten(self, columns: Array) -> Array:
         """V^(-1/2) times columns (m, c), up to a rotation: D^-1/2 first, then the symmetric root of I + U U^T.
 
-        With K = U^T U and N = (I + K)^(1/2), ``(I + U U^T)^(-1/2) = I - U (I + K + N)^-1 U^T``; the root of a 2 x 2
-        matrix A is ``(A + d I) / (tr A + 2 d)^(1/2)``, d^2 its determinant.
+        With K = U^T U and N = (I + K)^(1/2), ``(I + U U^T)^(-1/2) = I - U (I + K + N)^-1 U^T``.
         """
         root = np.sqrt(self.variance)[:, None]
         out = columns / root
         if self.common is None:
             return out
-        d = np.sqrt(self.det)
-        t = np.sqrt(self.a + self.c + 2.0 * d)
-        a, b, c = self.a + (self.a + d) / t, self.b + self.b / t, self.c + (self.c + d) / t
-        inverse = _matrices(c, -b, a) / (a * c - b**2)[:, None, None]
         U = self.common / root
-        inner = inverse @ self.blocks.add(U[:, :, None] * out[:, None, :])
+        inner = _inverse(self.inner + _root(self.inner)) @ self.blocks.add(U[:, :, None] * out[:, None, :])
         return np.asarray(out - np.einsum("mk,mkc->mc", U, inner[self.blocks.number]))
 
 
-def _matrices(a: Array, b: Array, c: Array) -> Array:
-    """Symmetric 2 x 2 matrices (n, 2, 2) of diagonals a, c and off-diagonals b (n,)."""
-    return np.stack([np.stack([a, b], axis=1), np.stack([b, c], axis=1)], axis=1)
+def _determinant(A: Array) -> Array:
+    """Determinants (b,) of symmetric matrices (b, k, k), k one or two."""
+    return np.asarray(A[:, 0, 0] if A.shape[1] == 1 else A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] ** 2)
+
+
+def _inverse(A: Array) -> Array:
+    """Inverses of symmetric matrices (b, k, k), k one or two."""
+    if A.shape[1] == 1:
+        return np.asarray(1.0 / A)
+    turned = A[:, ::-1, ::-1] * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return np.asarray(turned / _determinant(A)[:, None, None])
+
+
+def _root(A: Array) -> Array:
+    """Square roots of symmetric matrices (b, k, k); of two rows: (A + d I) / (tr A + 2 d)^(1/2), d^2 = |A|."""
+    if A.shape[1] == 1:
+        return np.sqrt(A)
+    d = np.sqrt(_determinant(A))
+    return np.asarray((A + d[:, None, None] * np.eye(2)) / np.sqrt(A[:, 0, 0] + A[:, 1, 1] + 2.0 * d)[:, None, None])

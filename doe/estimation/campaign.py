@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 
 from doe.estimation.study_plan import Comparison, RegressionChoice, SpringRange
 from fem import ArmModel
@@ -84,17 +84,7 @@ class TableChoice(Strict):
     nodes_deg: tuple[float, ...] = Field(min_length=2, max_length=20)
 
 
-def _kind(value: Any) -> str:
-    return str(value.get("kind") if isinstance(value, dict) else getattr(value, "kind", ""))
-
-
-LawChoice = Annotated[
-    Annotated[PolynomialChoice, Tag("polynomial")]
-    | Annotated[FourierChoice, Tag("fourier")]
-    | Annotated[TableChoice, Tag("table")]
-    | Annotated[RegressionChoice, Tag("regression")],
-    Discriminator(_kind),
-]
+LawChoice = Annotated[PolynomialChoice | FourierChoice | TableChoice | RegressionChoice, Field(discriminator="kind")]
 
 
 class NoiseChoice(Strict):

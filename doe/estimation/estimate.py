@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from doe.estimation.blocks import Blocks, Covariance
+from doe.estimation.blocks import Covariance
 from doe.estimation.least_squares import BLIND, minimise, prior_residual
-from doe.estimation.noise import Noise, fit_noise, shrink_common, terms_of, within_readings
+from doe.estimation.noise import Noise, at_least, fit_noise, own_residual, rms_by_kind, terms_of, within_readings
 from doe.estimation.problem import Problem
+from doe.estimation.restricted_likelihood import Known
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -28,6 +29,10 @@ CHOOSING = (0, 1)
 # Parameters and noise have settled when all predictions together (and the distances from priors) are nearer than this
 # to where they are going, in standard deviations: no parameter, nor any combination of them, is farther by its own.
 SETTLED = 1e-6
+# The noise has when no reading's standard deviation changed by a larger share than this: what is left is a tenth of it.
+STILL_NOISE = 1e-5
+# Rounds are not counted on to shrink by more than this, though the last ones did.
+LEAST_RATE = 0.05
 # Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
 OUTLIER = 3.0
 # Median of the absolute value of a standard normal number.
@@ -68,6 +73,11 @@ class Estimate:
         return np.array([p.outer(float(v)) for p, v in zip(self.problem.parameters, self.u, strict=True)])
 
     @property
+    def rows(self) -> Array:
+        """Derivatives with unit covariance, and those of the distances from priors below them (m + k, p)."""
+        return np.vstack([self.whitened, prior_residual(self.problem, self.u)[1]])
+
+    @property
     def seen(self) -> Bools:
         """Which parameters (p,) move any reading."""
         return seen_columns(self.problem, self.whitened)
@@ -98,38 +108,47 @@ def estimate(
         No readings, or fewer of them than parameters without a prior.
     """
     check_enough(p)
-    blocks, weight = Blocks.of(p), np.ones(len(p))
+    weight = np.ones(len(p))
     names: tuple[str, ...] = ()
     noise = fixed_noise or Noise(white=gauge)
     u = p.free.start
     f, J = p.evaluate(u)
-    prior, moved, settled = prior_residual(p, u)[0], np.inf, False
+    known: dict[tuple[str, ...], Known | None] = {}
+    prior, moved, settled, spread = prior_residual(p, u)[0], np.inf, False, noise.spread(p, f)
     # Noise that is given and hangs on no prediction leaves nothing to go back for.
     once = fixed_noise is not None and not robust and not (fixed_noise.share or fixed_noise.pose_share)
     for turn in range(ROUNDS):
-        u = solve(p, blocks, noise, f, weight, u)
+        u = solve(p, noise, f, weight, u)
         before, (f, J) = (f, prior), p.evaluate(u)
         error, prior = p.value - f, prior_residual(p, u)[0]
         sd, last = np.sqrt(noise.variance(p, f)), moved
+        earlier, spread = spread, noise.spread(p, f)
+        still = np.abs(spread / earlier - 1.0).max() < STILL_NOISE
         moved = float(np.hypot(np.linalg.norm((f - before[0]) / sd), np.linalg.norm(prior - before[1])))
-        if once or (turn > (fixed_noise is None) and _to_go(moved, last) < SETTLED):
+        if once or (turn > (fixed_noise is None) and still and _to_go(moved, last) < SETTLED):
             settled = True
             break
         if fixed_noise is None:
             names = terms_of(p, f) if turn in CHOOSING else names
             told = J[:, seen_columns(p, J)]
-            noise = fit_noise(p, f, told, error, noise, gauge, weight, names=names, blocks=blocks)
+            noise = noise if turn else Noise(white=at_least(rms_by_kind(p, error), gauge))
+            noise = fit_noise(p, f, told, error, noise, gauge, weight, names=names, known=known)
         if robust and len(p) > len(u) + 3:
-            own = _own(p, blocks, noise, f, weight, error)
+            own = own_residual(p, noise, f, weight, error)
             # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
             # Residuals are smaller than the noise by what the parameters follow: without that, a few good readings
             # beside almost as many parameters would lose weight, and intervals come out too narrow.
             followed = np.sqrt(1.0 - len(u) / len(p))
             middle = float(np.median(np.abs(own))) / (MEDIAN * followed) if turn == 0 else 1.0
-            weight = outlier_weight(own / min(max(middle, 1e-3), 1.0))
+            own = own / min(max(middle, 1e-3), 1.0)
+            if fixed_noise is None and turn > 0:
+                # Other weights make for another noise, and that for other weights: what it will be, all but a little.
+                factor = float(np.sqrt(outlier_weight(own) @ own**2 / max(float(weight @ own**2), 1e-300)))
+                noise, own = noise.times(factor, names, gauge), own / max(factor, 1e-3)
+            weight = outlier_weight(own)
     if fixed_noise is None:
         noise = within_readings(p, f, noise, gauge)
-    return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None, blocks=blocks)
+    return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None)
 
 
 def _to_go(moved: float, last: float) -> float:
@@ -137,12 +156,7 @@ def _to_go(moved: float, last: float) -> float:
     if moved < 0.1 * SETTLED or last == 0.0:
         return moved
     rate = moved / last
-    return moved * max(rate / (1.0 - rate), 0.1) if rate < 1.0 else np.inf
-
-
-def _own(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
-    """Errors (m,) without what their set-up has in common, over the readings' own standard deviations."""
-    return (error - shrink_common(p, blocks, noise, f, weight, error)) / np.sqrt(noise.variance(p, f))
+    return moved * max(rate / (1.0 - rate), LEAST_RATE) if rate < 1.0 else np.inf
 
 
 def unrest(
@@ -160,16 +174,15 @@ def unrest(
     given = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
     if (u < low).any() or (u > high).any() or (given < 0.0).any() or (weight <= 0.0).any() or (weight > 1.0).any():
         return np.inf, np.inf, np.inf
-    blocks = Blocks.of(p)
     f, J = p.evaluate(u)
     unmoved = ~J.any(axis=0) & np.array([q.prior is None for q in p.parameters], dtype=bool)
     if not (noise.variance(p, f) > 0.0).all() or (u != p.free.start)[unmoved].any():
         return np.inf, np.inf, np.inf
-    error, there = p.value - f, solve(p, blocks, noise, f, weight, u)
+    error, there = p.value - f, solve(p, noise, f, weight, u)
     moved, off = p.predict(there) - f, prior_residual(p, there)[0] - prior_residual(p, u)[0]
-    found = fit_noise(p, f, J[:, seen_columns(p, J)], error, noise, gauge, weight, blocks=blocks)
+    found = fit_noise(p, f, J[:, seen_columns(p, J)], error, noise, gauge, weight)
     before, after = (np.sqrt(n.variance(p, f) + np.sum(n.common(p, f) ** 2, axis=1)) for n in (noise, found))
-    judged = outlier_weight(_own(p, blocks, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
+    judged = outlier_weight(own_residual(p, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
     return (
         float(np.max(np.abs(np.concatenate([moved / before, off])), initial=0.0)),
         float(np.max(np.abs(after / before - 1.0), initial=0.0)),
@@ -201,26 +214,21 @@ def estimate_at(
     *,
     settled: bool,
     given: bool = False,
-    blocks: Blocks | None = None,
 ) -> Estimate:
     """The estimate whose variables, noise and weights are known already; ``given``: noise not from these readings."""
-    blocks = blocks or Blocks.of(p)
     f, J = p.evaluate(u)
-    error, variance = p.value - f, noise.variance(p, f)
-    own = _own(p, blocks, noise, f, weight, error)
-    V = blocks.covariance(variance / weight, noise.common(p, f))
+    error = p.value - f
+    own = own_residual(p, noise, f, weight, error)
+    V = noise.covariance(p, f, weight)
     white = V.whiten(np.column_stack([error, J]))
     square = float(white[:, 0] @ white[:, 0]) + float(np.sum(prior_residual(p, u)[0] ** 2))
     names = () if given else terms_of(p, f)
     return Estimate(p, u, f, error, noise, weight, own, J, white[:, 1:], settled, square, names, V)
 
 
-def solve(
-    p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, start: Array, held: int | None = None
-) -> Array:
+def solve(p: Problem, noise: Noise, f: Array, weight: Array, start: Array, held: int | None = None) -> Array:
     """Variables (p,) that minimise the weighted squares for given noise; ``held``: one that stays where it is."""
-    V = blocks.covariance(noise.variance(p, f) / weight, noise.common(p, f))
-    return minimise(p, V, start, held)[0]
+    return minimise(p, noise.covariance(p, f, weight), start, held)[0]
 
 
 def check_enough(p: Problem) -> None:

@@ -96,9 +96,12 @@ def minimise(
     free = np.arange(len(start)) != held
     linear = free & np.array([q.is_linear for q in p.parameters], dtype=bool)
     u = np.array(start, dtype=np.float64)
-    at, J = known if known is not None else (u, p.evaluate(u)[1])
-    W = V.whiten(J)
-    residual = _residual(p, V, u)
+    if known is not None:
+        at, W, residual = known[0], V.whiten(known[1]), _residual(p, V, u)
+    else:
+        f, J = p.evaluate(u)
+        white = V.whiten(np.column_stack([J, p.value - f]))
+        at, W, residual = u, white[:, :-1], np.concatenate([white[:, -1], prior_residual(p, u)[0]])
     if known is None and linear.any() and not linear[free].all():
         step = bounded_step(W[:, linear], residual[: len(p)], (low - u)[linear], (high - u)[linear])
         u = _moved(u, linear, step, low, high)

@@ -13,28 +13,15 @@ model misses (:func:`origin`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from doe.estimation.blocks import Blocks
+from doe.estimation.blocks import Covariance
 from doe.estimation.problem import Problem
-from doe.estimation.restricted_likelihood import Likelihood, Term, maximise
+from doe.estimation.restricted_likelihood import Known, Likelihood, Term, maximise
 from robots.arrays import Array
-
-__all__ = [
-    "Blocks",
-    "Noise",
-    "Origin",
-    "estimable",
-    "fit_noise",
-    "likelihood",
-    "origin",
-    "shrink_common",
-    "terms_of",
-    "within_readings",
-]
 
 Origin = Literal["given", "repeats", "residual"]
 
@@ -72,9 +59,19 @@ class Noise:
         kind = (p.component >= 3).astype(int)
         return np.stack([np.array(self.pose)[kind], self.pose_share * f], axis=1)
 
+    def covariance(self, p: Problem, f: Array, weight: Array) -> Covariance:
+        """Covariance of the readings at predictions f (m,); ``weight`` (m,) divides the white part of outliers."""
+        return p.blocks.covariance(self.variance(p, f) / weight, self.common(p, f))
+
     def spread(self, p: Problem, f: Array) -> Array:
         """Standard deviation (m,) of each reading at predictions f (m,), its set-up's scatter included."""
         return np.asarray(np.sqrt(self.variance(p, f) + np.sum(self.common(p, f) ** 2, axis=1)))
+
+    def times(self, factor: float, names: tuple[str, ...], floor: tuple[float, float]) -> Noise:
+        """Copy with more or less of the readings' own scatter that is named; white noise never below ``floor``."""
+        own = tuple(name for name in names if not name.startswith("pose"))
+        scaled = self.with_variances(own, factor**2 * self.variances(own))
+        return replace(scaled, white=at_least(scaled.white, floor))
 
     @property
     def has_common(self) -> bool:
@@ -98,6 +95,18 @@ class Noise:
             pose=(given.get("pose0", self.pose[0]), given.get("pose1", self.pose[1])),
             pose_share=given.get("pose_share", self.pose_share),
         )
+
+
+def at_least(sd: tuple[float, float], floor: tuple[float, float]) -> tuple[float, float]:
+    """Standard deviations of translations and rotations, none below ``floor``."""
+    return max(sd[0], floor[0]), max(sd[1], floor[1])
+
+
+def rms_by_kind(p: Problem, x: Array) -> tuple[float, float]:
+    """RMS of the translations (m) and of the rotations (rad) among x (m,); zero where none was read."""
+    turn = p.component >= 3
+    first, second = (float(np.sqrt(np.mean(x[k] ** 2))) if k.any() else 0.0 for k in (~turn, turn))
+    return first, second
 
 
 def origin(p: Problem, *, given: bool = False) -> Origin:
@@ -129,21 +138,20 @@ def within_readings(p: Problem, f: Array, noise: Noise, floor: tuple[float, floa
     white, pose = factor * np.array(noise.white), factor * np.array(noise.pose)
     least = float(factor.min())
     return Noise(
-        (max(float(white[0]), floor[0]), max(float(white[1]), floor[1])),
+        at_least((float(white[0]), float(white[1])), floor),
         least * noise.share,
         (float(pose[0]), float(pose[1])),
         least * noise.pose_share,
     )
 
 
-def shrink_common(p: Problem, blocks: Blocks, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
-    """Best prediction (m,) of the common part of the errors (m,): what remains is the readings' own."""
-    if not noise.has_common:
-        return np.zeros(len(error))
-    common = noise.common(p, f)
-    V = blocks.covariance(noise.variance(p, f) / weight, common)
-    inner = blocks.add(common * V.solve(error[:, None]))
-    return np.asarray(np.sum(common * inner[blocks.number], axis=1))
+def own_residual(p: Problem, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
+    """Errors (m,) without what their set-up has in common, over the readings' own standard deviations.
+
+    What set-ups have in common is taken at its best prediction ``C C^T V^-1 e``.
+    """
+    V = noise.covariance(p, f, weight)
+    return np.asarray(V.variance * V.solve(error[:, None])[:, 0] / np.sqrt(V.variance * weight))
 
 
 def estimable(p: Problem, f: Array) -> tuple[bool, bool]:
@@ -152,8 +160,7 @@ def estimable(p: Problem, f: Array) -> tuple[bool, bool]:
     size = np.sort(size[size > 0.0])
     n = len(size) - 1
     spread = n > 0 and size[round(0.9 * n)] > SHARE_SPAN * size[round(0.1 * n)]
-    _, counts = np.unique(6 * p.pose + p.component, return_counts=True)
-    return len(p) >= FEWEST_READINGS and bool(spread), bool(counts.max() > 1) and len(p.poses) >= FEWEST_POSES
+    return len(p) >= FEWEST_READINGS and bool(spread), p.blocks.most > 1 and len(p.poses) >= FEWEST_POSES
 
 
 def terms_of(p: Problem, f: Array) -> tuple[str, ...]:
@@ -168,31 +175,25 @@ def terms_of(p: Problem, f: Array) -> tuple[str, ...]:
 
 
 def likelihood(
-    p: Problem, blocks: Blocks, names: tuple[str, ...], rest: Noise, f: Array, J: Array, error: Array, weight: Array
+    p: Problem, names: tuple[str, ...], rest: Noise, f: Array, J: Array, error: Array, weight: Array
 ) -> Likelihood:
     """The restricted likelihood of the variances named; ``rest``: noise that holds the others.
 
     ``error`` (m,) = read - f; J (m, p): derivatives; ``weight`` (m,) divides the white variance of outliers.
     """
     own, turn = np.isnan(p.sigma), p.component >= 3
-    kinds = {"0": ~turn, "1": turn}
-    terms = []
-    for name in names:
-        if name in WHITE:
-            terms.append(Term(name, (own & kinds[name[-1]]) / weight, common=False))
-        elif name == "share":
-            terms.append(Term(name, f**2 / weight, common=False))
-        elif name == "pose_share":
-            terms.append(Term(name, f, common=True, column=1))
-        else:
-            terms.append(Term(name, kinds[name[-1]].astype(float), common=True, column=0))
+    patterns = {
+        "white0": (own & ~turn) / weight, "white1": (own & turn) / weight, "share": f**2 / weight,
+        "pose0": (~turn).astype(float), "pose1": turn.astype(float), "pose_share": f,
+    }  # fmt: skip
+    terms = [Term(n, patterns[n], common=n.startswith("pose"), column=int(n == "pose_share")) for n in names]
     fixed = rest.with_variances(names, np.zeros(len(names))).variance(p, f) / weight
-    return Likelihood(blocks, tuple(terms), fixed, _independent(J), error)
+    return Likelihood(p.blocks, tuple(terms), fixed, _independent(J), error)
 
 
 def fit_noise(
     p: Problem, f: Array, J: Array, error: Array, start: Noise, floor: tuple[float, float], weight: Array,
-    *, names: tuple[str, ...] | None = None, blocks: Blocks | None = None,
+    *, names: tuple[str, ...] | None = None, known: dict[tuple[str, ...], Known | None] | None = None,
 ) -> Noise:  # fmt: skip
     """Variances by restricted likelihood from residuals ``error`` (m,) = read - f, with derivatives J (m, k).
 
@@ -201,11 +202,12 @@ def fit_noise(
     variance of outliers. White noise never falls below ``floor``, and all of it stays within the readings.
     """
     names = terms_of(p, f) if names is None else names
-    blocks = blocks or Blocks.of(p)
+    known = {} if known is None else known
     while names:
-        of = likelihood(p, blocks, names, start, f, J, error, weight)
+        of = likelihood(p, names, start, f, J, error, weight)
         low = np.array([floor[int(n[-1])] ** 2 if n in WHITE else 0.0 for n in names])
-        found = start.with_variances(names, maximise(of, start.variances(names), low))
+        t, known[names] = maximise(of, start.variances(names), low, known.get(names))
+        found = start.with_variances(names, t)
         absurd = tuple(n for n in names if n in SHARES and getattr(found, n) > MOST_SHARE)
         if not absurd:
             return within_readings(p, f, found, floor)

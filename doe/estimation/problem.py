@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from doe.published.readings import loaded_points
+from doe.estimation.blocks import Blocks
 from doe.tables.load_history import history_of
+from doe.tables.loaded import loaded_points
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects.base import PlacedEffect
@@ -54,6 +55,11 @@ class Problem:
         """Lower and upper bounds (p,) of the estimator's variables."""
         ends = np.array([p.inner_bounds for p in self.parameters]).reshape(-1, 2)
         return ends[:, 0], ends[:, 1]
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """Readings of one component in one pose."""
+        return Blocks.of(6 * self.pose + self.component)
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Predicted readings (m,) and their derivatives (m, p) by the estimator's variables u (p,)."""

@@ -11,8 +11,10 @@ step of Fisher scoring needs no good start, and one with a variance at zero need
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.optimize import nnls
 
 from doe.estimation.blocks import Blocks, Covariance
 from robots.arrays import Array
@@ -25,6 +27,8 @@ LAST = 1e-2
 NEAR = 0.5
 # Smallest eigenvalue of the second derivatives that a step reckons with, in units of the expected ones' diagonal.
 CONVEX = 0.02
+# Information serves as far away as this, in standard deviations of the variances by it.
+NEARBY = 0.3
 
 
 @dataclass(frozen=True)
@@ -92,18 +96,35 @@ class Point:
     Pe: Array
     Vc: Array
 
-    def slope_and_information(self) -> tuple[Array, Array]:
-        """Slope (k,) of the log-likelihood by the variances and their expected information (k, k)."""
-        # Not kept: they hold this point, and a circle of large arrays waits for the collector.
-        own = _Own(self, np.array([x.pattern for x in self.of.terms if not x.common]).reshape(-1, len(self.Pe)))
-        shared = _Shared(self, np.array([x.pattern for x in self.of.terms if x.common]).reshape(-1, len(self.Pe)))
-        traces, squares = zip(own.traces(), shared.traces(), strict=True)
-        slope = 0.5 * (np.concatenate(squares) - np.concatenate(traces))
-        A = np.concatenate([own.projected, shared.projected]).reshape(len(slope), -1)
-        mixed = own.with_shared(shared)
-        whole = np.block([[own.pairs(), mixed], [mixed.T, shared.pairs()]]) + A @ A.T
-        back = np.argsort(np.argsort([x.common for x in self.of.terms], kind="stable"), kind="stable")
-        return slope[back], 0.5 * whole[np.ix_(back, back)]
+    @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal (m,) of V^-1."""
+        V = self.V
+        if V.common is None:
+            return np.asarray(1.0 / V.variance)
+        inner = V.middle[V.blocks.number] @ V.E[:, :, None]
+        return np.asarray(1.0 / V.variance - np.sum(V.E * inner[:, :, 0], axis=1))
+
+    @cached_property
+    def moved(self) -> Array:
+        """V_i P e (m, k)."""
+        return np.column_stack([self._times(x, self.Pe[:, None]) for x in self.of.terms])
+
+    def slope(self) -> Array:
+        """Slope (k,) of the log-likelihood by the variances: e^T P V_i P e less tr(P V_i), halved."""
+        add, own, solved = self.of.blocks.add, self.diagonal - np.sum(self.Z**2, axis=1), iter(self.Vc.T)
+        traces = [
+            x.pattern @ next(solved) - np.sum(add(x.pattern[:, None] * self.Z) ** 2) if x.common else x.pattern @ own
+            for x in self.of.terms
+        ]
+        return np.asarray(0.5 * (self.Pe @ self.moved - np.array(traces)))
+
+    def information(self) -> Array:
+        """Expected information (k, k) of the variances, ``tr(P V_i P V_j) / 2``."""
+        moved = [self._times(x, self.Z) for x in self.of.terms]
+        projected = np.array([self.Z.T @ one for one in moved]).reshape(len(moved), -1)
+        across = [[np.vdot(solved, other) for other in moved] for solved in map(self.V.solve, moved)]
+        return np.asarray(0.5 * (self._pairs() + projected @ projected.T) - np.array(across))
 
     def curvature(self, expected: Array) -> Array:
         """Minus the second derivatives (k, k), made convex; ``expected``: their expectation, which gives the scale.
@@ -111,93 +132,71 @@ class Point:
         ``e^T P V_i P V_j P e - tr(P V_i P V_j) / 2``: steps by it close in quadratically, where those by the
         expectation go to and fro for a hundred rounds about a variance that is all but zero.
         """
-        add, number = self.of.blocks.add, self.of.blocks.number
-        B = np.stack(
-            [x.pattern * (add(x.pattern * self.Pe)[number] if x.common else self.Pe) for x in self.of.terms], axis=1
-        )
-        Zb = self.Z.T @ B
+        B, Zb = self.moved, self.Z.T @ self.moved
         scale = 1.0 / np.sqrt(np.maximum(np.diag(expected), 1e-300))
         size, way = np.linalg.eigh((B.T @ self.V.solve(B) - Zb.T @ Zb - expected) * np.outer(scale, scale))
         return np.asarray((way * np.maximum(np.abs(size), CONVEX)) @ way.T / np.outer(scale, scale))
 
+    def _times(self, x: Term, Y: Array) -> Array:
+        """V_i Y (m, c)."""
+        out = x.pattern[:, None] * Y
+        return x.pattern[:, None] * self.of.blocks.add(out)[self.of.blocks.number] if x.common else out
 
-class _Shared:
-    """Terms c c^T of a block: ``c`` (j, m). Per block c^T V^-1 c' (b, j, j), Z^T c (b, j, r); Z^T V_j Z (j, r, r)."""
-
-    def __init__(self, at: Point, c: Array) -> None:
-        add = at.of.blocks.add
-        self.at, self.c = at, c
-        self.cVc = add(c.T[:, :, None] * at.Vc[:, None, :])
-        self.cZ = add(c.T[:, :, None] * at.Z[:, None, :])
-        columns = np.ascontiguousarray(np.moveaxis(self.cZ, 1, 0))
-        self.projected = columns.swapaxes(1, 2) @ columns
-
-    def traces(self) -> tuple[Array, Array]:
-        """tr(P V_j) and e^T P V_j P e."""
-        inner = np.einsum("bjj->j", self.cVc) - np.einsum("jrr->j", self.projected)
-        return inner, np.sum(self.at.of.blocks.add((self.c * self.at.Pe).T) ** 2, axis=0)
-
-    def pairs(self) -> Array:
-        """tr(P V_i P V_j) less the product of the projected terms."""
-        across = self.cZ @ self.cZ.swapaxes(1, 2)
-        return np.asarray(np.sum(self.cVc * (self.cVc - 2.0 * across), axis=0))
-
-
-class _Own:
-    """Terms diag(d): ``d`` (i, m), with the diagonal of V^-1 (m,) and Z^T V_i Z (i, r, r)."""
-
-    def __init__(self, at: Point, d: Array) -> None:
-        self.at, self.d = at, d
-        self.z2 = np.sum(at.Z**2, axis=1)
-        self.h = 1.0 / at.V.variance
-        self.dZ = d[:, :, None] * at.Z
-        self.projected = self.dZ.swapaxes(1, 2) @ at.Z
-        self.diagonal = self.h
-        self.middle: Array | None = None
-        if at.V.common is not None:
-            self.middle = at.V.middle
-            inner = self.middle[at.of.blocks.number] @ at.V.E[:, :, None]
-            self.diagonal = self.h - np.sum(at.V.E * inner[:, :, 0], axis=1)
-
-    def traces(self) -> tuple[Array, Array]:
-        """tr(P V_i) and e^T P V_i P e."""
-        return self.d @ (self.diagonal - self.z2), self.d @ self.at.Pe**2
-
-    def pairs(self) -> Array:
-        """tr(P V_i P V_j) less the product of the projected terms."""
-        d, h = self.d, self.h
-        out = (d * (h * (2.0 * (self.diagonal - self.z2) - h))) @ d.T
-        if self.middle is None or not len(d):
-            return np.asarray(out)
-        E, add = self.at.V.E, self.at.of.blocks.add
-        EdE = [add(E[:, :, None] * (one[:, None] * E)[:, None, :]) for one in d]
-        EdZ = [add(E[:, :, None] * one[:, None, :]) for one in self.dZ]
-        left = np.array([self.middle @ one @ self.middle for one in EdE]).reshape(len(d), -1)
-        right = np.array([self.middle @ one for one in EdZ]).reshape(len(d), -1)
-        out += left @ np.array(EdE).reshape(len(d), -1).T
-        return np.asarray(out + 2.0 * right @ np.array(EdZ).reshape(len(d), -1).T)
-
-    def with_shared(self, other: _Shared) -> Array:
-        """tr(P V_i P V_j) with the terms that blocks share, less the product of the projected terms."""
-        add, Vc = self.at.of.blocks.add, self.at.Vc
-        out = self.d @ Vc**2
-        for i, dZ in enumerate(self.dZ):
-            VcZ = add(Vc[:, :, None] * dZ[:, None, :])
-            out[i] -= 2.0 * np.sum(VcZ * other.cZ, axis=(0, 2))
-        return np.asarray(out)
+    def _pairs(self) -> Array:
+        """tr(V^-1 V_i V^-1 V_j) (k, k)."""
+        add, V = self.of.blocks.add, self.V
+        common = np.array([x.common for x in self.of.terms])
+        patterns = np.array([x.pattern for x in self.of.terms])
+        c, d, out = patterns[common], patterns[~common], np.empty((len(common), len(common)))
+        out[np.ix_(common, common)] = np.sum(add(c.T[:, :, None] * self.Vc[:, None, :]) ** 2, axis=0)
+        out[np.ix_(~common, common)] = d @ self.Vc**2
+        out[np.ix_(common, ~common)] = out[np.ix_(~common, common)].T
+        h = 1.0 / V.variance
+        own = (d * (h * (2.0 * self.diagonal - h))) @ d.T
+        if V.common is not None:
+            # The elements beside the diagonal of E M E^T, squared: E^T V_i E within every block.
+            EdE = add(d.T[:, :, None, None] * (V.E[:, :, None] * V.E[:, None, :])[:, None])
+            M = V.middle[:, None]
+            own += np.einsum("bikl,bjkl->ij", M @ EdE @ M, EdE)
+        out[np.ix_(~common, ~common)] = own
+        return out
 
 
-def maximise(of: Likelihood, start: Array, low: Array) -> Array:
-    """Variances (k,) >= ``low`` (k,) of the largest likelihood, from ``start`` (k,)."""
+@dataclass(frozen=True)
+class Known:
+    """The expected information (k, k) of variances ``t`` (k,), which serves near them."""
+
+    t: Array
+    information: Array
+
+    def serves(self, t: Array) -> bool:
+        """Whether variances t (k,) are no farther than a fraction of their standard deviations."""
+        way = t - self.t
+        return bool(way @ self.information @ way < NEARBY**2)
+
+
+def maximise(of: Likelihood, start: Array, low: Array, known: Known | None = None) -> tuple[Array, Known | None]:
+    """Variances (k,) >= ``low`` (k,) of the largest likelihood, from ``start`` (k,).
+
+    The information is dear beside the slope, and hardly changes near the end: where what is ``known`` serves at the
+    start, that is taken; what it was last is given back for the next time.
+    """
+    if of.basis.shape[1] >= len(of.error):
+        return np.maximum(start, low), known  # no residual that could tell
     here = of.at(np.maximum(start, low))
     for _ in range(STEPS):
-        slope, information = here.slope_and_information()
-        step = _step(slope, information, low - here.t)
-        if _promise(slope, information, step) < NEAR:
-            information = here.curvature(information)
+        slope = here.slope()
+        near = known is not None and known.serves(here.t)
+        if known is None or not near:
+            known = Known(here.t, here.information())
+            information = known.information
+            step = _step(slope, information, low - here.t)
+            near = _promise(slope, information, step) < NEAR
+        if near:
+            information = here.curvature(known.information)
             step = _step(slope, information, low - here.t)
         if _promise(slope, information, step) < LAST:
-            return np.asarray(np.maximum(here.t + step, low))
+            return np.asarray(np.maximum(here.t + step, low)), known
         for half in range(12):
             there = _point(of, np.maximum(here.t + 0.5**half * step, low))
             if there is not None and there.loss < here.loss:
@@ -205,8 +204,8 @@ def maximise(of: Likelihood, start: Array, low: Array) -> Array:
         else:
             break
         assert there is not None  # noqa: S101 - left by the break above
-        here = there
-    return here.t
+        here, known = there, None
+    return here.t, known
 
 
 def _promise(slope: Array, information: Array, step: Array) -> float:
@@ -223,23 +222,8 @@ def _point(of: Likelihood, t: Array) -> Point | None:
 
 
 def _step(slope: Array, information: Array, least: Array) -> Array:
-    """The step (k,) >= ``least`` that maximises slope^T x - x^T information x / 2: a few variances, by active sets."""
+    """The step (k,) >= ``least`` that maximises slope^T x - x^T information x / 2."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    s, H, low = slope * scale, information * np.outer(scale, scale), least / scale
-    H = H + 1e-10 * np.eye(len(s))
-    held = np.zeros(len(s), dtype=bool)
-    x = np.zeros(len(s))
-    for _ in range(3 * len(s) + 3):
-        x[held] = low[held]
-        free = ~held
-        x[free] = np.linalg.solve(H[np.ix_(free, free)], s[free] - H[np.ix_(free, held)] @ x[held])
-        below = free & (x < low)
-        if below.any():
-            held |= below
-            continue
-        pull = s - H @ x
-        leaving = held & (pull > 1e-9)
-        if not leaving.any():
-            break
-        held[np.argmax(np.where(leaving, pull, -np.inf))] = False
-    return np.asarray(np.maximum(x, low) * scale)
+    L = np.linalg.cholesky(information * np.outer(scale, scale) + 1e-10 * np.eye(len(slope)))
+    low = least / scale
+    return np.asarray((low + nnls(L.T, np.linalg.solve(L, slope * scale) - L.T @ low)[0]) * scale)

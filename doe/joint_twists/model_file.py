@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag
 
+from doe.certainty.uncertainty import Status
 from doe.joint_twists.identify import Identified
 from doe.joint_twists.laws import Direction, Law
 from doe.model_file.applied import law_table
-from doe.model_file.uncertainty_table import FoundNumber, Status, uncertainty_table
+from doe.model_file.uncertainty_table import FoundNumber, uncertainty_table
 from fem.statics.ports import ROWS
 from robots import ModelDescription
 from robots.arrays import Array

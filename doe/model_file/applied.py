@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.published.readings import PointOf
+from doe.tables.loaded import PointOf
 from fem.free.base import Tables
 from fem.free.parameters import FreeLaw
 from fem.springs import Basis, FourierBasis, PolynomialBasis, TableBasis
@@ -31,7 +31,7 @@ def apply_estimates(
 ) -> ModelDescription:
     """The description with the estimated numbers; one that no reading moves keeps what it had.
 
-    ``points``: whose points the readings were taken at (:func:`doe.published.readings.points_of`): a shift of the point
+    ``points``: whose points the readings were taken at (:func:`doe.tables.loaded.points_of`): a shift of the point
     goes where the model holds these, to the tool point and to what points of a table are off by.
 
     Every figure carries ``source`` (a key of the description's sources, or to be added) and a note with its status

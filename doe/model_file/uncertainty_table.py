@@ -1,19 +1,22 @@
-"""The table ``[calibration.uncertainty]`` of a model file, from what a calibration found."""
+"""The table ``[calibration.uncertainty]`` of a model file: what a calibration found, and what was known before.
+
+Numbers of an earlier calibration are kept where these are held and still the same.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from doe.certainty.uncertainty import ParameterEstimate
-from doe.estimation.calibration import Calibration
-from doe.model_file.carried_on import NOTHING, CarriedOn, carried_on
-from doe.model_file.stage_covariance import stage_covariance
-from fem.free.parameters import Parameter, Scale, described_variables, named_numbers
+from doe.certainty.uncertainty import Status
+from fem import ArmModel
+from fem.effects import PlacedEffect
+from fem.free.parameters import Kind, Parameter, Scale, described_variables, named_numbers
+from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.schema.uncertainty import (
     MOST_DEGREES_OF_FREEDOM,
@@ -23,15 +26,102 @@ from robots.schema.uncertainty import (
     UndeterminedNumber,
 )
 
-Status = Literal["determined", "one-sided", "at bound", "not identified"]
-
 VARIABLES: dict[Scale, NumberVariable] = {"compliance": "1/value", "log": "ln value", "linear": "value"}
 FIXED = "what the calibration held fixed counts as exact"
-NO_COVARIANCE = (
-    "no covariance of the springs is kept: studies pose by pose take the best of their levels, with no spare reading "
-    "to judge their errors by (--scheme global gives one)"
-)
-NO_SPARE = "no covariance of the springs is kept: as many springs as readings leave nothing to judge their errors by"
+# A file's numbers are written with nine digits or more.
+SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class CarriedOn:
+    """Numbers of an earlier calibration that this one held, with their covariance (p, p) then.
+
+    ``status``, ``degrees_of_freedom`` (p): theirs; ``undetermined``: those that had no variance. ``lost``: names of
+    the earlier calibration that are not carried on though nothing new is known of them.
+    """
+
+    names: tuple[str, ...] = ()
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    status: tuple[NumberStatus, ...] = ()
+    degrees_of_freedom: tuple[float, ...] = ()
+    directions: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    undetermined: tuple[UndeterminedNumber, ...] = ()
+    lost: tuple[str, ...] = ()
+
+
+NOTHING = CarriedOn()
+
+
+def carried_on(
+    before: ModelDescription, model: ArmModel, found: Sequence[str], effects: Sequence[PlacedEffect] = ()
+) -> CarriedOn:
+    """The numbers of ``before``'s calibration that the ``found`` ones do not replace and that ``model`` still has.
+
+    ``model``: after the calibration, without ``effects``. Nothing is carried on to a model of other links or with
+    another load path: there the numbers mean something else.
+    """
+    origin = before.calibration
+    old = None if origin is None else origin.uncertainty
+    if origin is None or old is None:
+        return NOTHING
+    new = [_key(model, name, effects) for name in found]
+    alike = (origin.links, origin.load_path) == (model.link_kind, model.load_path)
+    kept = [
+        k for k, name in enumerate(old.parameters)
+        if alike and _is_held(model, name, effects, new) and _is_same(before, model, effects, old, k)
+    ]  # fmt: skip
+    open_then = tuple(u for u in old.undetermined if alike and _is_held(model, u.name, effects, new))
+    gone = [n for k, n in enumerate(old.parameters) if k not in kept and _is_held(model, n, effects, new)]
+    directions = np.array(old.undetermined_directions).reshape(-1, len(old.parameters))[:, kept]
+    return CarriedOn(
+        names=tuple(old.parameters[k] for k in kept),
+        covariance=np.array(old.covariance).reshape(len(old.parameters), -1)[np.ix_(kept, kept)],
+        status=tuple(old.status[k] for k in kept),
+        degrees_of_freedom=tuple(old.degrees_of_freedom[k] for k in kept),
+        directions=directions[directions.any(axis=1)],
+        undetermined=open_then,
+        lost=tuple(gone),
+    )
+
+
+def _named(model: ArmModel, name: str, effects: Sequence[PlacedEffect]) -> Parameter | None:
+    try:
+        numbers = named_numbers(model, (name,), effects)
+    except InputError:
+        return None
+    return numbers.parameters[int(numbers.columns[0])]
+
+
+def _key(model: ArmModel, name: str, effects: Sequence[PlacedEffect]) -> tuple[Kind, str, tuple[int, ...]] | None:
+    p = _named(model, name, effects)
+    return None if p is None else (p.kind, p.place, p.index)
+
+
+def _is_held(
+    model: ArmModel,
+    name: str,
+    effects: Sequence[PlacedEffect],
+    new: Sequence[tuple[Kind, str, tuple[int, ...]] | None],
+) -> bool:
+    """Whether the model has the number and nothing new is known of it, nor of a law in its place."""
+    p = _named(model, name, effects)
+    if p is None or (p.kind, p.place, p.index) in new:
+        return False
+    # The law of a row has index (row, k), that about the axis (k,): what it replaces is the whole law, or the spring.
+    laws = {(one[1], one[2][:-1]) for one in new if one is not None and one[0].of_law}
+    return ((p.place, p.index[:-1]) if p.kind.of_law else (p.spring_of, ())) not in laws
+
+
+def _is_same(
+    before: ModelDescription,
+    model: ArmModel,
+    effects: Sequence[PlacedEffect],
+    old: CalibrationUncertainty,
+    k: int,
+) -> bool:
+    """Whether the model's own number is the one that the covariance belongs to."""
+    own = float(described_variables(before, named_numbers(model, (old.parameters[k],), effects))[0])
+    return abs(own - old.estimate[k]) <= SAME * max(abs(own), abs(old.estimate[k]))
 
 
 @dataclass(frozen=True)
@@ -81,70 +171,9 @@ def uncertainty_table(
     )
 
 
-def calibration_table(found: Calibration) -> CalibrationUncertainty | None:
-    """Of a campaign's numbers, all stages; estimates are the calibrated model's own.
-
-    Numbers of an earlier calibration that this one held stay in the covariance, and what their errors make of the
-    new ones is added, as if their readings were others than these.
-    """
-    if not found.stages:
-        return None
-    last = {e.parameter.name: e for s in found.stages for e in s.certainty.estimates}
-    # Until its origin is written anew the description has that of the calibration before.
-    before = carried_on(found.description, found.model, tuple(last), found.effects)
-    names, covariance, shares_readings = stage_covariance(found, before)
-    named = named_numbers(found.model, names, found.effects)
-    own = described_variables(found.description, named)
-    units = [named.parameters[k] for k in named.columns]
-    numbers = [
-        _carried(before, k, units[k], own[k])
-        if k < len(before.names)
-        else _number(last[name], own[k], float(covariance[k, k]))
-        for k, name in enumerate(names)
-    ]
-    note = "generalised least squares with estimated noise, priors included"
-    if len(found.stages) > 1:
-        note += "; later stages carry the errors of what earlier ones found"
-    if shares_readings:
-        note += ", taken as independent of their own though stages share readings"
-    if any(s.study is not None for s in found.stages):
-        note += "; stages by levels as least squares around the best levels"
-    if before.names:
-        note += f"; from an earlier calibration, readings taken as others than these: {', '.join(before.names)}"
-    return uncertainty_table(numbers, covariance, _blind(found, names, before), note, before)
-
-
 def _lost(before: CarriedOn, names: set[str]) -> list[str]:
     lost = [name for name in (*before.names, *before.lost) if name not in names]
     return [f"of an earlier calibration and now held: {', '.join(lost)}"] if lost else []
-
-
-def _carried(before: CarriedOn, k: int, p: Parameter, own: float) -> FoundNumber:
-    nan = math.nan
-    return FoundNumber(
-        before.names[k], p.unit, p.scale, own, (nan, nan), before.status[k], before.degrees_of_freedom[k],
-        has_variance=True,
-    )  # fmt: skip
-
-
-def _number(e: ParameterEstimate, own: float, variance: float) -> FoundNumber:
-    p = e.parameter
-    has = e.status != "at bound" and not math.isnan(e.value) and variance > 0.0
-    return FoundNumber(p.name, p.unit, p.scale, own, e.interval, e.status, e.degrees_of_freedom, has)
-
-
-def _blind(found: Calibration, names: Sequence[str], before: CarriedOn) -> Array:
-    """Directions that no reading of the last stage with these numbers determines, over all names."""
-    last = {e.parameter.name: number for number, s in enumerate(found.stages) for e in s.certainty.estimates}
-    rows = np.zeros((len(before.directions), len(names)))
-    rows[:, : len(before.names)] = before.directions
-    for number, s in enumerate(found.stages):
-        mine = [e.parameter.name for e in s.certainty.estimates]
-        now = np.array([last[name] == number for name in mine], dtype=np.bool_)
-        more = np.zeros((len(s.certainty.null), len(names)))
-        more[:, [names.index(name) for name in mine]] = np.where(now, s.certainty.null, 0.0)
-        rows = np.vstack([rows, more])
-    return rows
 
 
 def _directions(blind: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate, estimate, prior_residual, seen_columns
-from doe.estimation.noise import Blocks, Noise, Origin, origin
+from doe.estimation.noise import Noise, Origin, origin
 from doe.estimation.problem import Problem
 from fem import ArmModel
 from fem.free.model import FreeModel
@@ -144,7 +144,7 @@ def known_information(e: Estimate, u: Array) -> Array:
     """Information (p, p) of the readings so far about the logarithms (or values), with the vague prior."""
     p = e.problem
     f, J = p.evaluate(u)
-    white, _ = Blocks.of(p).whiten(e.noise.variance(p, f) / e.weight, e.noise.common(p, f), J * slopes(p.parameters, u))
+    white = e.noise.covariance(p, f, e.weight).whiten(J * slopes(p.parameters, u))
     rows = prior_residual(p, u)[1] * slopes(p.parameters, u)
     own = np.array([q.prior is None for q in p.parameters]) / vague_sd(p.parameters) ** 2
     return np.asarray(white.T @ white + rows.T @ rows + np.diag(own))

@@ -9,7 +9,7 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimi
 
 from doe.estimation.campaign import FEWEST_LEVELS
 from doe.planning.designs import level_grid
-from doe.published.readings import Equations
+from doe.published.equations import Equations
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -22,6 +22,8 @@ RIGID_SHARE_OF_GAUGE = 0.5
 # values: in the first round 50 um of error weigh as much as a factor e in one spring (for a gauge of 10 um),
 # and every later round lets go by a factor of four, so the match wins in the end.
 TIE_WEIGHT = 100.0
+# Lower and upper bounds are widened by these factors.
+WIDER = np.array([[0.1], [10.0]])
 # Levels that differ by less than this (relative) cannot be told apart by any reading.
 SAME_LEVEL = 1e-6
 
@@ -83,13 +85,13 @@ def fit_pose(
         Too few levels, bounds out of order, or another spacing.
     """
     _check(levels, bounds, spacing)
-    base = system.rest + system.influence @ np.where(_mask(columns, fixed.size), 0.0, fixed) - system.value
+    base = system.rest + system.influence @ np.where(np.isin(np.arange(fixed.size), columns), 0.0, fixed) - system.value
     A = system.influence[:, columns]
-    low, high = np.full(len(columns), bounds[0]), np.full(len(columns), bounds[1])
-    bound, limit = (low.copy(), high.copy()), _widest(A, bounds, gauge_m)
-    runs, first, best_k, best_error = 0, np.nan, np.sqrt(low * high), np.inf
+    ends = np.tile(np.array(bounds)[:, None], len(columns))
+    bound, limit = ends.copy(), _widest(A, bounds, gauge_m)
+    runs, first, best_k, best_error = 0, np.nan, np.sqrt(ends[0] * ends[1]), np.inf
     for round_number in range(1, MAX_ROUNDS + 1):
-        grids = [_levels(a, b, levels, spacing) for a, b in zip(low, high, strict=True)]
+        grids = [_levels(a, b, levels, spacing) for a, b in ends.T]
         k = level_grid(grids)
         error = np.sqrt(np.mean((base + (1.0 / k) @ A.T) ** 2, axis=1))
         score = (error / gauge_m) ** 2
@@ -104,8 +106,8 @@ def fit_pose(
         if best_error <= gauge_m:
             break
         widened = _widen(best_k, bound, limit)
-        low, high = _refined(best_k, grids, bound, widened)
-        if not widened.any() and np.all(high / low < 1.0 + SAME_LEVEL):
+        ends = _refined(best_k, grids, bound, widened)
+        if not widened.any() and np.all(ends[1] / ends[0] < 1.0 + SAME_LEVEL):
             break
     if best_error > gauge_m and len(columns) > 1:
         best_k, best_error = _least_squares(A, base, best_k, bound, limit)
@@ -140,58 +142,40 @@ def _check(levels: int, bounds: tuple[float, float], spacing: str) -> None:
         raise InputError("spacing of the levels", value=spacing, allowed="log, linear")
 
 
-def _widest(A: Array, bounds: tuple[float, float], gauge_m: float) -> tuple[Array, Array]:
-    """How far each bound may be widened: up to where the spring reads the same as a rigid one."""
+def _widest(A: Array, bounds: tuple[float, float], gauge_m: float) -> Array:
+    """How far each bound (2, k) may be widened: up to where the spring reads the same as a rigid one."""
     rigid = np.abs(A).max(axis=0) / (RIGID_SHARE_OF_GAUGE * gauge_m)
     high = np.clip(rigid, bounds[1], max(WIDEST_Nm_per_rad[1], bounds[1]))
-    return np.full(A.shape[1], min(WIDEST_Nm_per_rad[0], bounds[0])), high
-
-
-def _mask(columns: list[int], size: int) -> Bools:
-    mask = np.zeros(size, dtype=np.bool_)
-    mask[columns] = True
-    return mask
+    return np.array([np.full(A.shape[1], min(WIDEST_Nm_per_rad[0], bounds[0])), high])
 
 
 def _levels(low: float, high: float, count: int, spacing: str) -> Array:
     return np.geomspace(low, high, count) if spacing == "log" else np.linspace(low, high, count)
 
 
-def _widen(best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]) -> Bools:
-    """Move each bound that the best level sits on by a factor of ten, up to its limit; which were (2, k)."""
-    widened = np.zeros((2, best.size), dtype=np.bool_)
-    for i in range(best.size):
-        for side, step in ((0, 0.1), (1, 10.0)):
-            at = bound[side][i]
-            wider = min(at * step, limit[1][i]) if side else max(at * step, limit[0][i])
-            if np.isclose(best[i], at) and not np.isclose(wider, at):
-                bound[side][i] = wider
-                widened[side, i] = True
-    return widened
+def _widen(best: Array, bound: Array, limit: Array) -> Bools:
+    """Move each bound (2, k) that the best level sits on by a factor of ten, up to its limit; which were (2, k)."""
+    wider = np.clip(bound * WIDER, limit[0], limit[1])
+    widened = np.isclose(best, bound) & ~np.isclose(wider, bound)
+    bound[widened] = wider[widened]
+    return np.asarray(widened)
 
 
-def _refined(best: Array, grids: list[Array], bound: tuple[Array, Array], widened: Bools) -> tuple[Array, Array]:
-    """One level to both sides of the best one; up to the new bound where one was just widened.
+def _refined(best: Array, grids: list[Array], bound: Array, widened: Bools) -> Array:
+    """One level to both sides of the best one (2, k); up to the new bound where one was just widened.
 
     Where the best level is the last one of its grid, the search goes on beyond it, by one such level.
     """
-    low, high = np.empty_like(best), np.empty_like(best)
-    for i, grid in enumerate(grids):
-        at = int(np.argmin(np.abs(np.log(grid / best[i]))))
-        below, above = grid[0] ** 2 / grid[1], grid[-1] ** 2 / grid[-2]
-        low[i] = grid[at - 1] if at > 0 else max(bound[0][i], below)
-        high[i] = grid[at + 1] if at < len(grid) - 1 else min(bound[1][i], above)
-        if widened[0, i]:
-            low[i] = bound[0][i]
-        if widened[1, i]:
-            high[i] = bound[1][i]
-        low[i], high[i] = min(low[i], best[i]), max(high[i], best[i])
-    return low, high
+    grid = np.array(grids).T
+    beyond = np.vstack([grid[0] ** 2 / grid[1], grid, grid[-1] ** 2 / grid[-2]])
+    at, column = np.argmin(np.abs(np.log(grid / best)), axis=0), np.arange(best.size)
+    # A grid's own levels lie within the bounds.
+    ends = np.clip([beyond[at, column], beyond[at + 2, column]], bound[0], bound[1])
+    ends = np.where(widened, bound, ends)
+    return np.array([np.minimum(ends[0], best), np.maximum(ends[1], best)])
 
 
-def _least_squares(
-    A: Array, base: Array, best: Array, bound: tuple[Array, Array], limit: tuple[Array, Array]
-) -> tuple[Array, float]:
+def _least_squares(A: Array, base: Array, best: Array, bound: Array, limit: Array) -> tuple[Array, float]:
     """Finish where levels along the axes stick in a slanting valley: the optimum, bounds widened to hold it."""
     scale = np.abs(A).max(axis=0)
     scale[scale == 0.0] = 1.0
@@ -200,17 +184,12 @@ def _least_squares(
     candidates = [best, np.clip(scale / found.x, limit[0], limit[1])]
     errors = [float(np.sqrt(np.mean((base + A @ (1.0 / k)) ** 2))) for k in candidates]
     k = candidates[int(np.argmin(errors))]
-    for i in range(k.size):
-        while k[i] < bound[0][i] * (1.0 - SAME_LEVEL):
-            bound[0][i] = max(0.1 * bound[0][i], limit[0][i])
-        while k[i] > bound[1][i] * (1.0 + SAME_LEVEL):
-            bound[1][i] = min(10.0 * bound[1][i], limit[1][i])
+    while (beyond := np.array([k < bound[0] * (1.0 - SAME_LEVEL), k > bound[1] * (1.0 + SAME_LEVEL)])).any():
+        bound[beyond] = np.clip(bound * WIDER, limit[0], limit[1])[beyond]
     return k, min(errors)
 
 
-def _nearest_match(
-    A: Array, base: Array, best: Array, bound: tuple[Array, Array], gauge_m: float, start: float
-) -> Array:
+def _nearest_match(A: Array, base: Array, best: Array, bound: Array, gauge_m: float, start: float) -> Array:
     """Of all springs that match as well as the best level, those nearest to ``start``."""
     # In y = start / k the match is linear, and y is of order one.
     rows, target = A / (start * gauge_m), -base / gauge_m
@@ -237,9 +216,7 @@ def _nearest_match(
     return np.asarray(k) if nearer and still_matched else best
 
 
-def _bound_remarks(
-    best: Array, first: tuple[float, float], last: tuple[Array, Array], joints: tuple[str, ...]
-) -> list[str]:
+def _bound_remarks(best: Array, first: tuple[float, float], last: Array, joints: tuple[str, ...]) -> list[str]:
     """Say which springs lie outside the first bounds, and which stand at a bound."""
     out = []
     for i, joint in enumerate(joints):

@@ -1,7 +1,15 @@
-"""Level studies pose by pose, then each spring against joint angles: the published scheme of the XR701."""
+"""Level studies pose by pose, then each spring against joint angles: the published scheme of the XR701.
+
+Regression of a joint's stiffness against joint angles is smooth, positive, and goes through the points. Three to five
+distinct angles cannot fix the seven coefficients of a sixth degree. The rest is decided by the smallest roughness:
+among all polynomials in ln k that pass through the points, the one whose coefficients have the least sum of squares,
+each weighted by (1 + degree)^2, the mean of ln k being free. That keeps k positive, gives an even law for mirrored
+points, and adds no bumps that no point asks for.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,12 +17,12 @@ import numpy as np
 
 from doe.estimation.campaign import Campaign, Stage
 from doe.estimation.study_plan import RegressionChoice
+from doe.published.equations import Equations, equations, model_compliances
 from doe.published.parametric import PoseFit, fit_pose
-from doe.published.readings import Equations, equations, model_compliances
-from doe.published.spring_regression import SpringPoints, fit_law
 from doe.tables.measurements import Measurements
 from fem import ArmModel
-from robots.arrays import Array
+from robots import InputError, Robot
+from robots.arrays import Array, Integers
 from robots.progress import Messages
 from robots.schema.description import LogPolynomialLaw
 
@@ -22,6 +30,67 @@ from robots.schema.description import LogPolynomialLaw
 UNTESTED_SHARE_OF_GAUGE = 0.01
 # Springs that match as well anywhere within this factor are not identified at a pose.
 IDENTIFIED_WITHIN = 3.0
+
+
+@dataclass(frozen=True)
+class SpringPoints:
+    """Calibrated points of one spring.
+
+    ``angles`` (m, i) rad in the law's inputs; ``stiffness`` (m,) N m/rad; ``origin`` (m,): "calibrated",
+    "mirrored" or "held" (the value an earlier stage assumed there).
+    """
+
+    joint: str
+    inputs: tuple[str, ...]
+    angles: Array
+    stiffness: Array
+    origin: tuple[str, ...]
+
+
+def total_degree_exponents(inputs: int, degree: int) -> Integers:
+    """All exponents with a sum of at most ``degree``, lowest degree first, (t, inputs)."""
+    rows = [e for e in itertools.product(range(degree + 1), repeat=inputs) if sum(e) <= degree]
+    return np.array(sorted(rows, key=lambda e: (sum(e), e)), dtype=np.int64)
+
+
+def fit_law(robot: Robot, points: SpringPoints, degree: int, source: str) -> LogPolynomialLaw:
+    """Fit ln k by a polynomial of total degree ``degree`` in the scaled inputs.
+
+    Points with equal angles and different stiffness get their least-squares (geometric) mean.
+    Valid inside the robot's joint limits, to which the inputs are scaled.
+
+    Raises
+    ------
+    InputError
+        No points, or a stiffness that is not positive and finite.
+    """
+    if points.stiffness.size == 0:
+        raise InputError(f"regression of {points.joint}: no calibrated point")
+    if not (np.isfinite(points.stiffness).all() and (points.stiffness > 0.0).all()):
+        raise InputError(
+            f"regression of {points.joint}: stiffness",
+            value=points.stiffness.tolist(),
+            allowed="positive, finite",
+        )
+    limits = robot.limits[[robot.coordinate_index(name) for name in points.inputs]]
+    centre, half = limits.mean(axis=1), np.ptp(limits, axis=1) / 2.0
+    exponents = total_degree_exponents(len(points.inputs), degree)
+    u = (points.angles - centre) / half
+    V = np.prod(u[:, None, :] ** exponents[None], axis=2)
+    weight = (1.0 + exponents.sum(axis=1)) ** 2.0
+    weight[0] = 1e-3  # the constant term is all but free
+    y = np.log(points.stiffness)
+    scaled, *_ = np.linalg.lstsq(V / weight, y - y.mean(), rcond=1e-12)
+    coefficients = scaled / weight
+    coefficients[0] += y.mean()
+    return LogPolynomialLaw(
+        inputs=points.inputs,
+        centre_deg=tuple(np.degrees(centre)),
+        half_range_deg=tuple(np.degrees(half)),
+        exponents=tuple(tuple(int(e) for e in row) for row in exponents),
+        coefficients=tuple(float(c) for c in coefficients),
+        source=source,
+    )
 
 
 @dataclass(frozen=True)
@@ -68,7 +137,7 @@ def study_poses(
     joints = tuple(name.removesuffix(".law") for name in stage.parameters)
     choices = {law.joint: law for law in campaign.regressions}
     gauge, start = campaign.noise.gauge_mm * 1e-3, campaign.springs.start_Nm_per_rad
-    system = equations(model, data, gauge)
+    system = equations(model, data)
     columns = [model.robot.joint_names.index(joint) for joint in joints]
     fits = []
     for pose in stage.poses:

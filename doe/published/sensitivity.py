@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.planning.designs import two_level_factorial
-from doe.published.readings import Equations
+from doe.published.equations import Equations
 from robots import InputError
 from robots.arrays import Array
 

@@ -94,7 +94,7 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
 
 
 def plausibility_notes(m: Measurements) -> Iterator[str]:
-    """Say what looks like a wrong sign (units are judged by the class of arm: :mod:`doe.tables.units_check`)."""
+    """Say what looks like a wrong sign (units are judged by the class of arm: :mod:`doe.plausibility.units_check`)."""
     force, moved = m.wrench[:, :3], m.displacement[:, :3]
     loaded = force != 0.0
     # Only where every loaded direction was read is the directional stiffness known.

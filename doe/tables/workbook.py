@@ -142,22 +142,26 @@ class _Scan:
     _formulas: list[str] = field(default_factory=list)
     _errors: list[str] = field(default_factory=list)
     _merged: list[str] = field(default_factory=list)
-    _cells: int = 0
     _row: int = 0
     _column: int = 0
     _row_hidden: bool = False
-    _kind: str = ""
-    _formula: bool = False
-    _value: bool = False
-    _text: bool = False
 
     def read(self, archive: zipfile.ZipFile, part: str) -> None:
         """Go through the sheet once; raises InputError where it cannot be a table."""
-        parser = expat.ParserCreate(namespace_separator=" ")
-        parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
-        parser.CharacterDataHandler = self._characters
         with archive.open(part) as file:
-            parser.ParseFile(file)
+            for event, element in ElementTree.iterparse(file, events=("start", "end")):  # noqa: S314 - as above
+                tag = element.tag.removeprefix(f"{{{_SHEET}}}")
+                if event == "start":
+                    if tag == "row":
+                        self._open_row(element)
+                elif tag == "c":
+                    self._take_cell(element)
+                elif tag == "row":
+                    element.clear()  # millions of cells are not kept
+                elif tag == "mergeCell":
+                    self._merged.append(element.get("ref", "?"))
+                elif tag == "col" and _is_hidden(element):
+                    self._hidden_columns.append((int(element.get("min", "1")), int(element.get("max", "1"))))
 
     def raise_if_faulty(self) -> None:
         """Raise InputErrors where cells within the table do not hold what they show."""
@@ -201,64 +205,33 @@ class _Scan:
         first = _CELL.fullmatch(area.partition(":")[0].replace("$", ""))
         return first is None or (int(first[2]) <= self.rows and _column_number(first[1]) <= self.columns)
 
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        namespace, _, tag = name.rpartition(" ")
-        if namespace != _SHEET:
-            return
-        if tag == "c":
-            self._open_cell(attributes)
-        elif tag == "row":
-            self._open_row(attributes)
-        elif tag == "f":
-            self._formula = True
-        elif tag in ("v", "t"):
-            self._text = True
-            self._value |= tag == "v" and self._kind == "str"  # a formula's text may be empty
-        elif tag == "mergeCell":
-            self._merged.append(attributes.get("ref", "?"))
-        elif tag == "col" and attributes.get("hidden") in ("1", "true"):
-            self._hidden_columns.append((int(attributes.get("min", "1")), int(attributes.get("max", "1"))))
-
-    def _open_row(self, attributes: dict[str, str]) -> None:
-        row = int(attributes["r"]) if attributes.get("r", "").isdecimal() else self._row + 1
+    def _open_row(self, element: ElementTree.Element) -> None:
+        number = element.get("r", "")
+        row = int(number) if number.isdecimal() else self._row + 1
         if row <= self._row:
             raise InputError(f"{self.where}: row {row} stands behind row {self._row}", remedy=_SAVE)
-        self._row, self._column = row, 0
-        self._row_hidden = attributes.get("hidden") in ("1", "true")
+        self._row, self._column, self._row_hidden = row, 0, _is_hidden(element)
 
-    def _open_cell(self, attributes: dict[str, str]) -> None:
-        self._kind, self._formula, self._value, self._text = attributes.get("t", "n"), False, False, False
-        if "r" not in attributes:
-            self._column += 1
-            return
-        place = _CELL.fullmatch(attributes["r"])
-        column = 0 if place is None else _column_number(place[1])
-        if place is None or int(place[2]) != self._row or column <= self._column:
-            raise InputError(f"{self.where}: cell {attributes['r']} stands in a wrong place", remedy=_SAVE)
-        self._column = column
-
-    def _characters(self, text: str) -> None:
-        self._value |= self._text
-
-    def _end(self, name: str) -> None:
-        if name == f"{_SHEET} c":
-            self._close_cell()
-        elif name in (f"{_SHEET} v", f"{_SHEET} t"):
-            self._text = False
-
-    def _close_cell(self) -> None:
-        if not (self._value or self._formula):
+    def _take_cell(self, cell: ElementTree.Element) -> None:
+        self._column = self._column_of(cell.get("r"))
+        kind, has_formula = cell.get("t", "n"), cell.find(f"{{{_SHEET}}}f") is not None
+        # A formula's text may be empty.
+        has_value = any(
+            part.text or (kind == "str" and part.tag == f"{{{_SHEET}}}v")
+            for part in cell.iter()
+            if part.tag in (f"{{{_SHEET}}}v", f"{{{_SHEET}}}t")
+        )
+        if not (has_value or has_formula):
             return  # formatted, nothing in it
         from openpyxl.utils import get_column_letter
 
         address = f"{get_column_letter(self._column)}{self._row}"
-        if self._formula and (self.stale or not self._value):
+        if has_formula and (self.stale or not has_value):
             self._formulas.append(address)
-        if self._kind == "e":
+        if kind == "e":
             self._errors.append(address)
         if self._row_hidden and self._hidden_rows[-1:] != [self._row]:
             self._hidden_rows.append(self._row)
-        self._cells += 1
         self.rows, self.columns = self._row, max(self.columns, self._column)
         if self.columns > MOST_COLUMNS or self.rows * self.columns > MOST_CELLS:
             raise InputError(
@@ -267,6 +240,20 @@ class _Scan:
                 allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
                 remedy="clear the cells away from the readings, or save the readings alone as CSV (UTF-8)",
             )
+
+    def _column_of(self, address: str | None) -> int:
+        """The column of a cell, which must stand behind those before it in its row."""
+        if address is None:
+            return self._column + 1
+        place = _CELL.fullmatch(address)
+        column = 0 if place is None else _column_number(place[1])
+        if place is None or int(place[2]) != self._row or column <= self._column:
+            raise InputError(f"{self.where}: cell {address} stands in a wrong place", remedy=_SAVE)
+        return column
+
+
+def _is_hidden(element: ElementTree.Element) -> bool:
+    return element.get("hidden") in ("1", "true")
 
 
 def _column_number(letters: str) -> int:

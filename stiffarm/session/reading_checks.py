@@ -8,9 +8,8 @@ import numpy as np
 
 from doe import Measurements, read_measurements
 from doe.estimation.problem import problem
-from doe.tables.frozen import refuse_frozen
-from doe.tables.telling import refuse_telling_nothing
-from doe.tables.units_check import check_units
+from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
+from doe.plausibility.units_check import check_units
 from fem.arm import Arm
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError

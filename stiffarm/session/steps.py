@@ -45,7 +45,7 @@ class RigidJoints:
 
 def readings_with_rigid_joints(given: Arm, data: Measurements) -> Equations:
     """The readings as equations of the arm with rigid joints: ``rest`` is what links, bar and crank alone give."""
-    return equations(given.model.with_rigid_joints(), data, DEFAULT_GAUGE_mm * 1e-3)
+    return equations(given.model.with_rigid_joints(), data)
 
 
 def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
@@ -72,7 +72,7 @@ def sensitivity(
     high: float,
 ) -> list[PoseEffects]:
     """Two-level factorial of the springs at the poses."""
-    system = equations(given.model, data, DEFAULT_GAUGE_mm * 1e-3).of_poses(poses)
+    system = equations(given.model, data).of_poses(poses)
     return sensitivity_study(system, joints, given.robot.joint_names, low, high)
 
 
@@ -86,8 +86,8 @@ def bundled_sha256(robot: str) -> str | None:
 
 def springs_seen(given: Arm, data: Measurements) -> tuple[str, ...]:
     """Joints whose spring at least one reading moves with."""
-    system = equations(given.model, data, DEFAULT_GAUGE_mm * 1e-3)
-    size = np.abs(system.influence / system.sigma[:, None]).max(axis=0)
+    system = equations(given.model, data)
+    size = np.abs(system.influence).max(axis=0)
     return tuple(n for n, s in zip(given.robot.joint_names, size, strict=True) if s > 1e-9 * size.max())
 
 

@@ -21,8 +21,8 @@ import pandas as pd
 from doe import bundled_data, read_measurements
 from doe.certainty.uncertainty import certainty
 from doe.tables.joined import join
+from doe.tables.loaded import simulate
 from doe.tables.measurements import Measurements
-from doe.tables.simulated import simulate
 from fem import deflection
 from fem.arm import Arm
 from robots import Robot

@@ -13,7 +13,7 @@ from doe import Measurements
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import problem
 from doe.tables.load_history import history_of
-from doe.tables.simulated import simulate
+from doe.tables.loaded import simulate
 from fem.arm import Arm
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, described_effects, with_effects
 from fem.elements.walls import wall_flexibilities

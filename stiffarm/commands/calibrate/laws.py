@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from doe.certainty.law_band import LawBand, law_band
-from doe.estimation.calibration import StageResult
+from doe.calibration.run import StageResult
+from doe.certainty.uncertainty import LawBand, law_band
 from doe.published.pose_studies import PoseStudies
 from fem.free.parameters import FreeLaw
 from fem.springs import FourierBasis, PolynomialBasis, TableBasis, spring_from

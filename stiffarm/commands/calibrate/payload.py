@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from doe.calibration.run import Count as ParameterCount
 from doe.certainty.lack_of_fit import outliers
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.estimation.calibration import Count as ParameterCount
 from doe.estimation.noise import Noise, origin
 from doe.estimation.problem import Problem
 from doe.published.parametric import PoseFit
-from doe.published.readings import rms_mm
 from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
+from doe.tables.loaded import rms_mm
 from robots.files.csv_text import rows_text
 from stiffarm.commands.calibrate import laws as calibration_laws
 from stiffarm.commands.calibrate import words
@@ -135,9 +135,9 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
             {
                 "names": list(t.parameters),
                 "weights": [number(float(w)) for w in t.weights],
-                "value": number(t.value),
-                "sd": number(t.sd),
-                "unit": t.unit,
+                "value": number(t.best.value),
+                "sd": number(t.best.sd),
+                "unit": t.best.unit,
                 "words": t.words,
             }
             for t in r.trade_offs

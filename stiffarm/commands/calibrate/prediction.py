@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe import Measurements
-from doe.estimation.calibration import Calibration, run_campaign, undetermined
+from doe.calibration.run import Calibration, run_campaign, undetermined
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import Problem, problem
-from doe.published.readings import rms_mm
 from doe.tables.load_history import history_of
+from doe.tables.loaded import rms_mm
 from fem import ArmModel
 from fem.effects import History, Maker, PlacedEffect
 from robots import InputError, ModelDescription

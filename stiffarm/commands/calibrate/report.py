@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from doe.published.readings import rms_mm
 from doe.tables.joined import files_of
+from doe.tables.loaded import rms_mm
 from robots.arrays import Array, Integers
 from stiffarm.commands.calibrate.sections import stage_section, study_blocks
 from stiffarm.commands.calibrate.step import Calibrated

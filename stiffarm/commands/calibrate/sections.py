@@ -112,7 +112,7 @@ def _held(c: Calibrated) -> list[str]:
     """Joint springs that were not set free in any stage, and whether readings would have moved with them."""
     free = {e.parameter.place for s in c.found.stages for e in s.certainty.estimates
             if e.parameter.kind.of_law or e.parameter.spring_of is not None}  # fmt: skip
-    influence = np.abs(equations(c.found.model, c.data, 1e-5).influence).max(axis=0)
+    influence = np.abs(equations(c.found.model, c.data).influence).max(axis=0)
     out = []
     for what, mine in (
         ("no reading moves with them", influence <= _BLIND * influence.max()),

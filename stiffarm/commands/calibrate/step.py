@@ -8,10 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import Measurements, select_loads
-from doe.certainty.lack_of_fit import downweighted
-from doe.certainty.left_out import leave_one_pose_out
-from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, certainty
-from doe.estimation.calibration import (
+from doe.calibration.run import (
     Calibration,
     StageResult,
     readings_of,
@@ -19,13 +16,16 @@ from doe.estimation.calibration import (
     run_campaign,
     without_outliers,
 )
+from doe.calibration.written import with_origin
+from doe.certainty.lack_of_fit import downweighted
+from doe.certainty.left_out import leave_one_pose_out
+from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, certainty
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
-from doe.model_file.origin import with_origin
-from doe.published.readings import points_of, rms_mm
 from doe.tables.checks import refuse_seen
 from doe.tables.joined import files_of
 from doe.tables.load_history import history_of_part
+from doe.tables.loaded import points_of, rms_mm
 from fem import ArmModel
 from fem.arm import Arm
 from fem.effects import build_plain

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from doe.calibration.run import StageResult
 from doe.certainty.lack_of_fit import FLAGGED, LackOfFit, downweighted
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
-from doe.estimation.calibration import StageResult
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import FEWEST_POSES, Noise, estimable
 from doe.estimation.problem import Problem
+from doe.plausibility.passive_arm import NOISY
 from doe.published.pose_studies import PoseStudies
-from doe.published.readings import PointOf
-from doe.tables.telling import NOISY
+from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter
 from stiffarm.session.spring_words import bound_remark
 

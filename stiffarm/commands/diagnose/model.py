@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from doe.calibration.written import calibration_table
 from doe.certainty.uncertainty import ParameterEstimate, Status
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import free_numbers
 from doe.model_file.applied import note_of
-from doe.model_file.carried_on import carried_on
-from doe.model_file.uncertainty_table import FoundNumber, calibration_table, uncertainty_table
+from doe.model_file.uncertainty_table import FoundNumber, carried_on, uncertainty_table
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
 from fem.free.parameters import TURN, parameter
 from robots import ModelDescription

@@ -9,7 +9,7 @@ from doe.diagnosis.diagnose import Found, Verdict
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
-from doe.published.readings import rms_mm
+from doe.tables.loaded import rms_mm
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text

@@ -170,12 +170,12 @@ def uncertainty_of(
         return None
     # Only calibrated models need them, and they take their time to load.
     from doe.certainty.parameter_uncertainty import parameter_uncertainty
-    from doe.certainty.propagation import relative_sd
+    from doe.certainty.propagation import propagate
 
     table = parameter_uncertainty(description)
     if table is None:
         return None
-    return lambda q: relative_sd(model, table, q, direction, point)
+    return lambda q: propagate(model, table, q, direction, point).relative_sd
 
 
 def evaluate(text: str, number: int) -> dict[str, Any]:

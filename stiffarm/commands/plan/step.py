@@ -11,6 +11,7 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.campaign import NoiseChoice, campaign_of
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
+from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.optimal_choice import Criterion
 from doe.planning.outset import Outset, check_plannable, first_outset, has_enough, helped_outset, outset
 from doe.planning.plan import (
@@ -25,7 +26,6 @@ from doe.planning.plan import (
 from doe.planning.pose_designs import Method, Zone, pose_design
 from doe.planning.protocol import Protocol, new_labels
 from doe.planning.tour import short_tour
-from doe.tables.idle_coordinates import idle_coordinates
 from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring

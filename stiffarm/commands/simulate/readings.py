@@ -8,7 +8,7 @@ import numpy as np
 
 from doe import Measurements
 from doe.tables.load_history import history_of
-from doe.tables.simulated import simulate
+from doe.tables.loaded import simulate
 from fem.arm import Arm
 from robots.arrays import Array
 from stiffarm.commands.simulate.step import head

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from plain_problems import linear
 
-from doe.certainty.law_band import law_band
-from doe.certainty.uncertainty import certainty
+from doe.certainty.uncertainty import certainty, law_band
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
 from fem.free.parameters import FreeLaw, TableBasis

@@ -10,7 +10,6 @@ import pytest
 
 from doe.certainty import left_out
 from doe.certainty.left_out import leave_one_pose_out
-from doe.estimation.blocks import Blocks
 from doe.estimation.estimate import Estimate, estimate, estimate_at
 from doe.estimation.least_squares import minimise
 from doe.estimation.noise import Noise
@@ -26,7 +25,7 @@ def _refitted(e: Estimate, k: int) -> Array:
     p = e.problem
     mine = p.pose == k
     rest = p.take(~mine)
-    V = Blocks.of(rest).covariance(e.covariance.variance[~mine], e.noise.common(p, e.prediction)[~mine])
+    V = rest.blocks.covariance(e.covariance.variance[~mine], e.noise.common(p, e.prediction)[~mine])
     u = minimise(rest, V, e.u)[0]
     return p.value[mine] - p.evaluate(u)[0][mine]
 
@@ -62,7 +61,7 @@ def test_bounds_that_are_met_or_left_without_a_pose(seed: int) -> None:
         np.testing.assert_allclose(error[p.pose == k], _refitted(e, k), rtol=1e-9, atol=1e-12)
         rest = p.take(p.pose != k)
         common = e.noise.common(p, e.prediction)[p.pose != k]
-        u = minimise(rest, Blocks.of(rest).covariance(e.covariance.variance[p.pose != k], common), e.u)[0]
+        u = minimise(rest, rest.blocks.covariance(e.covariance.variance[p.pose != k], common), e.u)[0]
         stand.append(tuple(u[1:3] == 0.0))
     assert len(set(stand)) > 1, "no bound was met or left: the case tests nothing"
 

@@ -13,19 +13,16 @@ from uncertain_models import along, known, sprung, table_of, with_laws, with_tab
 
 import fem
 from doe import Measurements
+from doe.calibration.run import run_campaign
+from doe.calibration.written import calibration_table, with_origin
 from doe.certainty.propagation import (
     compliance_gradients,
-    gradients,
     propagate,
-    relative_sd,
     sampled,
 )
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.estimation.calibration import run_campaign
 from doe.estimation.campaign import campaign_of
 from doe.model_file.applied import apply_estimates
-from doe.model_file.origin import with_origin
-from doe.model_file.uncertainty_table import calibration_table
 from fem import ArmModel, build_model
 from fem.free.parameters import named_numbers
 from fem.springs import LawSpring
@@ -65,7 +62,7 @@ def test_derivatives_are_those_of_a_model_built_anew(kuka: ModelDescription, rng
     model = build_model(given)
     q = 0.6 * rng.uniform(*model.robot.limits.T, (7, 6))
     wrench = np.concatenate([rng.normal(size=3), 0.3 * rng.normal(size=3)])
-    found = gradients(model, known(given), q, wrench)
+    found = propagate(model, known(given), q, wrench).gradient
     w = wrench / np.linalg.norm(wrench)
     numbers = named_numbers(model, EVERY_KIND)
     laws = {law.joint: law for law in numbers.laws}
@@ -96,7 +93,7 @@ def test_one_spring_alone_has_the_compliance_s_own_relative_deviation(kuka: Mode
     u = known(with_table(given, table, "rigid"))
     model = build_model(u.description, "rigid")
     q = np.radians([[0, -60, 90, 0, 20, 0], [30, -90, 100, 10, 40, 0]])
-    np.testing.assert_allclose(relative_sd(model, u, q), 0.07, rtol=1e-12)
+    np.testing.assert_allclose(propagate(model, u, q).relative_sd, 0.07, rtol=1e-12)
 
 
 def test_the_whole_matrix_says_the_same_as_a_direction(kuka: ModelDescription, rng: np.random.Generator) -> None:
@@ -108,7 +105,7 @@ def test_the_whole_matrix_says_the_same_as_a_direction(kuka: ModelDescription, r
     C = fem.compliance(model, q)
     own = np.einsum("ni,npij,nj->np", d, G, d) / np.einsum("ni,nij,nj->n", d, C, d)[:, None]
     # Linear in the compliances: with the rest it is the compliance itself.
-    np.testing.assert_allclose(gradients(model, u, q, d), own, rtol=1e-9, atol=1e-6 * np.abs(own).max())
+    np.testing.assert_allclose(propagate(model, u, q, d).gradient, own, rtol=1e-9, atol=1e-6 * np.abs(own).max())
     stiffer = model.with_springs({"j1": 3e6, "j2": 1.8e6, "j5": 3e5})
     np.testing.assert_allclose(C - np.einsum("npij,p->nij", G, 0.5 * u.estimate), fem.compliance(stiffer, q),
                                atol=1e-12 * np.abs(C).max())  # fmt: skip
@@ -181,7 +178,7 @@ def test_student_s_t_widens_as_its_quantile_does(kuka: ModelDescription) -> None
     given = with_table(kuka, table_of(kuka, ("j2.stiffness", "j3.stiffness"), dof=5.0))
     model, u = build_model(given), known(given)
     q = np.radians([[0, -60, 90, 0, 20, 0]])
-    wide = propagate(model, u, q, widened=True).relative_sd / relative_sd(model, u, q)
+    wide = propagate(model, u, q, widened=True).relative_sd / propagate(model, u, q).relative_sd
     assert wide[0] == pytest.approx(2.570582 / 1.959964, rel=1e-6)
 
 

@@ -10,9 +10,7 @@ import pytest
 from plain_problems import linear
 from scipy.stats import t as student
 
-from doe.certainty.satterthwaite import degrees_of_freedom
-from doe.certainty.uncertainty import certainty
-from doe.estimation.blocks import Blocks
+from doe.certainty.uncertainty import certainty, degrees_of_freedom
 from doe.estimation.estimate import Estimate, estimate, estimate_at
 from doe.estimation.noise import Noise
 
@@ -24,7 +22,7 @@ N = len(POSE)
 def _at(A: np.ndarray, noise: Noise, names: tuple[str, ...]) -> Estimate:
     """An estimate whose variances were found to be those of ``noise``."""
     p = linear(A, np.random.default_rng(0).normal(size=len(A)), POSE[: len(A)])
-    e = estimate_at(p, np.zeros(A.shape[1]), noise, np.ones(len(p)), settled=True, blocks=Blocks.of(p))
+    e = estimate_at(p, np.zeros(A.shape[1]), noise, np.ones(len(p)), settled=True)
     return replace(e, estimated=names)
 
 

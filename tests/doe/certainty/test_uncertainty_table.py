@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from doe import Campaign, Measurements, bundled_campaign, bundled_data, read_measurements, select_loads
+from doe.calibration.run import Calibration, run_campaign
+from doe.calibration.written import NO_COVARIANCE, with_origin
 from doe.certainty.propagation import parameter_uncertainty, propagate
-from doe.estimation.calibration import Calibration, run_campaign
 from doe.estimation.campaign import campaign_of
-from doe.model_file.origin import with_origin
-from doe.model_file.uncertainty_table import NO_COVARIANCE
 from fem import build_model
 from robots import ModelDescription, load_description, load_robot, save_description
 

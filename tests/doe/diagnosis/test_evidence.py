@@ -28,7 +28,7 @@ def dense(s: Setting, base: Base, more: Signature | None = None) -> float:
     f = s.prediction
     V = np.diag(NOISE.variance(s.data, f))
     common = NOISE.common(s.data, f)
-    same = s.blocks.number[:, None] == s.blocks.number
+    same = s.data.blocks.number[:, None] == s.data.blocks.number
     V += same * (common @ common.T) + base.columns @ np.diag(1.0 / base.precision) @ base.columns.T
     residual = base.residual
     if more is not None:
@@ -85,9 +85,7 @@ def test_leaving_a_pose_out_is_fitting_without_it(small: Setting) -> None:
         rest = small.data.pose != g
         f = small.prediction[rest]
         part = small.data.take(rest)
-        from doe.estimation.blocks import Blocks
-
-        own = Blocks.of(part).covariance(NOISE.variance(part, f), NOISE.common(part, f))
+        own = NOISE.covariance(part, f, np.ones(len(part)))
         W = own.whiten(base.columns[rest])
         r = own.whiten(base.residual[rest][:, None])[:, 0]
         u = np.linalg.solve(W.T @ W + np.diag(base.precision), W.T @ r)

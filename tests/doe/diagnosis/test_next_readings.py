@@ -27,7 +27,6 @@ from doe.diagnosis.rivals import (
     with_candidates,
 )
 from doe.diagnosis.setting import Setting
-from doe.estimation.blocks import Blocks
 from doe.estimation.noise import Noise
 from doe.planning.pose_designs import Zone
 from doe.planning.protocol import Protocol
@@ -135,7 +134,7 @@ def test_prediction_is_that_of_a_joint_normal(setting: Setting, rng: np.random.G
     prior = rng.uniform(0.5, 2.0, b)
     y = rng.normal(size=m)
     base = Base(columns, np.concatenate([y, np.full(r * count, -0.7)]), prior, np.full(b, -np.inf))
-    V = Blocks.of(setting.data).covariance(rng.uniform(1.0, 2.0, m), rng.normal(size=(m, 2)))
+    V = setting.data.blocks.covariance(rng.uniform(1.0, 2.0, m), rng.normal(size=(m, 2)))
     dense = np.linalg.inv(V.solve(np.eye(m)))
     noise = np.linalg.cholesky(np.stack([np.eye(r) + 0.5 * k for k in range(count)]))
     mean, factor = foreseen(base, V, noise)

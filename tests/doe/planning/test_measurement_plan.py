@@ -12,6 +12,7 @@ from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem, problem
+from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.outset import (
     VAGUE,
     Outset,
@@ -25,7 +26,6 @@ from doe.planning.outset import (
 from doe.planning.plan import expected, experiments, foresee, plan
 from doe.planning.pose_designs import pose_design
 from doe.planning.protocol import Protocol, every_load
-from doe.tables.idle_coordinates import idle_coordinates
 from fem import ArmModel, build_model, deflection
 from fem.free.parameters import parameter
 from robots import InputError, load_description

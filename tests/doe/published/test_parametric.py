@@ -22,7 +22,7 @@ A1, A2 = -650.0, -650.0 * 1.5**2
 
 def one_reading(value: float, influence: tuple[float, ...] = (A1,), rest: float = -5e-4) -> Equations:
     return Equations(
-        influence=np.array([influence]), rest=np.array([rest]), value=np.array([value]), sigma=np.array([GAUGE_M]),
+        influence=np.array([influence]), rest=np.array([rest]), value=np.array([value]),
         row=np.array([0]), component=np.array([2]), q=np.zeros((1, len(influence))), pose=("7",),
     )  # fmt: skip
 
@@ -198,7 +198,7 @@ def test_several_readings_at_a_pose_are_matched_together() -> None:
     value = -5e-4 + influence @ (1.0 / np.array([4e5, 7e5]))
     system = replace(
         one_reading(0.0, (A1, A2)), influence=influence, rest=np.full(3, -5e-4), value=value,
-        sigma=np.full(3, GAUGE_M), row=np.arange(3), component=np.full(3, 2), q=np.zeros((3, 2)), pose=("7",) * 3,
+        row=np.arange(3), component=np.full(3, 2), q=np.zeros((3, 2)), pose=("7",) * 3,
     )  # fmt: skip
     found = fit(system)
     assert found.matched
@@ -215,7 +215,7 @@ def test_springs_of_a_slanting_valley_are_found_where_levels_along_the_axes_stic
         influence = A1 * rng.uniform(0.0, 2.0, (readings, springs)) ** 2
         value = -5e-4 + influence @ 10.0 ** -rng.uniform(4.0, 7.0, springs)
         system = Equations(
-            influence=influence, rest=np.full(readings, -5e-4), value=value, sigma=np.full(readings, GAUGE_M),
+            influence=influence, rest=np.full(readings, -5e-4), value=value,
             row=np.arange(readings), component=np.full(readings, 2), q=np.zeros((readings, springs)),
             pose=("7",) * int(readings),
         )  # fmt: skip
@@ -229,7 +229,7 @@ def test_springs_of_a_slanting_valley_are_found_where_levels_along_the_axes_stic
 def test_readings_that_contradict_each_other_are_told() -> None:
     system = replace(
         one_reading(0.0), influence=np.array([[A1], [A1]]), rest=np.zeros(2), value=np.array([-1e-3, -2e-3]),
-        sigma=np.full(2, GAUGE_M), row=np.arange(2), component=np.full(2, 2), q=np.zeros((2, 1)), pose=("7", "7"),
+        row=np.arange(2), component=np.full(2, 2), q=np.zeros((2, 1)), pose=("7", "7"),
     )  # fmt: skip
     found = fit(system)
     assert not found.matched
@@ -242,11 +242,11 @@ def test_readings_that_contradict_each_other_are_told() -> None:
 def test_the_measured_pose_4_is_within_reach_of_the_paper_scheme(arm: Arm, measured: Measurements) -> None:
     # On the real system: the fit's own error is the model's error at that pose.
     model = arm()
-    one = equations(model, measured, GAUGE_M).of_poses(("4",))
+    one = equations(model, measured).of_poses(("4",))
     fixed = np.array([0.0, 1e-6, 1e-6, 1e-6, 1e-6, 0.0])
     found = fit_pose(one, fixed, [4], ("j5",), 10, BOUNDS, GAUGE_M, 1e6)
     fixed[4] = 1.0 / found.stiffness[0]
-    simulated = one.predict(fixed)[0]
+    simulated = (one.rest + one.influence @ fixed)[0]
     # The same sum in another order: round-off on 1.5 mm.
     assert found.error_mm == pytest.approx((simulated - one.value[0]) * 1e3, abs=1e-12)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from doe import Campaign, Measurements, SpringPoints, model_compliances
-from doe.estimation.calibration import Calibration, run_campaign
+from doe.calibration.run import Calibration, run_campaign
 from doe.estimation.campaign import Stage
 from doe.published.parametric import PoseFit
 from fem import ArmModel, deflection

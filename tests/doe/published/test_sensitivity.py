@@ -18,7 +18,7 @@ LOW, HIGH = 1e5, 1e6
 
 
 def study(model: ArmModel, data: Measurements, scheme: Campaign) -> tuple[Equations, dict[str, PoseEffects]]:
-    system = equations(model, data, 1e-5).of_poses(scheme.beside.sensitivity.poses)
+    system = equations(model, data).of_poses(scheme.beside.sensitivity.poses)
     effects = sensitivity_study(system, scheme.beside.sensitivity.joints, model.robot.joint_names, LOW, HIGH)
     return system, {e.pose: e for e in effects}
 
@@ -94,7 +94,7 @@ def test_of_several_loads_the_largest_counts(arm: Arm, readings: Readings) -> No
     q = np.radians([[0.0, 5.0, 77.5, 0.0, 0.0, 0.0]] * 2)
     wrench = np.array([[0, 0, -100.0, 0, 0, 0], [0, 0, -650.0, 0, 0, 0]])
     data = readings(model, {"j3": 8e5}, q, wrench, pose=("41", "41"))
-    system = equations(model, data, 1e-5)
+    system = equations(model, data)
     both = sensitivity_study(system, ("j3",), model.robot.joint_names, LOW, HIGH)
     alone = sensitivity_study(system.take(system.row == 1), ("j3",), model.robot.joint_names, LOW, HIGH)
     assert len(both) == 1
@@ -104,7 +104,7 @@ def test_of_several_loads_the_largest_counts(arm: Arm, readings: Readings) -> No
 def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Campaign, readings: Readings) -> None:
     model = arm()
     names = model.robot.joint_names
-    system = equations(model, measured, 1e-5)
+    system = equations(model, measured)
     with pytest.raises(InputError, match=r"sensitivity bounds: got '1e\+06 to 100000"):
         sensitivity_study(system, ("j2",), names, HIGH, LOW)
     with pytest.raises(InputError, match="'j9'"):
@@ -113,4 +113,4 @@ def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Campaign, 
         system.of_poses(("99",))
     sideways = readings(model, {}, measured.q[:1], measured.wrench[:1], "x", pose=("3",))
     with pytest.raises(InputError, match="pose 3 has no Z reading"):
-        sensitivity_study(equations(model, sideways, 1e-5), ("j2",), names, LOW, HIGH)
+        sensitivity_study(equations(model, sideways), ("j2",), names, LOW, HIGH)

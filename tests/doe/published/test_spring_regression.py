@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from doe import Campaign, Measurements, SpringPoints, fit_law
-from doe.estimation.calibration import run_campaign
-from doe.published.spring_regression import total_degree_exponents
+from doe.calibration.run import run_campaign
+from doe.published.pose_studies import total_degree_exponents
 from fem import ArmModel
 from fem.springs import spring_from
 from robots import InputError, Robot, load_description

@@ -12,8 +12,8 @@ from round_trip_cases import CASES, LOAD, NOISE_M, STAGED, Case, Trip, arm, fill
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.model_file.applied import apply_estimates
+from doe.tables.loaded import simulate
 from doe.tables.reading import write_measurements
-from doe.tables.simulated import simulate
 from fem.effects import build_plain, catalogue
 from fem.free.kinds import KINDS
 from fem.free.parameters import parameter

@@ -17,7 +17,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLUnstructuredGridReader
 
 from doe.certainty.parameter_uncertainty import parameter_uncertainty
-from doe.certainty.propagation import relative_sd
+from doe.certainty.propagation import propagate
 from fem import build_model, compliance_budget, directional_stiffness
 from machining import stiffness_index
 from robots import InputError, forward_kinematics, load_description, tool_position
@@ -267,7 +267,7 @@ def test_a_calibrated_model_says_how_sure_its_stiffness_is(cli: Command, tmp_pat
     q = np.radians(np.column_stack([numbers(found[name]) for name in model.robot.coordinates])[there])
     known = parameter_uncertainty(description)
     assert known is not None
-    np.testing.assert_allclose(percent[there], 100.0 * relative_sd(model, known, q, DOWN), rtol=1e-5)
+    np.testing.assert_allclose(percent[there], 100.0 * propagate(model, known, q, DOWN).relative_sd, rtol=1e-5)
 
 
 # --- what goes to a cluster ----------------------------------------------------------------------------------------

@@ -9,8 +9,8 @@ import pytest
 from unit_arms import MISTYPED, made_up, scaled
 
 from doe import Measurements, bundled_data, read_measurements
-from doe.tables import units_check
-from doe.tables.units_check import check_units, suspicions
+from doe.plausibility import units_check
+from doe.plausibility.units_check import check_units, suspicions
 from fem import ArmModel, build_model, deflection
 from robots import InputError, ModelDescription, arm_class, load_description
 

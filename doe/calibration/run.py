@@ -16,13 +16,13 @@ from doe.certainty.left_out import moving_with
 from doe.certainty.uncertainty import Certainty, blind_directions, certainty
 from doe.estimation.campaign import Campaign, Stage
 from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
-from doe.estimation.level_study import LevelStudy, level_study
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem, problem
 from doe.model_file.applied import apply_estimates, with_springs
+from doe.published.level_study import LevelStudy, level_study
 from doe.published.pose_studies import PoseStudies, study_poses
-from doe.published.readings import PointOf, check_poses, points_of, rms_mm, select_loads
 from doe.tables.load_history import history_of, history_of_part
+from doe.tables.loaded import PointOf, check_poses, points_of, rms_mm, select_loads
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects

@@ -10,10 +10,10 @@ from scipy.stats import binom
 from table_cases import DOWN, THREE_WAYS, Arm, campaign, plain_arm, spoilt, table
 
 from doe.estimation.problem import problem
-from doe.published.readings import select_loads
+from doe.plausibility.passive_arm import LEVEL, Told, refuse_telling_nothing, told_by
+from doe.tables.loaded import select_loads
 from doe.tables.measurements import Measurements
 from doe.tables.reading import bundled_data, read_measurements
-from doe.tables.telling import LEVEL, Told, refuse_telling_nothing, told_by
 from robots import InputError
 
 SPOILT = ("rows flipped", "cells flipped", "random", "shuffled")

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from doe import Measurements
-from doe.estimation.calibration import Calibration, run_campaign
+from doe.calibration.run import Calibration, run_campaign
+from doe.calibration.written import calibration_table, stage_covariance
 from doe.estimation.campaign import Campaign, campaign_of, parse_campaign
-from doe.model_file.carried_on import carried_on
-from doe.model_file.stage_covariance import stage_covariance
-from doe.model_file.uncertainty_table import calibration_table
+from doe.model_file.uncertainty_table import carried_on
 from fem import build_model
 from robots import ModelDescription, Robot, load_description
 from robots.schema.description import Calibration as Origin

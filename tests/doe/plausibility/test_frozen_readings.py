@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from table_cases import THREE_WAYS, Arm, campaign, plain_arm, table, with_springs
 
-from doe.published.readings import select_loads
-from doe.tables.frozen import refuse_frozen
+from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.joined import join
+from doe.tables.loaded import select_loads
 from doe.tables.measurements import Measurements
 from doe.tables.reading import bundled_data, read_measurements
 from fem import deflection

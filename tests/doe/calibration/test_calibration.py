@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from doe import Measurements, bundled_data, read_measurements, select_loads
+from doe.calibration.run import run_campaign
 from doe.certainty.left_out import leave_one_pose_out
 from doe.certainty.uncertainty import certainty
-from doe.estimation.calibration import run_campaign
 from doe.estimation.campaign import campaign_of, parse_campaign
 from doe.estimation.estimate import estimate_at
 from doe.estimation.noise import Noise

@@ -24,7 +24,7 @@ from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.least_squares import bounded_step
 from doe.estimation.problem import problem
-from doe.published.readings import equations
+from doe.published.equations import equations
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.free.parameters import parameter
@@ -188,7 +188,7 @@ class Misfits:
 
 def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: bool) -> Misfits | None:
     """The readings of one kind against springs of the class; None where none of that kind moves with a spring."""
-    e = equations(model, data, 1.0)
+    e = equations(model, data)
     e = e.take((e.component >= 3) == rotations)
     lever = max(reach_of(model.robot), SHORTEST)
     load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / lever)[e.row]
