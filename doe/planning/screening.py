@@ -169,7 +169,8 @@ def _sobol(study: dict[str, Any], outputs: Array, seed: int) -> tuple[Array, Arr
             warnings.simplefilter("ignore", FutureWarning)
             from SALib.analyze import sobol as sobol_analysis  # with pandas, which only screenings need
 
-            found = sobol_analysis.analyze(study, column, calc_second_order=False, seed=seed)
+            # SALib takes a seed of 0 for none.
+            found = sobol_analysis.analyze(study, column, calc_second_order=False, seed=seed + 1)
         for name in parts:
             parts[name][j] = found[name]
     return parts["S1"], parts["S1_conf"], parts["ST"], parts["ST_conf"]

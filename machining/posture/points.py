@@ -58,6 +58,21 @@ class GammaRange:
         if self.count < 2:
             raise InputError("number of angles gamma", value=self.count, allowed="2 or more")
 
+    @classmethod
+    def of_degrees(cls, lower: float, upper: float, step: float) -> GammaRange:
+        """The range from ``lower`` to ``upper`` deg whose angles are nearly ``step`` deg apart.
+
+        Raises
+        ------
+        InputError
+            As for the range, or a step that is not above 0.
+        """
+        if not step > 0.0:
+            raise InputError("step of gamma", value=f"{step:g} deg", allowed="above 0 deg")
+        cells = max(1, round((upper - lower) / step))
+        whole = cls(np.radians(lower), np.radians(upper))
+        return cls(whole.lower, whole.upper, max(2, cells if whole.closed else cells + 1))
+
     @property
     def closed(self) -> bool:
         """Whether it is a full turn."""

@@ -79,13 +79,10 @@ def gammas_of(fields: Fields) -> GammaRange:
     high = fields.number("gamma_to_deg", -720.0, 720.0)
     step = fields.number("gamma_step_deg", 360.0 / MOST_ANGLES, 360.0)
     low, high, step = -180.0 if low is None else low, 180.0 if high is None else high, step or GAMMA_STEP
-    width = high - low
-    if not step <= width <= 360.0 + 1e-9:
+    if not step <= high - low <= 360.0 + 1e-9:
         allowed = "from below to, a step at least and 360 deg at most apart"
         raise fields.fault("gamma_from_deg, gamma_to_deg", [low, high], allowed)
-    cells = max(1, round(width / step))
-    closed = width > 360.0 - 1e-9
-    return GammaRange(np.radians(low), np.radians(high), max(2, cells if closed else cells + 1))
+    return GammaRange.of_degrees(low, high, step)
 
 
 def quantity_of(fields: Fields, force: Array | None) -> str:

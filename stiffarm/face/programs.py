@@ -12,7 +12,7 @@ import numpy as np
 from robots import InputError
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
-from stiffarm.face.shop import Range, gammas, setup_of
+from stiffarm.face.shop import Range, setup_of
 from stiffarm.face.shown import Shown
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def post(
     InputError
         A point out of reach, an unknown format, a folder that is not empty, or a program that does not read back.
     """
-    from machining import Drive, Objective
+    from machining import Drive, GammaRange, Objective
     from machining.cutting import stiffness_uncertainty
     from machining.programs.posting import PostSettings
     from machining.programs.run import PostRequest, run_post
@@ -138,7 +138,9 @@ def post(
         setup, motions = setup_of(arm, cell), read_toolpath(Path(path))
         axes = len(setup.cell.linear_axes)
         settings = PostSettings(
-            gamma=float(np.radians(gamma_deg)) if isinstance(gamma_deg, int | float) else gammas(gamma_deg),
+            gamma=float(np.radians(gamma_deg))
+            if isinstance(gamma_deg, int | float)
+            else GammaRange.of_degrees(*gamma_deg),
             objective=Objective(),
             drive=setup.drive(Drive(), clear=False),
             travel=np.zeros(axes) if axes else None,

@@ -17,7 +17,6 @@ from stiffarm.face.shown import Shown
 if TYPE_CHECKING:
     import pandas as pd
 
-    from machining import GammaRange
     from machining.cutting.milling_file import Cut
     from machining.placement.study import PlacedStep
     from machining.posture.posing import Posed
@@ -122,7 +121,7 @@ def posture(
     InputError
         A point out of reach, a model in which nothing gives way, or a path that cannot be read.
     """
-    from machining import Drive, Objective
+    from machining import Drive, GammaRange, Objective
     from machining.cutting import stiffness_uncertainty
     from machining.posture.posing import FIXED, PostureRequest, pose_along
     from machining.toolpaths import read_given_path
@@ -136,7 +135,7 @@ def posture(
         request = PostureRequest(
             task,
             Objective(quantity, None if cut is None else cut.force.along(task).force, aim),
-            gammas(gamma_deg),
+            GammaRange.of_degrees(*gamma_deg),
             setup.drive(Drive()),
             seed=seed,
             cut=cut,
@@ -179,7 +178,7 @@ def place(
     InputError
         No position from which the whole path can be reached, or a cell without linear axes.
     """
-    from machining import Drive
+    from machining import Drive, GammaRange
     from machining.cell import arm_bodies, read_cell, scene_of
     from machining.cutting import stiffness_uncertainty
     from machining.placement import Goal, How, Problem, space_of
@@ -200,7 +199,7 @@ def place(
             space=space_of(described),
             path=given.path,
             goal=Goal(aim, cut.force),
-            gamma=gammas(gamma_deg),
+            gamma=GammaRange.of_degrees(*gamma_deg),
             drive=Drive(speed=described.joint_speed),
             scene=scene,
             clearance=described.safety,
@@ -230,13 +229,3 @@ def _cut(force_N: Sequence[float] | None, axes: Axes, milling: str | Path | None
     if milling is not None:
         return read_milling(Path(milling))
     return None if force_N is None else Cut(ConstantForce(np.array(force_N, dtype=np.float64), axes))
-
-
-def gammas(degrees: Range) -> GammaRange:
-    """First angle, last angle and step in deg, as the engines take them."""
-    from machining import GammaRange
-
-    first, last, step = np.radians(degrees)
-    if not step > 0.0:
-        raise InputError("gamma_deg", value=degrees, allowed="first and last angle, and a step above 0")
-    return GammaRange(float(first), float(last), round(float((last - first) / step)) + 1)

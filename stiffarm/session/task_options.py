@@ -112,6 +112,4 @@ def parse_gammas(text: str) -> GammaRange | float:
             "--gamma: step", value=step, allowed=f"{(high - low) / MOST_ANGLES:.3g} deg or more: {MOST_ANGLES} angles",
             remedy="finer angles are found about the best ones by themselves",
         )  # fmt: skip
-    cells = max(1, round((high - low) / step))
-    closed = high - low > 360.0 - 1e-9
-    return GammaRange(math.radians(low), math.radians(high), max(2, cells if closed else cells + 1))
+    return GammaRange.of_degrees(low, high, step)

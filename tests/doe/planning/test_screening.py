@@ -41,6 +41,12 @@ def test_a_sum_has_no_interactions_and_known_indices(free: FreeModel) -> None:
     assert np.all(found.mean_effect[:, 0] < 1e-12 * found.mean_effect.max())
 
 
+def test_the_seed_decides_the_intervals_too(free: FreeModel) -> None:
+    # SALib takes a seed of 0, our default, for none.
+    a, b = screen(free, 2, samples=64), screen(free, 2, samples=64)
+    np.testing.assert_array_equal(a.total_conf, b.total_conf)
+
+
 def test_morris_ranks_as_the_exact_spans_do(free: FreeModel) -> None:
     found = screen(free, 2, samples=8, trajectories=60)
     _, J = free.evaluate(free.start)

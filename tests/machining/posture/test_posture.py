@@ -134,3 +134,11 @@ def test_bad_objectives_and_ranges_are_refused(kr60: fem.ArmModel) -> None:
         sweep_gamma(kr60, dome_task(2), Objective(), [])
     with pytest.raises(InputError, match="gamma"):
         sweep_gamma(kr60, dome_task(2), Objective(), [np.nan])
+
+
+def test_a_range_in_degrees_counts_the_ends_of_a_full_turn_once() -> None:
+    assert GammaRange.of_degrees(-180.0, 180.0, 5.0).count == 72
+    assert GammaRange.of_degrees(0.0, 90.0, 5.0).count == 19
+    np.testing.assert_allclose(np.degrees(GammaRange.of_degrees(0.0, 90.0, 30.0).angles), [0, 30, 60, 90], atol=1e-12)
+    with pytest.raises(InputError, match="step of gamma"):
+        GammaRange.of_degrees(0.0, 90.0, 0.0)

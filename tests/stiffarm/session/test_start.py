@@ -132,5 +132,5 @@ def test_a_program_is_verified_and_a_base_placed_without_renderers(tmp_path: Pat
     axis = '[[linear_axis]]\nname = "rail"\nlimits_mm = [0, 200]\ndirection = [1, 0, 0]\n'
     on_rail.write_text((part / "cell.toml").read_text(encoding="utf-8") + axis, encoding="utf-8")
     task = ("--cell", on_rail, "--force", "80,40,-60", "--gamma=-180:180:30", "--links", "rigid")
-    # What place says in its table stands with its report's figures.
-    assert loaded(modules("place", "kr60-3", path, *task), rest - {"doe", "matplotlib"}) == set()
+    # What place says in its table stands with its report's figures, and its map of the axes is a field of a map.
+    assert loaded(modules("place", "kr60-3", path, *task), rest - {"doe", "matplotlib", "surrogate"}) == set()
