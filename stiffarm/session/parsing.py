@@ -104,6 +104,20 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
     return out
 
 
+def parse_settings(texts: Sequence[str], option: str) -> dict[str, str]:
+    """Read ``name=value`` texts, each name once; what names and values may be, the model says."""
+    out: dict[str, str] = {}
+    for text in texts:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value):
+            remedy = "write a parameter, =, and its value"
+            raise InputError(option, value=text, allowed="NAME=VALUE, as in j2.stiffness=1.4e6", remedy=remedy)
+        if name in out:
+            raise InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one")
+        out[name] = value
+    return out
+
+
 def parse_pose(robot: Robot, text: str) -> Array:
     """One pose (dof,) rad from ``q2_deg=5,q3real_deg=77.5``; the rest is 0. Limits are checked."""
     values = parse_pairs(text, "--pose", robot.coordinates)
