@@ -19,9 +19,9 @@ from robots.arrays import Array
 class Gaps:
     """Measured minus simulated displacement at the tool points of n loaded poses, base axes.
 
-    ``pose``: labels (n,); ``q`` (n, dof) rad; ``point`` (n, 3) m; ``force`` (n, 3) N; ``measured``, ``before``, ``after`` (n, 3) m: the
-    displacement that was read, and what the model without and with the effects leaves of it; NaN where a component
-    was not read. ``after`` is ``before`` where nothing was found.
+    ``pose``: labels (n,); ``q`` (n, dof) rad; ``point`` (n, 3) m; ``force`` (n, 3) N; ``measured``, ``before``,
+    ``after`` (n, 3) m: the displacement that was read, and what the model without and with the effects leaves of it;
+    NaN where a component was not read. ``after`` is ``before`` where nothing was found.
     """
 
     pose: tuple[str, ...]
