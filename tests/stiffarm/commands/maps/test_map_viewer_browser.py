@@ -17,7 +17,7 @@ from fem import compliance_budget, directional_stiffness
 from robots import forward_kinematics
 from robots.constants import NORMAL_95
 from stiffarm.commands.maps.viewer import DIGITS, viewer_page
-from stiffarm.pages.robot_bodies import frame_transforms
+from stiffarm.pages.robot_drawing import frame_transforms
 from surrogate.maps.data import Field, MapData
 
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} </title>"
