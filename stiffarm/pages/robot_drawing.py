@@ -19,8 +19,7 @@ from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from robots.frames import framed
-from robots.kinematics import BodyFrames
+from robots.kinematics import BodyFrames, moving_frames
 from robots.robot import middle_pose
 from robots.schema.description import BoxSection, Link, TubeSection
 
@@ -46,7 +45,7 @@ _TRANSVERSE = 0.6  # below this cosine a joint axis counts as across the centre 
 class DrawnBody(NamedTuple):
     """One piece of the picture: its name, its surface in mm in the base frame, what colour it takes.
 
-    ``frame``: what it moves with, 0 the base, then the bodies, the flange, and with a parallelogram crank and bar.
+    ``frame``: what it moves with, by its number in :func:`robots.kinematics.moving_frames`.
     """
 
     name: str
@@ -98,23 +97,6 @@ def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> 
     return bodies
 
 
-def frame_transforms(robot: Robot, frames: BodyFrames, pose: int = 0) -> Array:
-    """Frames of one pose as transforms (k, 4, 4): base, bodies, flange; with a parallelogram crank and bar too.
-
-    Crank and lever stay parallel, so the crank has the driven body's orientation at its own joint; the bar stays
-    parallel to the body between, and begins at the crank's pin.
-    """
-    R = np.concatenate([frames.R[pose], frames.R_flange[pose][None]])
-    p = np.concatenate([frames.p[pose], frames.p_flange[pose][None]])
-    para = robot.parallelogram
-    if para is not None:
-        own, driven = R[para.crank_about + 1], R[para.driven + 1]
-        root = p[para.crank_about + 1]
-        R = np.concatenate([R, driven[None], own[None]])
-        p = np.concatenate([p, root[None], (root + driven @ para.pin)[None]])
-    return framed(R, p)
-
-
 def framed_bodies(description: ModelDescription, robot: Robot) -> list[DrawnBody]:
     """The bodies of :func:`draw_robot` in the frames that they move with, in m, for pages that pose them themselves.
 
@@ -122,11 +104,10 @@ def framed_bodies(description: ModelDescription, robot: Robot) -> list[DrawnBody
     middle pose.
     """
     pose = middle_pose(robot)
-    transforms = frame_transforms(robot, forward_kinematics(robot, pose[None]))
+    R, p = moving_frames(robot, pose[None])
     bodies = draw_robot(description, robot, pose)
     for body in bodies:
-        T = transforms[body.frame]
-        body.mesh.vertices = (np.asarray(body.mesh.vertices) / M_TO_MM - T[:3, 3]) @ T[:3, :3]
+        body.mesh.vertices = (np.asarray(body.mesh.vertices) / M_TO_MM - p[0, body.frame]) @ R[0, body.frame]
     return bodies
 
 
