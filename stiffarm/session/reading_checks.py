@@ -53,8 +53,6 @@ def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
 
 def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False) -> Measurements:
     """Read a table held out, with remarks and checks as any other."""
-    if not file.is_file():
-        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
     data = read_measurements(file, given.robot)
     for note in data.notes:
         say(f"note: {data.source}: {note}")

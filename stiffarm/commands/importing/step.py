@@ -20,7 +20,7 @@ from robots import InputError, InputErrors, ModelDescription, Robot
 from robots.arrays import Array
 from robots.progress import Progress
 from robots.robot import robot_from
-from robots.schema.description import Link, Material
+from robots.schema.description import Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
 from robots.urdf.reading import UrdfRobot, Visual
 
@@ -62,21 +62,24 @@ class ImportOptions:
 
 
 @dataclass(frozen=True)
-class ImportedPart:
-    """A link that became a shell.
-
-    ``wall`` m. ``declared``: mass of the body in the URDF. ``sources``: its files. ``points`` (2, 3) m: root and tip.
-    """
+class MadeShell:
+    """The shell made for a link, by its name: its wall (m) and its interfaces' points (i, 3) m, in its rings' order."""
 
     name: str
-    body: str
     link: ImportedLink
-    section: EquivalentSection
     wall: float
+    points: Array
+
+
+@dataclass(frozen=True)
+class ImportedPart(MadeShell):
+    """A body of a URDF that became a shell. ``declared``: its mass in the URDF. ``sources``: its files."""
+
+    body: str
+    section: EquivalentSection
     casing_kg: float
     declared: Mass | None
     sources: tuple[str, ...]
-    points: Array
 
     @property
     def span(self) -> float:
@@ -285,17 +288,7 @@ def _part(
     section = equivalent_section(name, link.mesh.nodes, link.mesh.triangles, wall, np.zeros(3), interfaces["tip"].point)
     casing = shell_mass(link.mesh, options.figures.density.si).kg
     points = np.stack([one.point for one in interfaces.values()])
-    return ImportedPart(name, body, link, section, wall, casing, declared, own.sources, points)
-
-
-@dataclass(frozen=True)
-class OneLink:
-    """A link of a model with the shell made for it, its wall (m) and its interfaces' points (i, 3) m."""
-
-    link: Link
-    shell: ImportedLink
-    wall: float
-    points: Array
+    return ImportedPart(name, link, wall, points, body, section, casing, declared, own.sources)
 
 
 def import_into_model(
@@ -305,7 +298,7 @@ def import_into_model(
     options: ImportOptions,
     scale: float | None = None,
     wall: float | None = None,
-) -> OneLink:
+) -> MadeShell:
     """Shell of one link of a model from a file in the link's body frame, of the model's material.
 
     ``scale``: metres for one unit of the file; None takes the file's own, else metres. ``wall`` m; None takes that
@@ -335,4 +328,4 @@ def import_into_model(
     nodes, faces, notes = read_surface(path, scale)
     interfaces = link_interfaces(robot, body_index(robot, link.body))
     shell = prepare_link(name, nodes, faces, interfaces, settings, tuple(notes))
-    return OneLink(link, shell, thickness, np.stack([one.point for one in interfaces.values()]))
+    return MadeShell(name, shell, thickness, np.stack([one.point for one in interfaces.values()]))
