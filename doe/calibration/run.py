@@ -22,7 +22,7 @@ from doe.model_file.applied import apply_estimates, with_springs
 from doe.published.level_study import LevelStudy, level_study
 from doe.published.pose_studies import PoseStudies, study_poses
 from doe.tables.load_history import history_of, history_of_part
-from doe.tables.loaded import PointOf, check_poses, points_of, rms_mm, select_loads
+from doe.tables.loaded import PointOf, points_of, rms_mm, select_loads, select_poses
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
@@ -158,7 +158,6 @@ def run_campaign(
     for number, stage in enumerate(stages):
         if regressions.intersection(stage.parameters):
             earlier = [pose for s in studies for pose in s.stage.poses]
-            check_poses(data, stage.poses, f"stage {stage.name!r}")
             studies.append(study_poses(model, data, campaign, stage, earlier, spacing, progress))
             description, model = _with_springs(description, model, studies[-1].laws)
             continue
@@ -299,8 +298,7 @@ def readings_of(data: Measurements, stage: Stage) -> Measurements:
     """The readings that a stage uses; raises InputError if there are none."""
     used = select_loads(data, stage.loads_N)
     if stage.poses:
-        check_poses(used, stage.poses, f"stage {stage.name!r}")
-        used = used.select(np.isin(np.array(used.pose, dtype=str), stage.poses))
+        used = select_poses(used, stage.poses, f"stage {stage.name!r}")
     if used.n == 0:
         raise InputError(f"stage {stage.name!r} has no reading", remedy="check its poses and loads")
     return used

@@ -9,7 +9,6 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimi
 
 from doe.estimation.campaign import FEWEST_LEVELS
 from doe.planning.designs import level_grid
-from doe.published.equations import Equations
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -52,9 +51,9 @@ class PoseFit:
 
 
 def fit_pose(
-    system: Equations,
-    fixed: Array,
-    columns: list[int],
+    pose: str,
+    A: Array,
+    base: Array,
     joints: tuple[str, ...],
     levels: int,
     bounds: tuple[float, float],
@@ -62,7 +61,7 @@ def fit_pose(
     start: float,
     spacing: str = "log",
 ) -> PoseFit:
-    """Level grid over the springs in ``columns`` at one pose, refined about the best level.
+    """Level grid over the springs of some joints at one pose, refined about the best level.
 
     A grid finds *a* match. Of several springs that match one reading in many ways, those nearest to
     ``start`` (least sum of squared logarithms of the ratios) are then taken, so that the answer does not
@@ -71,8 +70,8 @@ def fit_pose(
 
     Parameters
     ----------
-    system : equations of this pose only
-    fixed : (dof,) compliances of all springs; those in ``columns`` are overwritten
+    A : (m, k) displacement (m or rad) of what was read per unit compliance of each of the k springs
+    base : (m,) what all else gives, less what was read
     levels : levels of each spring in each round, at least FEWEST_LEVELS
     bounds : first lower and upper stiffness, N m/rad
     gauge_m : refinement ends when the RMS error is within this
@@ -85,9 +84,7 @@ def fit_pose(
         Too few levels, bounds out of order, or another spacing.
     """
     _check(levels, bounds, spacing)
-    base = system.rest + system.influence @ np.where(np.isin(np.arange(fixed.size), columns), 0.0, fixed) - system.value
-    A = system.influence[:, columns]
-    ends = np.tile(np.array(bounds)[:, None], len(columns))
+    ends = np.tile(np.array(bounds)[:, None], len(joints))
     bound, limit = ends.copy(), _widest(A, bounds, gauge_m)
     runs, first, best_k, best_error = 0, np.nan, np.sqrt(ends[0] * ends[1]), np.inf
     for round_number in range(1, MAX_ROUNDS + 1):
@@ -95,7 +92,7 @@ def fit_pose(
         k = level_grid(grids)
         error = np.sqrt(np.mean((base + (1.0 / k) @ A.T) ** 2, axis=1))
         score = (error / gauge_m) ** 2
-        if len(columns) > 1:
+        if len(joints) > 1:
             # All matches are equally good, and the nearest to the start is taken.
             tie = TIE_WEIGHT / 4.0**round_number * np.sum(np.log(k / start) ** 2, axis=1)
             score = np.maximum(score, 1.0) + tie
@@ -109,20 +106,20 @@ def fit_pose(
         ends = _refined(best_k, grids, bound, widened)
         if not widened.any() and np.all(ends[1] / ends[0] < 1.0 + SAME_LEVEL):
             break
-    if best_error > gauge_m and len(columns) > 1:
+    if best_error > gauge_m and len(joints) > 1:
         best_k, best_error = _least_squares(A, base, best_k, bound, limit)
     matched = best_error <= gauge_m
-    if matched and len(columns) > 1:
+    if matched and len(joints) > 1:
         best_k = _nearest_match(A, base, best_k, bound, gauge_m, start)
     left = base + A @ (1.0 / best_k)
     remarks = _bound_remarks(best_k, bounds, bound, joints)
     if not matched:
         remarks.append(_why_unmatched(left, A))
     return PoseFit(
-        pose=system.pose[0],
+        pose=pose,
         joints=joints,
         stiffness=best_k,
-        error_mm=float(left[0] if len(system) == 1 else np.sqrt(np.mean(left**2))) * 1e3,
+        error_mm=float(left[0] if len(left) == 1 else np.sqrt(np.mean(left**2))) * 1e3,
         first_error_mm=first * 1e3,
         runs=runs,
         rounds=round_number,

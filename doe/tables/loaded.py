@@ -9,7 +9,7 @@ import numpy as np
 
 from doe.tables.load_history import history_of
 from doe.tables.measurements import Measurements
-from fem import ArmModel
+from fem import ArmModel, spring_influence
 from fem.effects import History, PlacedEffect, observed
 from fem.statics.loads import as_loaded
 from robots import InputError
@@ -55,12 +55,32 @@ def select_loads(data: Measurements, loads_N: tuple[float, ...]) -> Measurements
     return data.select(keep)
 
 
-def check_poses(data: Measurements, poses: tuple[str, ...], where: str) -> None:
-    """Raise InputError if a pose label is not in the data."""
+def select_poses(data: Measurements, poses: Sequence[str], where: str) -> Measurements:
+    """Select the readings of some poses (labels); ``where`` names who asks.
+
+    Raises
+    ------
+    InputError
+        A pose label that is not in the data.
+    """
     known = list(dict.fromkeys(data.pose))
     for pose in poses:
         if pose not in known:
             raise InputError(f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}")
+    return data.select(np.isin(np.array(data.pose, dtype=str), poses))
+
+
+def spring_parts(model: ArmModel, data: Measurements) -> tuple[Array, Array]:
+    """What a model makes of every reading, linear in the compliances about the joints' axes.
+
+    Returns
+    -------
+    influence (n, 6, dof) : displacement (m or rad) per unit compliance of each joint, as fem.spring_influence
+    rest (n, 6) : displacement from all else
+    """
+    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
+    influence, rest = spring_influence(model, at.q, at.wrench, at.point)
+    return np.swapaxes(influence, 1, 2), rest
 
 
 def rms_mm(error: Array, component: Integers) -> float:
