@@ -19,10 +19,9 @@ from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem, problem
 from doe.model_file.applied import apply_estimates, with_springs
-from doe.published.level_study import LevelStudy, level_study
+from doe.published.parametric import LevelStudy, level_study
 from doe.published.pose_studies import PoseStudies, study_poses
-from doe.tables.load_history import history_of, history_of_part
-from doe.tables.loaded import PointOf, points_of, rms_mm, select_loads, select_poses
+from doe.tables.loaded import PointOf, history_of, history_of_part, points_of, rms_mm, select_loads, select_poses
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
@@ -243,7 +242,7 @@ def _all_names(campaign: Campaign) -> tuple[str, ...]:
 def _key(description: ModelDescription, data: Measurements, campaign: Campaign, history: History) -> str | None:
     """Hash of everything that the stages' numbers depend on, the program too; None where its source is not there."""
     program = formulation_hash(
-        "doe.estimation.estimate", "doe.tables.load_history", "fem.free.model", "fem.effects.described"
+        "doe.estimation.estimate", "doe.tables.loaded", "fem.free.model", "fem.effects.described"
     )
     if program is None:
         return None

@@ -10,10 +10,9 @@ from doe.diagnosis.candidates import not_testable, twins
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
 from doe.diagnosis.known import Refit, accept, base_of, refit
-from doe.diagnosis.outset import replicate_weights
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import Setting, replicate_weights
 from doe.diagnosis.signatures import shape_count
 from doe.estimation.noise import Noise, within_readings
 from doe.plausibility.passive_arm import told_by

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import FLOOR, Setting
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise, fit_noise, rms_by_kind
 from robots.arrays import Array
@@ -19,8 +19,6 @@ SETUP = 0.008
 MOST = 0.3
 # Directions of columns (of norm one) weaker than this are others over again.
 SAME = 1e-5
-# Resolution below which no gauge is believed, m and rad.
-FLOOR = (5e-7, 5e-7)
 
 
 @dataclass(frozen=True)

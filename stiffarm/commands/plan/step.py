@@ -11,7 +11,6 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.campaign import NoiseChoice, campaign_of
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
-from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.optimal_choice import Criterion
 from doe.planning.outset import Outset, check_plannable, first_outset, has_enough, helped_outset, outset
 from doe.planning.plan import (
@@ -20,6 +19,7 @@ from doe.planning.plan import (
     expected,
     experiments,
     foresee,
+    idle_coordinates,
     plan,
     seen_by,
 )
