@@ -277,16 +277,14 @@ def _run_stage(
     kept = store.get(file, lambda arrays: _fault(arrays, p, gauge, robust)) if store is not None else None
     study = None
     if kept is not None:
-        found = estimate_at(p, kept["u"], _noise(kept["noise"]), kept["weight"], settled=True)
+        found = estimate_at(p, kept["u"], Noise.of(kept["noise"]), kept["weight"], settled=True)
     elif stage.levels is None:
         found = estimate(p, gauge, robust=robust)
     else:
         study = level_study(p, stage.levels, refine=stage.refine)
         found = estimate_at(p, study.u, _scatter(p, study.u, gauge), np.ones(len(p)), settled=True)
     if store is not None and kept is None and study is None and found.settled:
-        noise = found.noise
-        numbers = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
-        store.put(file, {"u": found.u, "noise": numbers, "weight": found.weight})
+        store.put(file, {"u": found.u, "noise": found.noise.numbers, "weight": found.weight})
     sure = certainty(found)
     return StageResult(
         stage, found, sure, trade_offs(found, sure), unseen(found), lack_of_fit(found), laws, study, kept is not None
@@ -313,11 +311,6 @@ def _scatter(p: Problem, u: Array, gauge: tuple[float, float]) -> Noise:
     return within_readings(p, f, Noise(white=(parts[0], parts[1])), gauge)
 
 
-def _noise(numbers: Array) -> Noise:
-    a, b, share, c, d, pose_share = numbers.tolist()
-    return Noise((a, b), share, (c, d), pose_share)
-
-
 def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], robust: bool) -> str | None:
     """What is wrong with numbers that were kept, None if they are where the estimator comes to rest."""
     expected = {"u": (len(p.parameters),), "noise": (6,), "weight": (len(p),)}
@@ -325,7 +318,7 @@ def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], 
         return "arrays of other shapes"
     if not all(np.isfinite(a).all() for a in arrays.values()):
         return "numbers that are not finite"
-    moved, noise, weight = unrest(p, gauge, arrays["u"], _noise(arrays["noise"]), arrays["weight"], robust=robust)
+    moved, noise, weight = unrest(p, gauge, arrays["u"], Noise.of(arrays["noise"]), arrays["weight"], robust=robust)
     if moved <= KEPT_STILL and noise <= KEPT_WITHIN and weight <= KEPT_WITHIN:
         return None
     return (

@@ -21,8 +21,6 @@ from fem.effects.base import PlacedEffect
 from robots.arrays import Array
 from robots.progress import Messages
 
-Verdict = Kind
-
 # Effects looked for one after the other.
 MOST = 3
 # A further effect must explain at least this share of what the first one did: less is the first one's law being not
@@ -80,7 +78,7 @@ class Diagnosis:
     odds of all effects taken up against something unknown.
     """
 
-    verdict: Verdict
+    verdict: Kind
     reason: str
     effects: tuple[Found, ...]
     provisional: tuple[Found, ...]
@@ -139,11 +137,11 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
     # Both models at the scatter that the better one leaves: by its own the poorer one would fit its springs loosely.
     noise = rankings[min(len(found), len(rankings) - 1)].of(NONE).noise
     before = state_of(s, noise, weight)
-    after = before
-    all_found: tuple[Found, ...] = ()
-    if found:
-        after = state_of(here, noise, weight)
-        all_found = tuple(_found(after.refit, len(s.accepted) + k, pick) for k, pick in enumerate(found))
+    after = state_of(here, noise, weight) if found else before
+    all_found = tuple(
+        Found(after.setting.accepted[k], after.refit.spread(k), pick.hypothesis.probability, pick.gain)
+        for k, pick in enumerate(found, start=len(s.accepted))
+    )
     odds = _odds_against_unknown(s, rankings, found, options)
     verdict, reason = _verdict(rankings, decisions, found, odds)
     certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
@@ -201,11 +199,6 @@ def state_of(s: Setting, noise: Noise, weight: Array) -> State:
     )
 
 
-def _found(fitted: Refit, number: int, pick: _Pick) -> Found:
-    placed = fitted.setting.accepted[number]
-    return Found(placed, fitted.spread(number), pick.hypothesis.probability, pick.gain)
-
-
 def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick], options: Options) -> float:
     """Log odds of the effects found, all together, against something unknown; NaN where none was found."""
     if not found:
@@ -219,9 +212,7 @@ def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick
     return known - rankings[0].of(UNKNOWN).log_evidence - prior[UNKNOWN]
 
 
-def _verdict(
-    rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float
-) -> tuple[Verdict, str]:
+def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float) -> tuple[Kind, str]:
     if not found:
         return decisions[0].kind, decisions[0].reason
     last = rankings[min(len(found), len(rankings) - 1)]

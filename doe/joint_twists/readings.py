@@ -15,7 +15,7 @@ import numpy as np
 from doe.tables import columns as mc
 from doe.tables.checks import joint_keys
 from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, RawTable
-from doe.tables.measurements import columns_of, selected, stacked
+from doe.tables.measurements import check_columns, columns_of, load_size, selected, stacked
 from robots import InputError, Robot, forward_kinematics
 from robots.arrays import Array, Bools, Indices
 from robots.faults import Faults
@@ -64,11 +64,7 @@ class TwistReadings:
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        widths = {"q": self.q.shape[1:], "wrench": (6,), "point": (3,), "twist": (6,), "sigma": (6,)}
-        for name, column in columns_of(self).items():
-            shape, expected = np.shape(column), (self.n, *widths.get(name, ()))
-            if shape != expected:
-                raise InputError(f"twist readings: {name}", value=f"shape {shape}", allowed=f"{expected}")
+        check_columns("twist readings", columns_of(self), self.q, wrench=6, point=3, twist=6, sigma=6)
 
     @property
     def n(self) -> int:
@@ -78,8 +74,7 @@ class TwistReadings:
     @property
     def load(self) -> Array:
         """Size of the load (n,): of the force, or of the moment where there is no force."""
-        force = np.linalg.norm(self.wrench[:, :3], axis=1)
-        return np.asarray(np.where(force > 0.0, force, np.linalg.norm(self.wrench[:, 3:], axis=1)))
+        return load_size(self.wrench)
 
     @property
     def is_loading(self) -> Bools:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from doe.tables.measurements import Measurements
+from doe.tables.measurements import Measurements, load_size
 from fem import ArmModel, spring_influence
 from fem.effects import History, PlacedEffect, observed
 from fem.statics.loads import as_loaded
@@ -31,7 +31,7 @@ def history_of(data: Measurements) -> History:
     """
     cycle = np.empty(data.n, dtype=np.intp)
     order = np.zeros(data.n, dtype=np.intp)
-    size = _size(data)
+    size = load_size(data.wrench)
     count, known = 0, True
     for rows in _groups(data, size):
         ordered = _ranks(data, size, rows)
@@ -54,12 +54,6 @@ def history_of_part(
     """
     rows = part(replace(data, row_numbers=tuple(range(data.n)))).row_numbers
     return (history or history_of(data)).take(np.array(rows, dtype=np.intp))
-
-
-def _size(data: Measurements) -> Array:
-    """Size of the load (n,): of the force, or of the moment where there is no force."""
-    force = np.linalg.norm(data.wrench[:, :3], axis=1)
-    return np.asarray(np.where(force > 0.0, force, np.linalg.norm(data.wrench[:, 3:], axis=1)))
 
 
 def _groups(data: Measurements, size: Array) -> list[Indices]:
