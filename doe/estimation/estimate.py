@@ -171,13 +171,8 @@ def unrest(
     end at all.
     """
     low, high = p.bounds
-    if (
-        (u < low).any()
-        or (u > high).any()
-        or (noise.numbers < 0.0).any()
-        or (weight <= 0.0).any()
-        or (weight > 1.0).any()
-    ):
+    given = noise.numbers
+    if (u < low).any() or (u > high).any() or (given < 0.0).any() or (weight <= 0.0).any() or (weight > 1.0).any():
         return np.inf, np.inf, np.inf
     f, J = p.evaluate(u)
     unmoved = ~J.any(axis=0) & np.array([q.prior is None for q in p.parameters], dtype=bool)

@@ -99,11 +99,11 @@ def columns_of(table: Any) -> dict[str, Array | tuple[Any, ...]]:
     return {name: value for name, value in values.items() if isinstance(value, np.ndarray | tuple)}
 
 
-def check_columns(what: str, columns: Mapping[str, object], q: Array, **widths: int) -> None:
+def check_columns(what: str, columns: Mapping[str, Array | tuple[Any, ...]], q: Array, **widths: int) -> None:
     """Raise InputError where a column has another length than ``q`` (n, dof), or another width than its own, if any."""
     every = {"q": q.shape[1:]} | {name: (width,) for name, width in widths.items()}
     for name, column in columns.items():
-        shape, expected = np.shape(column), (len(q), *every.get(name, ()))  # type: ignore[arg-type]
+        shape, expected = np.shape(column), (len(q), *every.get(name, ()))
         if shape != expected:
             raise InputError(f"{what}: {name}", value=f"shape {shape}", allowed=f"{expected}")
 
