@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from robots import InputError
-from stiffarm.session import inputs, parsing, steps
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
@@ -21,6 +21,7 @@ from stiffarm.session.options import (
     Seed,
 )
 from stiffarm.session.parsing import parse_word
+from surrogate import inputs_that_matter
 
 
 def fit(
@@ -134,7 +135,7 @@ def fit(
         given = frame.model(model, links, load_path, without="the surrogate")
         if note := inputs.no_springs_note(given):
             say(f"note: {note}")
-        names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
+        names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
         others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
         scalar = None
         if quantity != learning.STIFFNESS:

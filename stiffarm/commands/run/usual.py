@@ -12,6 +12,7 @@ from doe.estimation.study_plan import Comparison, Factorial, GlobalPlan, Sensiti
 from fem.arm import Arm
 from robots.arm_class import arm_class
 from stiffarm.session import steps
+from surrogate import inputs_that_matter
 
 # Poses of the sensitivity study: a picture of more is not read.
 _POSES: Final = 3
@@ -30,7 +31,8 @@ def usual_campaign(given: Arm, table: Measurements) -> Campaign:
     of = arm_class(given.description, given.robot)
     columns = [names.index(joint) for joint in joints]
     low, high = float(f"{of.low[columns].min():.1g}"), float(f"{of.high[columns].max():.1g}")
-    inputs = steps.default_inputs(given.model)
+    # Which angles matter does not depend on how stiff the joints are, only on whether they give way.
+    inputs = inputs_that_matter(given.model.with_springs(dict.fromkeys(joints, high)))
     compared = Comparison.model_validate(
         {
             "sensitivity": SensitivityPlan(joints=joints, poses=spread_poses(table)),
