@@ -27,7 +27,7 @@ def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
 def show(effects: Sequence[PoseEffects], low: float, high: float, load_path: str) -> None:
     """Effect of each spring on the largest reading, pose by pose."""
     show_table(
-        f"Effect (mm) of stiffening each spring from {low:g} to {high:g} N m/rad ({load_path}); positive: deflects less",
+        f"Effect (mm) of stiffening each spring from {low:g} to {high:g} N m/rad ({load_path}), positive: less",
         ["pose", "read", *effects[0].joints, "ranking"],
         [
             [e.pose, f"d{'xyz'[e.component]}", *(f"{v:+.3f}" for v in e.effect_mm), " > ".join(e.ranking)]
