@@ -49,7 +49,7 @@ def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None =
     InputError
         No translation was read.
     """
-    data = data.select(data.used[:, :3].any(axis=1))
+    data = data.select(np.asarray(data.used[:, :3].any(axis=1)))
     if not data.n:
         raise InputError(f"{data.source}: no translation was read", allowed="readings in dx_mm, dy_mm or dz_mm")
     if poses is not None:
@@ -95,8 +95,8 @@ class FactorialRuns:
     stiffness_N_per_mm: Array  # noqa: N815 - the unit as the shop writes it
 
 
-def factorial_runs(model: ArmModel, plan: Factorial) -> FactorialRuns:
-    """Structural stiffness (vertical load) over an adjusted full factorial."""
-    q = factorial_poses(model.robot, plan)
+def factorial_runs(model: ArmModel, plan: Factorial, *, whole: bool = True) -> FactorialRuns:
+    """Structural stiffness (vertical load) over an adjusted full factorial; not ``whole``: of what can be reached."""
+    q = factorial_poses(model.robot, plan, whole=whole)
     columns = [model.robot.coordinate_index(name) for name in plan.inputs]
     return FactorialRuns(plan.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)

@@ -15,7 +15,9 @@ from stiffarm.commands.diagnose.effect_numbers import numbers_of
 from stiffarm.commands.diagnose.figures.laws import curves_of, law_figure, numbers_figure
 from stiffarm.commands.diagnose.figures.match import Fit, gap_figure, match_figure, residuals_figure
 from stiffarm.commands.diagnose.figures.ranking import Bar, ranking_figure, twins_figure, where_figure
+from stiffarm.commands.diagnose.files import Written
 from stiffarm.commands.diagnose.model import springs_of
+from stiffarm.commands.diagnose.space import space_blocks
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
@@ -29,7 +31,7 @@ VERDICTS = {"named": "named", "ambiguous": "not settled", "unknown": "unknown ef
             "uninformative": "readings tell nothing"}  # fmt: skip
 
 
-def write_report(d: Diagnosed, folder: OutputFolder) -> None:
+def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     sections = [in_short(d)]
@@ -38,6 +40,7 @@ def write_report(d: Diagnosed, folder: OutputFolder) -> None:
     if d.in_model:
         sections.append(laws(d, pictures))
     sections.append(shrunk(d, pictures))
+    sections.append(Section("Where in space", tuple(space_blocks(d, written.gaps, written.cost, pictures))))
     if d.tells:
         sections += [not_told(d), next_readings(d), how(d)]
     title = d.given.description.title.split(" (")[0]

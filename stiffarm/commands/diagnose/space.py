@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from robots.constants import M_TO_MM
 from robots.progress import Progress
 from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.diagnose.step import Diagnosed
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Block, Text
+from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import VERTICAL
 from surrogate.maps.assembled import Figures, computed_map, figures
@@ -24,7 +28,7 @@ from surrogate.maps.layouts import sweep_layout
 from surrogate.maps.quantities import Kind, Poses, Quantities, Quantity
 from surrogate.maps.vtk_stream import write_points, write_vtu
 
-GAP_FILE, COST_FILE, COST_PAGE = "gap.vtp", "missing_effect.vtu", "missing_effect.html"
+GAP_FILE, COST_STEM = "gap.vtp", "missing_effect"
 COST_ARRAY = "error_without_effect_mm"
 # Values of each swept coordinate: a map that a page shows, in a second or two.
 POINTS = 15
@@ -51,7 +55,7 @@ class CostMap:
         return dict(zip(self.data.coordinates, q.tolist(), strict=True))
 
 
-def write_gap(d: Diagnosed, folder: OutputFolder) -> Gaps:
+def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
     """Write gap.vtp: at each measured pose what was read, and what the model leaves of it without and with effects."""
     found = gaps(d.found)
     named = {"measured": found.measured, "gap_before": found.before, "gap_after": found.after}
@@ -59,7 +63,7 @@ def write_gap(d: Diagnosed, folder: OutputFolder) -> Gaps:
     arrays["force_N"] = found.force, "N"
     texts = {"pose": found.pose, "readings": [d.used.source], "model": [d.given.description.title],
              "effects": [f.code for f in d.in_model]}  # fmt: skip
-    write_points(folder.path(GAP_FILE), M_TO_MM * found.point, arrays, texts)
+    write_points(folder.path(name), M_TO_MM * found.point, arrays, texts)
     return found
 
 
@@ -95,11 +99,54 @@ def cost_map(d: Diagnosed, points: int = POINTS, progress: Progress | None = Non
     return CostMap(made, load)
 
 
-def write_cost(made: CostMap, d: Diagnosed, folder: OutputFolder) -> None:
-    """Write the map for ParaView and as a page to turn and pick in."""
+def payload(made: CostMap) -> dict[str, Any]:
+    """What leaving the effects out costs, as JSON."""
+    of = made.figures
+    return {
+        "load_N": number(made.load_N),
+        "poses": of.count,
+        "error_mm": {"min": number(of.least), "median": number(of.median), "max": number(of.greatest)},
+        "worst_pose": {name: number(v) for name, v in made.worst_pose_deg.items()},
+    }
+
+
+def write_cost(made: CostMap, d: Diagnosed, folder: OutputFolder, before: str = "") -> None:
+    """Write the map for ParaView and as a page to turn and pick in; ``before``: what file names begin with."""
     from stiffarm.commands.maps.viewer import viewer_page
 
-    write_vtu(made.data, folder.path(COST_FILE))
+    write_vtu(made.data, folder.path(f"{before}{COST_STEM}.vtu"))
     new = Arm.of(described(d), d.given.model.link_kind, own=d.given.own)
     title = f"{d.given.description.title.split(' (')[0]}: what leaving out {made.data.metadata['effects']} costs"
-    folder.write_text(COST_PAGE, viewer_page(made.data, new.description, new.model, title=title))
+    folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
+
+
+def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pictures) -> list[Block]:
+    """The gap at the measured poses, and what leaving the effects out costs over the workspace."""
+    from stiffarm.commands.diagnose.figures.space import space_figure
+    from stiffarm.commands.maps.figures.whole import one_figure
+
+    blocks: list[Block] = [
+        pictures.add(
+            space_figure(found, d.given, changed=bool(d.in_model)),
+            "gap_in_space",
+            f"Arrows of measured minus simulated displacement. {GAP_FILE} opens in ParaView with all loads.",
+        )
+    ]
+    if made is None:
+        return blocks
+    of, worst = made.figures, made.worst_pose_deg
+    where = ", ".join(f"{name.removesuffix('_deg')} {value:.0f}" for name, value in worst.items() if value)
+    blocks += [
+        Text(
+            f"Without {made.data.metadata['effects']} the model would be off by {of.median:.2f} mm under "
+            f"{made.load_N:.4g} N straight down (median of {of.count:,} poses over the joint limits), and by up to "
+            f"{of.greatest:.2f} mm at {where or 'all joints zero'} deg."
+        ),
+        pictures.add(
+            one_figure(made.data, COST_ARRAY, d.given),
+            COST_STEM,
+            f"What leaving it out would cost. {COST_STEM}.html is the map to turn and pick in, {COST_STEM}.vtu is for "
+            "ParaView. Far from the measured poses both models extrapolate.",
+        ),
+    ]
+    return blocks

@@ -10,12 +10,12 @@ import typer
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
-    DataArg,
     Debug,
     Json,
     Links,
     SchemeFile,
     Seed,
+    TablesArg,
 )
 
 
@@ -24,11 +24,10 @@ def run(
         str,
         typer.Argument(
             metavar="[MODEL]",
-            help="Robot to run: a bundled name, a model TOML or a URDF. It needs a calibration scheme, bundled"
-            " or given.",
+            help="Robot to run: a bundled name, a model TOML or a URDF.",
         ),
     ] = "xr701",
-    data: DataArg = None,
+    data: TablesArg = None,
     scheme_file: SchemeFile = None,
     holdout: Annotated[
         Path | None,
@@ -49,10 +48,11 @@ def run(
 ) -> None:
     """Run everything from readings to report, surrogate and maps.
 
-    First model, sensitivity, calibration, surrogate, maps and one report that tells the whole story.
+    Diagnosis, first model, sensitivity, calibration, surrogate, maps and one report that tells the whole story. A
+    published scheme is carried out stage by stage where there is one; else all springs are calibrated at once.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        from stiffarm.commands.run.workflow import run_all
+        from stiffarm.commands.run.workflow import Options, run_all
 
-        content = run_all(frame, model, data, scheme_file, links, points, seed, holdout, confirm_units=confirm_units)
-        frame.answer(content)
+        options = Options(links, points, seed, scheme_file, holdout, confirm_units)
+        frame.answer(run_all(frame, model, data or (), options))
