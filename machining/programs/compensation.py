@@ -33,7 +33,7 @@ ALONG_AXIS = 0.999
 
 @dataclass(frozen=True, eq=False)
 class Compensated:
-    """A compensated program beside the ``nominal`` one.
+    """A compensated program.
 
     ``error``: the deflection that is compensated, at the path's points, with its uncertainty; ``deflection`` (n, 3) m
     at all moves, part axes; ``moved`` (n, 3) m: what was taken off the path; ``capped`` (n,) moves at which the cap was
@@ -41,7 +41,6 @@ class Compensated:
     """
 
     posted: Posted
-    nominal: Posted
     error: SurfaceError
     deflection: Array
     moved: Array
@@ -102,7 +101,7 @@ def compensate(
         length = np.linalg.norm(deflection, axis=1)
         if change < AT_REST:
             error = surface_error(model, here, q, acting, stiffness=stiffness, tool=tool)
-            return Compensated(posted, nominal, error, deflection, moved, length > cap, rounds)
+            return Compensated(posted, error, deflection, moved, length > cap, rounds)
         last = deflection
         moved = deflection * np.minimum(1.0, cap / np.maximum(length, 1e-30))[:, None]
         posted = repost(model, posted, wanted - moved)
