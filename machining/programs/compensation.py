@@ -89,12 +89,12 @@ def compensate(
     if not (np.isfinite(cap) and cap > 0.0):
         raise InputError("cap of the compensation", value=cap, allowed="more than 0 m")
     wanted = nominal.program.motions.points
-    task, kept, place = nominal.task()
+    task, (kept, place) = nominal.state.task, nominal.state.places
     acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
     posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
     change = np.inf
     for rounds in range(1, ROUNDS + 1):
-        here = posted.task()[0] if rounds > 1 else task
+        here = posted.state.task
         q = posted.program.q[kept]
         deflection = (cutting_deflection(model, here, q, acting.found.force, tool) @ task.T_base_part[:3, :3])[place]
         change = float(np.abs(deflection - last).max(initial=0.0))

@@ -127,7 +127,7 @@ def run_post(
 
 def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty) -> Drawn:
     """The objective at moves spread evenly along the program, its worst one among them."""
-    task, kept, _ = posted.task()
+    task, (kept, _) = posted.state.task, posted.state.places
     objective, value = posted.settings.objective, posted.course.value[kept]
     worst = int(np.argmin(objective.sign * value))
     rows = np.union1d(np.linspace(0, len(kept) - 1, min(JUDGED, len(kept))).astype(np.int64), [worst])

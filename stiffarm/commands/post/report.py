@@ -40,7 +40,7 @@ def payload(run: PostRun) -> dict[str, Any]:
         "inserted": int(program.inserted.sum()),
         "tolerance_um": number(request.settings.tolerance * 1e6),
         "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
-        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.settings.reference)],
+        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
         f"mean_{objective.column}": number(course.mean * objective.factor) if run.drawn else None,
@@ -158,7 +158,7 @@ def _programs(run: PostRun) -> Section:
 def _posture(run: PostRun, pictures: Pictures) -> Section:
     program, robot = run.posted.program, run.model.robot
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1))]) * 1e3
-    reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.settings.reference))
+    reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.state.reference))
     blocks: list[Text | Picture] = [
         Text(
             f"Gamma (counted from the part's direction {reference}) from {np.degrees(program.gamma.min()):.4g} to "
