@@ -128,7 +128,8 @@ def data_figure(
         ax.set_xlim(-1.2, places[-1, -1] + 1.2)
         ax.set_ylim(0.0, (1.08 if bars <= _BARS_UPRIGHT else 1.14) * float(np.nanmax(size)))
         ax.set_ylabel(f"measured deflection {axis_words(data)} (mm)")
-        ax.set_xlabel("pose number, grouped by load (N)", labelpad=28.0 + (2.0 * longest if upright else 0.0))
+        grouped = ", grouped by load (N)" if len(loads) > 1 else ""
+        ax.set_xlabel(f"pose number{grouped}", labelpad=28.0 + (2.0 * longest if upright else 0.0))
         if len(names) > 1:
             above(ax, [Patch(facecolor=c, label=name) for c, name in zip(SERIES, names, strict=False)], 4)
         hatched = [(_HATCHES[i % 3], textwrap.fill(doubts[i].note, 130)) for i in sorted(used)]

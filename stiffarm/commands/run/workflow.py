@@ -149,7 +149,7 @@ def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Mea
         d = look.found
         if d.in_model and d.used.n == used.n:
             arm = Arm.of(described(d), d.given.model.link_kind, own=d.given.own)
-            name = f"with {', '.join(f.code for f in d.in_model)}"
+            name = "diagnosed"
             after = d.found.after
             count = len(after.setting.data)
             unseen = d.unseen_rms_mm[1]

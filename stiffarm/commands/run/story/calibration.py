@@ -197,6 +197,13 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
         "fit to all poses": {v.name: v.rms_mm for v in f.variants},
         "prediction of poses left out": {v.name: v.left_out_rms_mm for v in f.variants},
     }
+    best = next((k for k, v in enumerate(f.variants) if v is f.best.calibrated), len(rows))
+    if f.best.calibrated is None:
+        text = "with what is missing, see above"
+        mine = (f"{f.best.rms_mm:.3f}", f"{f.best.left_out_rms_mm:.3f}", *(["-"] if held else []))
+        rows.append((f.best.name, text, *mine, f"in {f.looks[-1].stem}/model.toml"))
+        for name, value in zip(errors, (f.best.rms_mm, f.best.left_out_rms_mm), strict=True):
+            errors[name][f.best.name] = value
     named: dict[str, Calibrated] = {}
     for pair in () if f.link_models is None else f.link_models.pairs:
         named |= {f"{v.name}, {NOUN[v.model.link_kind]}": v for v in (pair.other, pair.own)}
@@ -235,7 +242,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
                 (*heads, "springs (1e6 N m/rad, 95 % interval)"),
                 tuple(rows),
                 text_columns=(0, len(heads)),
-                best=next((k for k, v in enumerate(f.variants) if v is f.best.calibrated), -1),
+                best=best,
             ),
             Bullets(sentences(held)),
             *views,

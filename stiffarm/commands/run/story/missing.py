@@ -25,7 +25,8 @@ def missing_section(look: Look, pictures: Pictures, *, last: bool) -> Section:
         blocks += report.next_readings(d).blocks
         blocks += report.not_told(d).blocks
     blocks.append(Text(f"All figures of this diagnosis are in {look.stem}/diagnosis.json, its model in {look.stem}/."))
-    return Section(f"What is missing: {look.title[0].lower()}{look.title[1:]}", tuple(blocks))
+    # Parts of the diagnosis's own page begin alike: each sentence once.
+    return Section(f"What is missing: {look.title[0].lower()}{look.title[1:]}", tuple(dict.fromkeys(blocks)))
 
 
 def next_words(look: Look) -> str:

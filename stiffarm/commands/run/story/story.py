@@ -37,8 +37,8 @@ def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder
         results.assumptions_section(f),
     ]
     lede = (
-        f"{len(f.data.pose_groups())} measured poses: what the model is missing, {len(f.variants)} calibrations, a "
-        f"surrogate and a map. Recommended is the model that best predicts poses it has not seen: {f.best.name}."
+        f"{len(f.data.pose_groups())} measured poses: what the model is missing, how it was calibrated, a surrogate "
+        f"and a map. Recommended is the model that best predicts poses it has not seen: {f.best.name}."
     )
     made_of = f"{data_words(f.data)}, seed {f.seed}"
     write_page(folder, f.title, lede, _key_figures(f, drawn), sections, made_of=made_of)
@@ -46,11 +46,12 @@ def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder
 
 def _key_figures(f: Findings, drawn: dict[str, Any]) -> list[KeyFigure]:
     k, d = drawn["stiffness_N_per_mm"], f.looks[-1].found
-    codes = ", ".join(e.code for e in d.found.effects)
+    codes = [e.code for e in d.found.effects]
+    named = codes[0] + (f" and {len(codes) - 1} more" if len(codes) > 1 else "") if codes else ""
     return [
         KeyFigure(f"{k['median']:.0f} N/mm", f"stiffness, median of the workspace ({k['min']:.0f} to {k['max']:.0f})"),
         KeyFigure(f"{f.best.left_out_rms_mm:.3f} mm", "RMS error at poses that the recommended model has not seen"),
-        KeyFigure(codes or VERDICTS[d.found.verdict], "what is missing, by all readings"),
+        KeyFigure(named or VERDICTS[d.found.verdict], "what is missing, by all readings"),
         KeyFigure(
             "nothing open" if d.proposal is None else f"{len(d.proposal.labels)} set-ups", "what to measure next"
         ),
