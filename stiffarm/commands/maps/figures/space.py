@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from robots import InputError, ModelDescription, Robot
+from robots import InputError, ModelDescription, Robot, require_one_of
 from robots.arrays import Array, Bools, Indices, Integers
 from robots.constants import M_TO_MM
 from stiffarm.commands.maps.looks import Look, category_patches, look_bar
@@ -181,8 +181,7 @@ def cloud_figure(
     InputError
         Nothing is reached, or an unknown view.
     """
-    if view not in VIEWS:
-        raise InputError("view of the map", value=view, allowed=", ".join(VIEWS))
+    require_one_of("view of the map", view, VIEWS)
     values = np.asarray(data.fields[look.name].values)
     known = np.asarray(data.reached) & np.isfinite(values) & (values >= 0.0 if look.kind == "category" else True)
     data.require_reached("move the grid to where the robot reaches")
