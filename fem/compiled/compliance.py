@@ -21,7 +21,7 @@ from robots import InputError
 from robots.arrays import Array
 from robots.kept import once_for_each
 from robots.kinematics import as_poses
-from robots.threads import compiled_loops, in_shares
+from robots.threads import compiled_loops, in_shares, plain
 
 # None where numba is not there.
 kernels = partial(compiled_loops, "fem.compiled.kernels")
@@ -154,8 +154,8 @@ def _solve(model: ArmModel, q: Array, wrench: Array, point: Array | None, thread
     arm = _plan(model)
 
     def share(rows: slice) -> int:
-        some = _plain(q[rows])
-        at, loads = (_plain(a[rows] if len(a) > 1 else a) for a in (points, wrench))
+        some = plain(q[rows])
+        at, loads = (plain(a[rows] if len(a) > 1 else a) for a in (points, wrench))
         axial, laws = arm.axial_compliance(some), arm.law_compliance(some)
         flat = int(compiled.deflections(arm.figures, some, axial, laws, at, loads, arm.work(), out[rows]))
         return rows.start + flat if flat >= 0 else len(q)
@@ -171,11 +171,6 @@ def _points(model: ArmModel, point: Array | None, n: int) -> Array:
     if point is None or points is None:
         return np.asarray(model.robot.T_flange_tool[None, :3, 3])
     return points[:1] if np.ndim(point) == 1 else points
-
-
-def _plain(a: Array) -> Array:
-    """Contiguous and writable: numba compiles anew for arrays that are not."""
-    return np.require(a, np.float64, ["C", "W"])
 
 
 # Maps ask for one block after the other of the same model, and models are immutable.
