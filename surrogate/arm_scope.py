@@ -9,9 +9,10 @@ import numpy as np
 
 from robots import InputError, Robot, require_one_of
 from robots.arrays import Array
+from robots.frames import unit_vector
 from surrogate.designs import space_filling_design
 from surrogate.expansion import TURN
-from surrogate.scope import Couplings, Scope, unit_vector
+from surrogate.scope import Couplings, Scope
 
 # Poses by which whole turns and the influence of fixed coordinates are judged.
 _PROBES = 256

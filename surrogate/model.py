@@ -11,10 +11,11 @@ import numpy as np
 from robots import Robot
 from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.errors import InputError, require_one_of
+from robots.frames import unit_vector
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
-from surrogate.scope import ROWS_SHOWN, Scope, count_rows, unit_vector
+from surrogate.scope import ROWS_SHOWN, Scope, count_rows
 
 Target = Literal["direct", "logarithm", "factored"]
 

@@ -19,6 +19,7 @@ from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
 from robots import InputError
 from robots.arrays import Array
+from robots.frames import unit_vector
 from robots.kept import once_for_each
 from robots.kinematics import as_poses
 from robots.threads import compiled_loops, in_shares, plain
@@ -131,11 +132,8 @@ def directional_stiffness(
 
 def unit_force(direction: Array | None) -> Array:
     """Wrench (6,) of 1 N along a direction (3,), default -Z; InputError for one that is none."""
-    axis = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
-    norm = np.linalg.norm(axis)
-    if axis.shape != (3,) or not 0.0 < norm < np.inf:
-        raise InputError("load direction", value=axis.tolist(), allowed="three finite numbers, not all zero")
-    return np.concatenate([axis / norm, np.zeros(3)])
+    axis = unit_vector((0.0, 0.0, -1.0) if direction is None else direction, "load direction")
+    return np.concatenate([axis, np.zeros(3)])
 
 
 def _is_compiled(model: ArmModel, q: Array, threads: int | None, *, often: bool) -> bool:

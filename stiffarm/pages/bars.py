@@ -102,12 +102,16 @@ def _value(ax: Axes, x: float, height: float, top: float, bars: int, digits: str
     note(ax, text, (x, end), (0, 2), va="bottom", rotation=90 if bars > _BARS_UPRIGHT else 0)
 
 
-def part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, str]:
-    """Joints in their colours of the other figures; structure in greys that get lighter along the chain."""
+def part_colours(parts: Sequence[str], kinds: Sequence[PartKind], apart: Sequence[str] = ()) -> dict[str, str]:
+    """Joints in their colours of the other figures, a joint's bearing paler; structure in colours of its own.
+
+    These are ``apart``, in turn; without any, greys that get lighter along the chain.
+    """
     structure = [name for name, kind in zip(parts, kinds, strict=True) if kind != "joint"]
     dark, light = (np.array(to_rgb(grey)) for grey in _GREYS)
     steps = np.linspace(0.0, 1.0, max(len(structure), 2))
-    out = {name: to_hex(tuple(dark + t * (light - dark))) for name, t in zip(structure, steps, strict=False)}
+    own = apart or [to_hex(tuple(dark + t * (light - dark))) for t in steps]
+    out = {name: own[i % len(own)] for i, name in enumerate(structure)}
     joints = [name for name, kind in zip(parts, kinds, strict=True) if kind == "joint"]
     for position, name in enumerate(joints):
         colour = joint_colour(name.split(" ")[0], position)

@@ -115,7 +115,9 @@ def render_field(
         _share_labels(axes, loaded.camera, arm, loaded.bodies, taken)
         _draw_load(axes, loaded.camera, arrows)
         style.headings(figure, heading, subtitle)
-        style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, arm.grid.density, "strain energy density (J/m³)")
+        cut, place = style.ends_cut(arm.grid.density, ticks), {"cax": style.beside_picture(figure)}
+        bar = style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, cut, place)
+        bar.set_label("strain energy density (J/m³), log scale", size=11, labelpad=10)
     style.save_png(figure, path)
     return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
 

@@ -242,6 +242,6 @@ def _space(
             ]
             figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.84, 0.5), fontsize=10)
         else:
-            look_bar(figure, look, cax=figure.add_axes((0.872, 0.20, 0.022, 0.56)), levels=levels)
+            look_bar(figure, look, cax=style.beside_picture(figure), levels=levels)
         show(figure, axes, scene, works)
     return figure
