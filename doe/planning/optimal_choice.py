@@ -18,7 +18,7 @@ import numpy as np
 
 from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 Criterion = Literal["D", "A", "I"]
 
@@ -83,8 +83,7 @@ def choose(
     for start in range(starts if rng is not None else 1):
         first = rng.choice(len(experiments), n, replace=False).tolist() if start and rng is not None else []
         found.append(exchange(score, n, first))
-        if progress is not None:
-            progress(start + 1, starts)
+        report_progress(progress, start + 1, starts)
     best = max(found, key=lambda one: one[1])
     return judge(known, experiments, np.array(best[0]), criterion, W)
 

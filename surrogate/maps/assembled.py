@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.arrays import Array, Integers, in_blocks
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from surrogate.maps.blocks import Engine
 from surrogate.maps.columns import row_blocks
 from surrogate.maps.data import Field, MapData
@@ -25,8 +25,7 @@ def computed_map(
     blocks, n = [], engine.grid.n
     for rows in in_blocks(n, engine.points_a_block):
         blocks.append(engine.block(rows))
-        if progress is not None:
-            progress(rows.stop, n)
+        report_progress(progress, rows.stop, n)
     return map_data(engine, {name: np.concatenate([b[name] for b in blocks]) for name in engine.columns}, metadata)
 
 

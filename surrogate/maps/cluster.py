@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from robots import InputError
 from robots.lazily import optional
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from surrogate.maps.store import MapStore
 
 Answer = Mapping[str, Any]
@@ -85,8 +85,7 @@ def _run(distributed: Any, client: Any, work: Work, request: str, store: MapStor
                     continue
                 store.write(number, _arrays(future, number))
                 future.release()
-                if progress is not None:
-                    progress(store.points_done, store.n)
+                report_progress(progress, store.points_done, store.n)
             if time.monotonic() - seen > PATIENCE_s:
                 raise InputError(
                     "Dask cluster",

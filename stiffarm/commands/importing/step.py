@@ -18,7 +18,7 @@ from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings, Repair
 from robots import InputError, InputErrors, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from robots.robot import robot_from
 from robots.schema.description import Link, Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
@@ -148,8 +148,7 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     jobs, rigid = _sorted_out(robot, names, surfaces, options)
     parts: list[ImportedPart] = []
     for i, body in enumerate(jobs):
-        if progress is not None:
-            progress(i, len(jobs))
+        report_progress(progress, i, len(jobs))
         try:
             parts.append(_part(robot, body, names[body], surfaces, urdf.masses.get(body), options))
         except InputError as error:

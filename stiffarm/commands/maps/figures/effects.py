@@ -76,8 +76,7 @@ def swept_effects_figure(data: MapData, look: Look, heading: str, facts: str = "
         low = np.nanmin([np.nanmin(e.low) for e in shown.values()])
         high = np.nanmax([np.nanmax(e.high) for e in shown.values()])
         if isinstance(look.norm, LogNorm) and low > 0.0:
-            axes[0].set_yscale("log")
-            axes[0].set_ylim(0.9 * low, 1.1 * high)
+            axes[0].set(yscale="log", ylim=(0.9 * low, 1.1 * high))
             log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
         elif low >= 0.0:
             axes[0].set_ylim(0.0, 1.05 * high)
