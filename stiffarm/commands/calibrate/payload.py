@@ -205,12 +205,12 @@ def noise(found: Noise, p: Problem) -> dict[str, Any]:
 
 def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:
     """Readings that stand out, farthest first."""
-    e = s.result.estimate
+    e, files = s.result.estimate, files_of(s.read)
     p = e.problem
     return [
         {
-            **({} if s.files is None else {"file": s.files[k]}),
-            "line": int(s.lines[k]),
+            **({} if files is None else {"file": files[p.row[k]]}),
+            "line": s.read.row_numbers[p.row[k]],
             "pose": p.poses[p.pose[k]],
             "component": DISPLACEMENTS[p.component[k]],
             "load_N": number(float(s.loads_N[k])),

@@ -214,7 +214,7 @@ def _groups(s: StageFindings) -> dict[str, list[str]]:
         "load": loads,
         "direction of the load": pulls,
         "component read": [_AXES[k] for k in p.component],
-        "phase": [phase or "not said" for phase in s.phase],
+        "phase": [s.read.phase[row] or "not said" for row in p.row],
     }
     # Too many different loads or directions make no groups.
     groups = {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) <= 12}

@@ -23,7 +23,6 @@ from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, c
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
 from doe.tables.checks import refuse_seen
-from doe.tables.joined import files_of
 from doe.tables.load_history import history_of_part
 from doe.tables.loaded import points_of, rms_mm
 from fem import ArmModel
@@ -56,25 +55,25 @@ class Request:
 
 @dataclass(frozen=True)
 class StageFindings:
-    """One stage and all that is said about it.
+    """One stage and all that is said about it; ``read``: its readings, of which its m components are.
 
-    ``lines`` (m,): lines of the table that its m components stand in, and ``files`` (m,) their files, None if all are
-    from one; ``loads_N`` (m,) and ``phase`` (m,);
     ``left_out`` (m,): errors of poses predicted by the others, ``skipped`` why some are not; ``independent``: the
     same estimate as if nothing were common to a set-up, None if nothing is; ``full_weight``: with outliers at full
     weight, None without any; ``drawn`` (times, p): bootstrapped values.
     """
 
     result: StageResult
-    lines: Integers
-    loads_N: Array  # noqa: N815 - the unit's letter
-    phase: tuple[str | None, ...]
+    read: Measurements
     left_out: Array
     skipped: dict[str, str]
     independent: Certainty | None
     full_weight: StageResult | None
     drawn: Array | None
-    files: tuple[str, ...] | None = None
+
+    @property
+    def loads_N(self) -> Array:  # noqa: N802 - the unit's letter
+        """Loads (m,) of its components."""
+        return self.read.loads_N[self.result.estimate.problem.row]
 
 
 @dataclass(frozen=True)
@@ -240,22 +239,21 @@ def _all_at_once(found: Calibration) -> bool:
 def _findings(
     stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Count | None
 ) -> StageFindings:
-    p, mine = stage.estimate.problem, readings_of(used, stage.stage)
-    left_out, skipped = np.full(len(p), np.nan), {"all": "a parametric study has no noise model to predict with"}
+    left_out, skipped = (
+        np.full(len(stage.estimate.problem), np.nan),
+        {"all": "a parametric study has no noise model to predict with"},
+    )
     if stage.study is None:
         left_out, skipped = leave_one_pose_out(stage.estimate, count)
     several = request.bootstrap > 0 and stage.study is None
     return StageFindings(
         stage,
-        np.array(mine.row_numbers, dtype=np.int64)[p.row],
-        mine.loads_N[p.row],
-        tuple(mine.phase[i] for i in p.row),
+        readings_of(used, stage.stage),
         left_out,
         skipped,
         _independent(stage, request.campaign.noise) if stage.estimate.noise.has_common else None,
         without_outliers(stage) if stage.study is None and downweighted(stage.estimate) else None,
         bootstrap(stage.estimate, rng, request.bootstrap, count) if several else None,
-        None if (files := files_of(mine)) is None else tuple(files[i] for i in p.row),
     )
 
 
