@@ -108,7 +108,7 @@ def answer(c: Calibrated) -> dict[str, Any]:
         "loads_N": list(c.request.loads),
         "readings": len(c.found.overall),
         "parameters": parameters(c.found.count),
-        "rms_mm": number(c.rms_mm),
+        "rms_mm": number(c.found.rms_mm),
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
         "springs": springs(c),
         "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],

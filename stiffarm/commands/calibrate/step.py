@@ -31,9 +31,10 @@ from fem.effects import build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
-from robots.arrays import Array, Integers
+from robots.arrays import Array
+from robots.progress import Progress
 from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
+from stiffarm.commands.calibrate.prediction import Holdout, held_out, left_out
 from stiffarm.session.reading_checks import refuse_useless
 
 
@@ -117,11 +118,6 @@ class Calibrated:
         return tuple(self.found.overall.poses[k] for k in self.found.overall.pose)
 
     @property
-    def component(self) -> Integers:
-        """What was read (m,): 0 to 5 for dx to rz."""
-        return self.found.overall.component
-
-    @property
     def measured_mm(self) -> Array:
         """Readings (m,) in mm (mrad for rotations)."""
         return self.found.overall.value * 1e3
@@ -130,11 +126,6 @@ class Calibrated:
     def predicted_mm(self) -> Array:
         """Simulated readings (m,) in mm (mrad for rotations)."""
         return (self.found.overall.value - self.found.residual) * 1e3
-
-    @property
-    def rms_mm(self) -> float:
-        """RMS of the translational residuals."""
-        return self.found.rms_mm
 
     @property
     def left_out_rms_mm(self) -> float:
@@ -170,7 +161,7 @@ def calibrate(
     holdout: Measurements | None = None,
     store: ArrayCache | None = None,
     say: Callable[[str], None] | None = None,
-    count: Count | None = None,
+    count: Progress | None = None,
 ) -> Calibrated:
     """Run the campaign, predict each pose from the others, judge outliers and set-ups, predict ``holdout``.
 
@@ -237,7 +228,7 @@ def _all_at_once(found: Calibration) -> bool:
 
 
 def _findings(
-    stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Count | None
+    stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Progress | None
 ) -> StageFindings:
     left_out, skipped = (
         np.full(len(stage.estimate.problem), np.nan),
