@@ -33,8 +33,6 @@ SHORT = 0.08
 LEAST_COVER = 0.3
 # Bodies are as large as their joints are apart, give or take; beyond, the unit of length is in doubt.
 SPAN_RATIO = (0.1, 12.0)
-# How the reading of a URDF says so (robots.urdf.shapes).
-_NOT_FOUND = ": mesh not found: "
 Meshes = Literal["visual", "collision"]
 Wrap = Literal["auto", "alpha", "grid"]
 NAMES_OF_PARTS = ("base", "tool", "bar", "crank")
@@ -168,9 +166,8 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
             value="; ".join(f"{names[body]}: {why}" for body, why in rigid.items()),
             remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
         )
-    other = ", a collision" if options.meshes == "visual" else ", a visual"
-    notes = tuple(note for note in urdf.notes if not (_NOT_FOUND in note and other in note))
-    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, notes)
+    notes = [*urdf.notes, *(note for _, note in urdf.missing[options.meshes])]
+    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, tuple(notes))
 
 
 def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str, str]:
@@ -187,7 +184,7 @@ def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str
 
 
 def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRobot) -> None:
-    known = {*names, *names.values(), *(link for link, _ in _missing(urdf, options))}
+    known = {*names, *names.values(), *(link for link, _ in urdf.missing[options.meshes])}
     for option, given in (("--wall", options.walls), ("--rigid", options.rigid), ("--radius", options.radius)):
         for name in given:
             if name not in known:
@@ -196,16 +193,10 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
                 )
 
 
-def _missing(urdf: UrdfRobot, options: ImportOptions) -> list[tuple[str, str]]:
-    """Links with a mesh file that is not there, and the note that says so."""
-    found = [note for note in urdf.notes if _NOT_FOUND in note and f", a {options.meshes}" in note]
-    return [(note.partition(_NOT_FOUND)[0].removeprefix("link "), note) for note in found]
-
-
 def _missing_files(urdf: UrdfRobot, options: ImportOptions) -> list[InputError]:
     return [
         InputError(note, remedy="put the file there, or set ROS_PACKAGE_PATH to the folder of the package")
-        for link, note in _missing(urdf, options)
+        for link, note in urdf.missing[options.meshes]
         if link not in options.rigid
     ]
 

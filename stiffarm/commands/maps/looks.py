@@ -13,7 +13,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import (
     BoundaryNorm,
     Colormap,
-    LinearSegmentedColormap,
     ListedColormap,
     LogNorm,
     Normalize,
@@ -24,7 +23,7 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, colour_scale
+from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, colour_scale, stretch_of
 from surrogate.maps.data import Field
 
 Kind = Literal["stiff", "soft", "error", "other", "angle", "category"]
@@ -32,8 +31,8 @@ Kind = Literal["stiff", "soft", "error", "other", "angle", "category"]
 # Values that the ends of a scale are found from; more of them would not move its percentiles.
 _MOST_VALUES: Final = 500_000
 # Sequential maps end before white and black: a first colour is seen on paper, lines on a last one.
-_BLUES: Final = LinearSegmentedColormap.from_list("error", mpl.colormaps["Blues"](np.linspace(0.2, 1.0, 256)), N=256)
-_GREENS: Final = LinearSegmentedColormap.from_list("other", mpl.colormaps["viridis"](np.linspace(0.12, 1.0, 256)))
+_BLUES: Final = stretch_of("Blues", 0.2, 1.0)
+_GREENS: Final = stretch_of("viridis", 0.12, 1.0)
 COLOURS: Final = MappingProxyType(
     {
         "stiff": STIFFNESS_COLOURS,
