@@ -23,8 +23,7 @@ from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, c
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
 from doe.tables.checks import refuse_seen
-from doe.tables.load_history import history_of_part
-from doe.tables.loaded import points_of, rms_mm
+from doe.tables.loaded import history_of_part, points_of, rms_mm
 from fem import ArmModel
 from fem.arm import Arm
 from fem.effects import build_plain
