@@ -25,7 +25,7 @@ from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.progress import Progress
 
@@ -67,8 +67,7 @@ class PostSettings:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
             raise InputError("tolerance of joint programs", value=self.tolerance, allowed="more than 0 m")
-        if self.rapid not in ("linear", "joint"):
-            raise InputError("rapid moves", value=self.rapid, allowed="linear, joint")
+        require_one_of("rapid moves", self.rapid, ("linear", "joint"))
 
 
 @dataclass(frozen=True, eq=False)

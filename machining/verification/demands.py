@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 
 Interpolation = Literal["joint", "linear", "mixed"]
 
@@ -45,8 +45,7 @@ class Demands:
     smoothing: float = 0.05
 
     def __post_init__(self) -> None:
-        if self.interpolation not in ("joint", "linear", "mixed"):
-            raise InputError("interpolation", value=self.interpolation, allowed="joint, linear, mixed")
+        require_one_of("interpolation", self.interpolation, ("joint", "linear", "mixed"))
         for name in ("resolution", "horizon", "tolerance", "axis_tolerance", "jump", "jump_ratio", "smoothing"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
