@@ -169,11 +169,6 @@ def law_band(e: Estimate, c: Certainty, law: FreeLaw, q: Array) -> LawBand:
     return LawBand(k, k * np.exp(-t * sd), k * np.exp(t * sd))
 
 
-def blind_directions(e: Estimate) -> Array:
-    """Directions (d, p) of the variables that no reading determines, length one."""
-    return null_directions(e.rows, e.seen)
-
-
 def null_directions(A: Array, seen: Bools) -> Array:
     """Directions (d, p), length one, that rows A (m, p) do not determine, of the columns ``seen`` (p,)."""
     return determined_covariance(A, seen)[1][1]

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, select_loads
+from doe import Measurements, PoseEffects, select_loads, sensitivity_study
 from doe.estimation.campaign import Campaign
+from doe.tables.loaded import select_poses
 from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import save_description
@@ -89,15 +90,9 @@ def _calibrations(
         f"({rigid.links} links, median of poses {', '.join(straight)})"
     )
     models = link_models.by_load_path(given)
+    varied, at = scheme.beside.sensitivity.joints, select_poses(used, straight, "sensitivities")
     effects: dict[str, list[PoseEffects]] = {
-        path: steps.sensitivity(
-            one,
-            used,
-            scheme.beside.sensitivity.joints,
-            straight,
-            *scheme.springs.ends,
-        )
-        for path, one in models.items()
+        path: sensitivity_study(one.model, at, varied, *scheme.springs.ends) for path, one in models.items()
     }
     own = link_models.calibrate(models, table, scheme, _say_variant, kept)
     for line in held_out.sentences(held_out.of_variants(own.variants)):
