@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
+    from robots.checks import above_zero, at_least, one_of
     from robots.errors import InputError, InputErrors
     from robots.inverse.branches import BRANCHES, Branch, InverseSolutions, Reason
     from robots.inverse.singularities import SingularityDistance, branch_of, singularity_distance
@@ -36,6 +37,8 @@ __all__ = [
     "SingularityDistance",
     "UrdfRobot",
     "Visual",
+    "above_zero",
+    "at_least",
     "branch_of",
     "bundled_names",
     "content_hash",
@@ -44,6 +47,7 @@ __all__ = [
     "jacobian",
     "load_description",
     "load_robot",
+    "one_of",
     "read_urdf",
     "save_description",
     "singularity_distance",

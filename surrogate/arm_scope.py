@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots import InputError, Robot
+from robots import InputError, Robot, one_of
 from robots.arrays import Array
 from surrogate.designs import space_filling_design
 from surrogate.expansion import TURN
@@ -53,8 +53,7 @@ def scope_of(
             )
     lower, upper = robot.limits[columns].T.copy()
     for name, (low, high) in (limits_deg or {}).items():
-        if name not in inputs:
-            raise InputError("limits of an input", value=name, allowed=", ".join(inputs))
+        one_of("limits of an input", name, inputs)
         i = list(inputs).index(name)
         lower[i], upper[i] = max(lower[i], np.radians(low)), min(upper[i], np.radians(high))
     x, y, z = unit_vector(direction, "load direction").tolist()

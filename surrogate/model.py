@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from robots import Robot
+from robots import Robot, one_of
 from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
 from surrogate.error_bars import ErrorBars, ParameterBars
@@ -127,8 +127,7 @@ class Surrogate(Scope):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.target not in TARGETS:
-            raise InputError("surrogate: target", value=self.target, allowed=", ".join(TARGETS))
+        one_of("surrogate: target", self.target, TARGETS)
         if any(part.n_inputs != len(self.inputs) for part in self._parts()):
             raise InputError("surrogate: basis", allowed=f"one of {len(self.inputs)} inputs")
         if (self.target == "factored") != (self.factor is not None):

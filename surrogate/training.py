@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from fem import compliance, compliance_factor
-from robots import InputError
+from robots import InputError, one_of
 from robots.arrays import Array
 from robots.progress import Progress
 from surrogate.basis import BasisName, term_count
@@ -120,8 +120,7 @@ def train(
     InputError
         A basis asked for by name that cannot be fitted, an empty reachable set, or a rigid model.
     """
-    if basis not in get_args(BasisChoice):
-        raise InputError("--basis", value=basis, allowed=", ".join(get_args(BasisChoice)))
+    one_of("--basis", basis, get_args(BasisChoice))
     ways = _prepared(task, rng, degree, order, target, solver, progress)
     training = _run(task, task.design(runs or TRAINING_RUNS, "arcsine", rng))
     fitted: list[Surrogate] = []

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, one_of
 from robots.arrays import Array, Integers
 from robots.progress import Progress
 
@@ -68,8 +68,7 @@ def choose(
     InputError
         n out of range, unknown criterion, or information that is not positive definite.
     """
-    if criterion not in CRITERIA:
-        raise InputError("criterion of a plan", value=criterion, allowed=", ".join(CRITERIA))
+    one_of("criterion of a plan", criterion, CRITERIA)
     if not 0 < n <= len(experiments):
         raise InputError("experiments to choose", value=n, allowed=f"1 to {len(experiments)}, the number of candidates")
     W = np.eye(len(known)) if weight is None else weight

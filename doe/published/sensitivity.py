@@ -8,7 +8,7 @@ import numpy as np
 
 from doe.planning.designs import two_level_factorial
 from doe.published.equations import Equations
-from robots import InputError
+from robots import InputError, one_of
 from robots.arrays import Array
 
 
@@ -48,8 +48,7 @@ def sensitivity_study(
     if not 0.0 < low < high:
         raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
     for joint in joints:
-        if joint not in joint_names:
-            raise InputError("joint of the sensitivity study", value=joint, allowed=", ".join(joint_names))
+        one_of("joint of the sensitivity study", joint, joint_names)
     design = two_level_factorial(len(joints))
     columns = [joint_names.index(name) for name in joints]
     compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.inputs import as_frame, as_units
-from robots import InputError
+from robots import InputError, above_zero, at_least
 from robots.arrays import Array, Bools
 from robots.frames import inverse
 
@@ -159,8 +159,7 @@ class Cell:
             raise InputError("linear axes", value=len(self.linear_axes), allowed=f"at most {MOST_LINEAR_AXES}")
         if self.floor is not None and not np.isfinite(self.floor):
             raise InputError("height of the floor (m)", value=self.floor, allowed="a finite number, or no floor")
-        if not (np.isfinite(self.safety) and self.safety >= 0.0):
-            raise InputError("safety distance (m)", value=self.safety, allowed="0 or more")
+        at_least("safety distance (m)", self.safety, 0.0)
         for what, rate in (("joint speeds", self.joint_speed), ("joint accelerations", self.joint_acceleration)):
             if rate is not None and not (np.asarray(rate, dtype=np.float64) > 0.0).all():
                 raise InputError(what, value=rate, allowed="more than 0")
@@ -257,5 +256,4 @@ def _range(what: str, limits: ArrayLike) -> Array:
 
 def _rates(where: str, unit: str, speed: float | None, acceleration: float | None) -> None:
     for what, value in ((f"speed ({unit}/s)", speed), (f"acceleration ({unit}/s^2)", acceleration)):
-        if value is not None and not 0.0 < value < np.inf:
-            raise InputError(f"{where}: {what}", value=value, allowed="greater than 0")
+        above_zero(f"{where}: {what}", value)

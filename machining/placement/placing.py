@@ -17,7 +17,7 @@ from machining.placement.steps import Cut, check_cuts, find_steps
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
-from robots import InputError
+from robots import InputError, at_least, one_of
 from robots.arrays import Array, Integers
 from robots.progress import Progress
 
@@ -51,12 +51,9 @@ class How:
     course: bool = False
 
     def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise InputError("mode of the placement", value=self.mode, allowed=", ".join(MODES))
-        if self.steps < 2:
-            raise InputError("steps of the base", value=self.steps, allowed="2 or more", remedy="or mode fixed")
-        if not (np.isfinite(self.cost) and self.cost >= 0.0):
-            raise InputError("cost of moving the base", value=self.cost, allowed="0 or more, a share of the merit")
+        one_of("mode of the placement", self.mode, MODES)
+        at_least("steps of the base", self.steps, 2, remedy="or mode fixed")
+        at_least("cost of moving the base, a share of the merit", self.cost, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
-from robots import InputError
+from robots import InputError, above_zero, one_of
 from robots.arrays import Array, Integers
 from robots.progress import Progress
 
@@ -66,10 +66,8 @@ class PostSettings:
     clearance: Callable[[Array, Array], Array] | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
-            raise InputError("tolerance of joint programs", value=self.tolerance, allowed="more than 0 m")
-        if self.rapid not in ("linear", "joint"):
-            raise InputError("rapid moves", value=self.rapid, allowed="linear, joint")
+        above_zero("tolerance of joint programs", self.tolerance, "m")
+        one_of("rapid moves", self.rapid, ("linear", "joint"))
 
 
 @dataclass(frozen=True, eq=False)

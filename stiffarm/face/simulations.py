@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, one_of
 from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
@@ -90,8 +90,7 @@ def simulate(
     from stiffarm.commands.simulate.step import of_pose
 
     for name, value in load.items():
-        if name not in WRENCH_NAMES:
-            raise InputError("load: name", value=name, allowed=", ".join(WRENCH_NAMES))
+        one_of("load: name", name, WRENCH_NAMES)
         if not np.isfinite(value):
             raise InputError(f"load: {name}", value=value, allowed="a finite number")
     wrench = np.array([load.get(name, 0.0) for name in WRENCH_NAMES])

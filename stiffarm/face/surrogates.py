@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, one_of
 from stiffarm.face.arms import DOWN, Arm
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown
@@ -100,8 +100,7 @@ class Surrogate(Shown):
 
     def _degrees(self, pose: Mapping[str, float]) -> list[float]:
         for name, value in pose.items():
-            if name not in self.learned.inputs:
-                raise InputError("q_deg: name", value=name, allowed=", ".join(self.learned.inputs))
+            one_of("q_deg: name", name, self.learned.inputs)
             if not np.isfinite(value):
                 raise InputError(f"q_deg: {name}", value=value, allowed="a finite number of degrees")
         return [float(pose.get(name, 0.0)) for name in self.learned.inputs]
@@ -165,8 +164,7 @@ def fit(
 
     names = default_inputs(arm.model) if inputs is None else tuple(inputs)
     for name in names:
-        if name not in arm.coordinates:
-            raise InputError("inputs", value=name, allowed=", ".join(arm.coordinates))
+        one_of("inputs", name, arm.coordinates)
     along = tuple(float(v) for v in np.array(direction, dtype=np.float64) / np.linalg.norm(direction))
     rng = np.random.default_rng(seed)
     with called():

@@ -22,7 +22,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normal
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from robots import InputError
+from robots import InputError, one_of
 from robots.arrays import Array
 from robots.files.written import written_whole
 
@@ -116,8 +116,7 @@ def new_figure(
     figure, and its axes row by row
     """
     if isinstance(size, str):
-        if size not in SIZES_IN:
-            raise InputError("figure size", value=size, allowed=", ".join(SIZES_IN))
+        one_of("figure size", size, SIZES_IN)
         size = SIZES_IN[size]
     with house_style():
         figure = Figure(figsize=size, dpi=DPI, layout="constrained" if rows > 0 else None)

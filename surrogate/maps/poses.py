@@ -13,7 +13,7 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
+from robots import InputError, Robot, forward_kinematics, one_of, tool_position, why_no_closed_form
 from robots.arrays import Array
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.candidates import (
@@ -109,8 +109,7 @@ class Extreme:
     starts: int = 3
 
     def __post_init__(self) -> None:
-        if self.which not in ("stiffest", "softest"):
-            raise InputError("extreme pose", value=self.which, allowed="stiffest, softest")
+        one_of("extreme pose", self.which, ("stiffest", "softest"))
         if self.axes < 8 or self.gammas < 1 or self.starts < 1:
             raise InputError(
                 "sample of orientations",

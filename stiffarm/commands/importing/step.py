@@ -16,7 +16,7 @@ from meshes.surfaces.bodies import BodySurface, body_surface, link_interfaces, s
 from meshes.surfaces.link import ImportedLink, prepare_link
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings, Repair
-from robots import InputError, InputErrors, ModelDescription, Robot
+from robots import InputError, InputErrors, ModelDescription, Robot, one_of
 from robots.arrays import Array
 from robots.progress import Progress
 from robots.robot import robot_from
@@ -104,8 +104,7 @@ def material_of(
     InputError
         Unknown name, or figures out of range.
     """
-    if name not in MATERIALS:
-        raise InputError("--material", value=name, allowed=", ".join(MATERIALS), remedy="choose the nearest of them")
+    one_of("--material", name, MATERIALS, "choose the nearest of them")
     given = (youngs_modulus_GPa, poissons_ratio, density)
     limits = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
     for (option, low, high), value in zip(limits, given, strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 
 from fem import ArmFields
 from meshes import ShellMesh
-from robots import InputError
+from robots import InputError, above_zero
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
 from surrogate.maps.whole_file import whole_file
@@ -127,10 +127,7 @@ def checked_scale(scale: float | None, grid: FieldGrid) -> float:
     """
     if scale is None:
         return automatic_scale(grid)
-    if not 0.0 < scale < np.inf:
-        raise InputError(
-            "--scale", value=scale, allowed="greater than 0", remedy="leave it out for an automatic one, or give 1"
-        )
+    above_zero("--scale", scale, remedy="leave it out for an automatic one, or give 1")
     return scale
 
 

@@ -17,7 +17,7 @@ from matplotlib.patheffects import withStroke
 
 from fem import ArmFields
 from fem.elements.couplings import distributing_coupling
-from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
+from robots import ModelDescription, Robot, forward_kinematics, one_of, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
 from stiffarm.commands.simulate.budgets import PoseBudget
@@ -94,8 +94,7 @@ def render_field(
     InputError
         Unknown view, a folder that does not exist, or pyvista asked for where it cannot draw.
     """
-    if view not in VIEWS:
-        raise InputError("view of the deformed arm", value=view, allowed=", ".join(VIEWS))
+    one_of("view of the deformed arm", view, VIEWS)
     works, message = chosen(renderer)
     style.require_folder(path)
     unloaded, loaded = _scene(arm, VIEWS[view], 0.0), _scene(arm, VIEWS[view], arm.scale)
