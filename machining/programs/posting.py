@@ -27,7 +27,7 @@ from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError, above_zero, one_of
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, finite
 from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
@@ -115,8 +115,10 @@ def post(
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
     n, given = motions.n, settings.gamma
     chosen = isinstance(given, GammaRange) or np.ndim(given) == 0
-    gamma = None if chosen else _at_each_move("gamma", np.asarray(given, dtype=np.float64), (n,))
-    near = None if settings.near is None else _at_each_move("postures", settings.near, (n, model.robot.dof))
+    gamma = None if chosen else finite("gamma at each move", given, (n,), "rad")
+    near = settings.near
+    if near is not None:
+        finite("postures at each move", near, (n, model.robot.dof), "rad")
     state = refined(PostState(motions, travel, np.zeros(n, dtype=np.bool_), gamma, near), pieces)
     for _ in range(ROUNDS):
         posted = _posted(model, cell, state, settings, progress)
@@ -150,13 +152,6 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
     state = PostState(motions, program.travel, program.inserted, program.gamma, program.q)
     return _posted(model, cell, state, settings, None)
-
-
-def _at_each_move(what: str, values: Array, shape: tuple[int, ...]) -> Array:
-    """Angles (rad) that each move has. Raises InputError for another shape, or what is not finite."""
-    if values.shape != shape or not np.isfinite(values).all():
-        raise InputError(f"{what} at each move", value=f"shape {values.shape}", allowed=f"finite {shape} rad")
-    return values
 
 
 def _with_reference(motions: Motions, settings: PostSettings) -> PostSettings:

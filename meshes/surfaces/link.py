@@ -16,7 +16,7 @@ from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring
 from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
 from robots import InputError, above_zero, one_of
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, finite
 
 REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
 
@@ -141,8 +141,7 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
     if not interfaces:
         raise InputError("no interface points", remedy="name one point or more, the root first")
     for name, one in interfaces.items():
-        if one.point.shape != (3,) or not np.isfinite(one.point).all():
-            raise InputError(f"interface point {name} (m)", value=one.point.tolist(), allowed="three finite numbers")
+        finite(f"interface point {name}", one.point, (3,), "m")
         if one.axis is not None and not (one.axis.shape == (3,) and 0.0 < np.linalg.norm(one.axis) < np.inf):
             raise InputError(f"interface axis {name}", value=one.axis.tolist(), allowed="three numbers, not all zero")
     alone = [one for one in interfaces.values() if one.radius is None and one.axis is None]

@@ -20,7 +20,7 @@ def test_a_known_word_comes_back_and_another_is_refused_with_all_of_them() -> No
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_a_number_that_is_not_above_zero_is_refused(value: float) -> None:
-    with pytest.raises(InputError, match="tolerance: got .*; allowed: greater than 0 m$"):
+    with pytest.raises(InputError, match=r"tolerance: got .*; allowed: greater than 0 m$"):
         above_zero("tolerance", value, "m")
 
 
