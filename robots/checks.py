@@ -35,4 +35,4 @@ def above_zero(what: str, value: float | None, unit: str = "", remedy: str | Non
 def at_least(what: str, value: float | None, least: float, unit: str = "", remedy: str | None = None) -> None:
     """Raise InputError unless a number, in its ``unit``, is finite and not below ``least``, or not given."""
     if value is not None and not least <= value < math.inf:
-        raise InputError(what, value=value, allowed=" ".join(f"{least:g} {unit} or more".split()), remedy=remedy)
+        raise InputError(what, value=value, allowed=f"{least:g} or more{unit and f', {unit}'}", remedy=remedy)

@@ -125,7 +125,7 @@ def capsule(start: ArrayLike, end: ArrayLike, radius: float) -> Solid:
     InputError
         A radius that is not above 0, ends that coincide or are not finite.
     """
-    nodes = finite("ends of a capsule", [start, end], (2, 3), "m")
+    nodes = finite("ends of a capsule", np.array([start, end]), (2, 3), "m")
     if not np.linalg.norm(nodes[1] - nodes[0]) > 0.0:
         raise InputError("ends of a capsule", value=nodes[0].tolist(), allowed="two different points")
     return Solid(nodes, np.array([[0, 1, 1]]), True, nodes[:1], _size("radius", radius))

@@ -63,7 +63,7 @@ class Placed:
     ``before``: the axes at 0 (or mid-range) and gamma 0; None where ``why_no_before`` says why. ``fixed``: the best
     position at rest where the mode is another; ``why_no_fixed``. ``first`` (s,): path points at which the base starts
     to stand elsewhere, 0 first. ``survey``: the coarse grid. ``evaluations``: base positions looked at, each
-    over the path. ``notes``: what a user should know. ``criterion``: the weights of K_sf that all were judged by.
+    over the path. ``notes``: what a user should know.
     """
 
     problem: Problem
@@ -77,7 +77,6 @@ class Placed:
     survey: Survey
     evaluations: int
     notes: tuple[str, ...]
-    criterion: Criterion
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +142,6 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
         survey=surveyed,
         evaluations=count + looked,
         notes=tuple(notes),
-        criterion=criterion,
     )
 
 

@@ -115,7 +115,7 @@ def post(
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
     n, given = motions.n, settings.gamma
     chosen = isinstance(given, GammaRange) or np.ndim(given) == 0
-    gamma = None if chosen else finite("gamma at each move", given, (n,), "rad")
+    gamma = None if chosen else finite("gamma at each move", np.asarray(given), (n,), "rad")
     near = settings.near
     if near is not None:
         finite("postures at each move", near, (n, model.robot.dof), "rad")

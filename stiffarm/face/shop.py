@@ -86,10 +86,7 @@ class Placement(Shown):
         from stiffarm.commands.place.payload import named
         from stiffarm.face.pictures import picture_of
 
-        found = named(self.found)
-        stiffness = {name: one.stiffness * 1e-3 for name, one in found.items()}
-        error = {name: one.error.normal * 1e6 for name, one in found.items()}
-        return picture_of(along_figure(1e3 * self.found.given.path.arc_length, stiffness, error)).kept(file)
+        return picture_of(along_figure(named(self.found))).kept(file)
 
 
 def posture(
