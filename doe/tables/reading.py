@@ -156,6 +156,6 @@ def bundled_data(name: str) -> Path:
     InputError
         No measurements are bundled for that name.
     """
-    files = {"xr701": "xr701_gotlih.csv"}
+    files = {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
     one_of("bundled measurements", name, files)
     return Path(str(resources.files("doe").joinpath("data", files[name])))
