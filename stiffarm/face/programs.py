@@ -176,4 +176,4 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
     with called():
         bodies = arm_bodies(arm.description)
         given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
-        return Checked(arm.name, verify(given.program, bodies, Demands(), nc_lines=given.lines))
+        return Checked(arm.name, verify(given, bodies, Demands()))
