@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from robots.checks import above_zero, at_least, one_of
-    from robots.errors import InputError, InputErrors
+    from robots.errors import InputError, InputErrors, require_at_least, require_one_of, require_positive
     from robots.inverse.branches import BRANCHES, Branch, InverseSolutions, Reason
     from robots.inverse.singularities import SingularityDistance, branch_of, singularity_distance
     from robots.inverse.solutions import inverse_kinematics, why_no_closed_form
@@ -37,8 +36,6 @@ __all__ = [
     "SingularityDistance",
     "UrdfRobot",
     "Visual",
-    "above_zero",
-    "at_least",
     "branch_of",
     "bundled_names",
     "content_hash",
@@ -47,8 +44,10 @@ __all__ = [
     "jacobian",
     "load_description",
     "load_robot",
-    "one_of",
     "read_urdf",
+    "require_at_least",
+    "require_one_of",
+    "require_positive",
     "save_description",
     "singularity_distance",
     "tool_position",

@@ -15,9 +15,9 @@ from doe.estimation.least_squares import is_convex
 from doe.estimation.noise import likelihood
 from doe.estimation.problem import Problem
 from fem.free.parameters import FreeLaw, Parameter
-from robots import InputError, at_least
+from robots import InputError, require_at_least
 from robots.arrays import Array, Bools, Indices, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
 
@@ -191,7 +191,7 @@ def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress:
         Fewer than three poses.
     """
     p = e.problem
-    at_least("poses for a bootstrap", len(p.poses), 3)
+    require_at_least("poses for a bootstrap", len(p.poses), 3)
     groups = [np.flatnonzero(p.pose == k) for k in range(len(p.poses))]
     out = np.full((times, len(e.u)), np.nan)
     for i in range(times):
@@ -201,8 +201,7 @@ def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress:
         except InputError:
             continue
         out[i] = one.values
-        if progress is not None:
-            progress(i + 1, times)
+        report_progress(progress, i + 1, times)
     return out
 
 

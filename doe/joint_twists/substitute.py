@@ -18,7 +18,7 @@ from doe.joint_twists.cycles import carried
 from doe.joint_twists.identify import Identified
 from fem import ArmModel
 from fem.statics.transfers import joint_rows
-from robots import InputError, forward_kinematics, inverse_kinematics, one_of, why_no_closed_form
+from robots import InputError, forward_kinematics, inverse_kinematics, require_one_of, why_no_closed_form
 from robots.arrays import Array
 from robots.frames import framed
 
@@ -244,7 +244,7 @@ def stiffness_window(
     InputError
         Unknown orientation; a robot without inverse kinematics in closed form; nothing in the window is reached.
     """
-    one_of("orientation of the flange", orientation, ORIENTATIONS)
+    require_one_of("orientation of the flange", orientation, ORIENTATIONS)
     robot = model.robot
     if (reason := why_no_closed_form(robot)) is not None:
         raise InputError(f"stiffness window of {robot.name}: {reason}", allowed="a robot with a spherical wrist")

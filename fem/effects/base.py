@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robots import InputError, one_of
+from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.schema.units import DIMENSIONS, factor
 
@@ -62,7 +62,7 @@ class EffectParameter:
     meaning: str = ""
 
     def __post_init__(self) -> None:
-        one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS)
+        require_one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS)
         try:
             factor(self.dimension, self.unit)
         except ValueError as error:
@@ -143,7 +143,7 @@ class Effect:
     usual: float = 0.0
 
     def __post_init__(self) -> None:
-        one_of(f"effect {self.code}: stage", self.stage, STAGES)
+        require_one_of(f"effect {self.code}: stage", self.stage, STAGES)
         names = [p.name for p in self.parameters]
         if len(set(names)) < len(names):
             raise InputError(f"effect {self.code}: parameters", value=", ".join(names), allowed="each name once")

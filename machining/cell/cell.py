@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.inputs import as_frame, as_units
-from robots import InputError, above_zero, at_least
+from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array, Bools, finite
 from robots.frames import inverse
 
@@ -156,7 +156,7 @@ class Cell:
             raise InputError("linear axes", value=len(self.linear_axes), allowed=f"at most {MOST_LINEAR_AXES}")
         if self.floor is not None and not np.isfinite(self.floor):
             raise InputError("height of the floor (m)", value=self.floor, allowed="a finite number, or no floor")
-        at_least("safety distance (m)", self.safety, 0.0)
+        require_at_least("safety distance (m)", self.safety, 0.0)
         for what, rate in (("joint speeds", self.joint_speed), ("joint accelerations", self.joint_acceleration)):
             if rate is not None and not (np.asarray(rate, dtype=np.float64) > 0.0).all():
                 raise InputError(what, value=rate, allowed="more than 0")
@@ -249,4 +249,4 @@ def _range(what: str, limits: ArrayLike) -> Array:
 
 def _rates(where: str, unit: str, speed: float | None, acceleration: float | None) -> None:
     for what, value in ((f"speed ({unit}/s)", speed), (f"acceleration ({unit}/s^2)", acceleration)):
-        above_zero(f"{where}: {what}", value)
+        require_positive(f"{where}: {what}", value)

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robots import above_zero, one_of
+from robots import require_one_of, require_positive
 from robots.arrays import Array, finite
 
 NAMES: Final = ("K_tc", "K_te", "K_rc", "K_re", "K_ac", "K_ae")
@@ -40,7 +40,7 @@ class CuttingCoefficients:
 
     def __post_init__(self) -> None:
         values = finite(f"cutting coefficients ({', '.join(NAMES)})", self.values, (6,))
-        above_zero("cutting coefficient K_tc", float(values[0]), "Pa")
+        require_positive("cutting coefficient K_tc", float(values[0]), "Pa")
         object.__setattr__(self, "values", values)
 
 
@@ -85,5 +85,5 @@ def published(name: str) -> CuttingCoefficients:
     InputError
         No such set.
     """
-    one_of("cutting coefficients", name, PUBLISHED)
+    require_one_of("cutting coefficients", name, PUBLISHED)
     return PUBLISHED[name]

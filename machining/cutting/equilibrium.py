@@ -10,7 +10,7 @@ import numpy as np
 from machining.cutting.force import ForceAlong, MillingForce, check_wall
 from machining.cutting.process_axes import process_axes
 from machining.task import Task
-from robots import InputError, above_zero, at_least
+from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array
 
 # Step of the depth for the slope, share of it: central differences leave some 1e-8 of the slope.
@@ -31,8 +31,8 @@ class Balance:
     rounds: int = 50
 
     def __post_init__(self) -> None:
-        above_zero("tolerance of the balance", self.tolerance, "m")
-        at_least("rounds of the balance", self.rounds, 1)
+        require_positive("tolerance of the balance", self.tolerance, "m")
+        require_at_least("rounds of the balance", self.rounds, 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from machining.placement.steps import Cut, check_cuts, find_steps
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
-from robots import InputError, at_least, one_of
+from robots import InputError, require_at_least, require_one_of
 from robots.arrays import Array, Integers
 from robots.progress import Progress
 
@@ -51,9 +51,9 @@ class How:
     course: bool = False
 
     def __post_init__(self) -> None:
-        one_of("mode of the placement", self.mode, MODES)
-        at_least("steps of the base", self.steps, 2, remedy="or mode fixed")
-        at_least("cost of moving the base, a share of the merit", self.cost, 0.0)
+        require_one_of("mode of the placement", self.mode, MODES)
+        require_at_least("steps of the base", self.steps, 2, remedy="or mode fixed")
+        require_at_least("cost of moving the base, a share of the merit", self.cost, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
-from robots import InputError, above_zero, one_of
+from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array, finite
 from robots.progress import Progress
 
@@ -65,8 +65,8 @@ class PostSettings:
     clearance: Callable[[Array, Array], Array] | None = None
 
     def __post_init__(self) -> None:
-        above_zero("tolerance of joint programs", self.tolerance, "m")
-        one_of("rapid moves", self.rapid, ("linear", "joint"))
+        require_positive("tolerance of joint programs", self.tolerance, "m")
+        require_one_of("rapid moves", self.rapid, ("linear", "joint"))
 
 
 @dataclass(frozen=True, eq=False)

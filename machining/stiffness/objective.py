@@ -13,7 +13,7 @@ from machining.inputs import as_vectors
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.task import Task
-from robots import InputError, one_of
+from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 
 DISPLACEMENTS = ("displacement", "normal displacement")
@@ -39,8 +39,8 @@ class Objective:
     aim: Literal["mean", "worst"] = "mean"
 
     def __post_init__(self) -> None:
-        one_of("objective", self.quantity, QUANTITIES)
-        one_of("aim of the objective", self.aim, ("mean", "worst"))
+        require_one_of("objective", self.quantity, QUANTITIES)
+        require_one_of("aim of the objective", self.aim, ("mean", "worst"))
         if self.force is None and (self.minimised or "force" in INDICES[self.quantity].uses):
             raise InputError(f"force for {self.quantity}", allowed="N in base axes", remedy="give the force")
 
@@ -132,7 +132,7 @@ def shown(quantity: str) -> Shown:
     InputError
         No such quantity.
     """
-    one_of("quantity", quantity, QUANTITIES)
+    require_one_of("quantity", quantity, QUANTITIES)
     if quantity in DISPLACEMENTS:
         return Shown(quantity, 1e6, "um")
     # An index of degree 1 is N/m.

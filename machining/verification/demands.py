@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from robots import above_zero, at_least, one_of
+from robots import require_at_least, require_one_of, require_positive
 
 Interpolation = Literal["joint", "linear", "mixed"]
 
@@ -45,8 +45,8 @@ class Demands:
     smoothing: float = 0.05
 
     def __post_init__(self) -> None:
-        one_of("interpolation", self.interpolation, ("joint", "linear", "mixed"))
+        require_one_of("interpolation", self.interpolation, ("joint", "linear", "mixed"))
         for name in ("resolution", "horizon", "tolerance", "axis_tolerance", "jump", "jump_ratio", "smoothing"):
-            above_zero(f"verification, {name}", getattr(self, name))
+            require_positive(f"verification, {name}", getattr(self, name))
         for name in ("safety", "singular_least"):
-            at_least(f"verification, {name}", getattr(self, name), 0.0)
+            require_at_least(f"verification, {name}", getattr(self, name), 0.0)

@@ -15,7 +15,7 @@ from meshes.surfaces.checks import SurfaceFault, census
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring
 from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
-from robots import InputError, above_zero, one_of
+from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array, Integers, finite
 
 REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
@@ -136,8 +136,8 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
     sizes |= {"opening (m)": settings.opening}
     sizes |= {f"interface radius {name} (m)": one.radius for name, one in interfaces.items()}
     for what, value in sizes.items():
-        above_zero(what, value)
-    one_of("repair", settings.repair, REPAIRS)
+        require_positive(what, value)
+    require_one_of("repair", settings.repair, REPAIRS)
     if not interfaces:
         raise InputError("no interface points", remedy="name one point or more, the root first")
     for name, one in interfaces.items():

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from robots import InputError, above_zero
+from robots import InputError, require_positive
 from robots.arrays import Array, Integers
 from robots.files.reading import read_bytes
 
@@ -43,7 +43,7 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"surface {path.name}", value=path.suffix, allowed=", ".join(SUFFIXES))
-    above_zero("scale (m for one unit of the file)", scale)
+    require_positive("scale (m for one unit of the file)", scale)
     if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
         raise InputError(
             f"surface {path.name}: DAE files need the package pycollada",
@@ -105,7 +105,7 @@ def check_scale(
     if span is None:
         span = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
     else:
-        above_zero("expected span (m)", span)
+        require_positive("expected span (m)", span)
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
     low, high = ratio
     if span == 0.0:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 
-from robots import InputError, Robot, one_of
+from robots import InputError, Robot
 from robots.arrays import Array
-from robots.checks import Word
 from robots.errors import raise_any, twice
 from robots.frames import frame_mm_deg, rpy_of
 
@@ -19,10 +19,15 @@ DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad"
 LARGEST_LOAD = 1e9
 FRAME_FORM = "x,y,z in mm, or x,y,z,a,b,c with a, b, c in deg about the fixed axes x, then y, then z"
 
+Word = TypeVar("Word", bound=str)
+
 
 def parse_word(text: str, allowed: tuple[Word, ...], option: str) -> Word:
     """One of some words."""
-    return one_of(option, text, allowed, "choose one of them")
+    for word in allowed:
+        if word == text:
+            return word
+    raise InputError(option, value=text, allowed=", ".join(allowed), remedy="choose one of them")
 
 
 def refuse_given(options: Mapping[str, object], why_not: str, remedy: str) -> None:

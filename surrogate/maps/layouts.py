@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots import InputError, Robot, forward_kinematics, one_of, tool_position
+from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
 from robots.arrays import Array, finite
 from surrogate.maps.data import Axis, Layout
 
@@ -107,7 +107,7 @@ def slice_layout(
     InputError
         No such plane, or values that do not ascend in even steps.
     """
-    one_of("plane of a slice", plane, PLANES)
+    require_one_of("plane of a slice", plane, PLANES)
     slow, fast, third = PLANES[plane]
     axes = (Axis(slow, "mm", _even(slow, up_mm)), Axis(fast, "mm", _even(fast, across_mm)))
     return _checked(Layout("slice", axes, held={third: float(_finite(third, [at_mm])[0])}, frame=frame))

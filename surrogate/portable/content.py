@@ -11,8 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from robots.arrays import Array, Integers
-from robots.checks import one_of
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 from robots.robot import LIMIT_TOLERANCE_RAD
 from surrogate.expansion import Expansion
 from surrogate.model import Factor
@@ -77,7 +76,7 @@ class Portable(Scope):
     def __post_init__(self) -> None:
         super().__post_init__()
         k = len(self.inputs)
-        one_of("portable surrogate: link", self.link, LINKS)
+        require_one_of("portable surrogate: link", self.link, LINKS)
         if any(part.n_inputs != k for part in self.sums):
             raise InputError("portable surrogate: expansions", allowed=f"functions of the {k} inputs")
         if (self.link in ROWS) != (self.factor is not None):

@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from meshes.surfaces.reading import SUFFIXES
-from robots import InputError, above_zero, content_hash, load_description
+from robots import InputError, content_hash, load_description, require_positive
 from robots.urdf.reading import read_urdf
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import command
@@ -115,7 +115,7 @@ def import_command(
             raise InputError("SOURCE", value=str(source), allowed="an existing file", remedy="check the path")
         lengths = {"--wall-mm": wall_mm, "--size-mm": size_mm, "--close-mm": close_mm, "--scale": scale}
         for option, value in lengths.items():
-            above_zero(option, value)
+            require_positive(option, value)
         options = importing.ImportOptions(
             material=material or "steel",
             figures=importing.material_of(material or "steel", youngs_modulus, poissons_ratio, density),
@@ -177,5 +177,5 @@ def _by_link(text: str | None, option: str) -> dict[str, float]:
     names = tuple(item.partition("=")[0].strip() for item in text.split(","))
     values = parse_pairs(text, option, names)
     for name, value in values.items():
-        above_zero(f"{option}: {name} (mm)", value)
+        require_positive(f"{option}: {name} (mm)", value)
     return {name: 1e-3 * value for name, value in values.items()}

@@ -11,7 +11,7 @@ import numpy as np
 
 from fem import ArmFields
 from meshes import ShellMesh
-from robots import InputError, above_zero
+from robots import InputError, require_positive
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
 from surrogate.maps.whole_file import whole_file
@@ -127,7 +127,7 @@ def checked_scale(scale: float | None, grid: FieldGrid) -> float:
     """
     if scale is None:
         return automatic_scale(grid)
-    above_zero("--scale", scale, remedy="leave it out for an automatic one, or give 1")
+    require_positive("--scale", scale, remedy="leave it out for an automatic one, or give 1")
     return scale
 
 

@@ -12,7 +12,7 @@ from fem.arm import Arm
 from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.statics.loads import LoadedPoses
-from robots import InputError, above_zero, load_description
+from robots import InputError, load_description, require_positive
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
 from stiffarm.session.json_text import number
@@ -112,7 +112,7 @@ def check_request(
         raise InputError("--field writes files and has no folder for them", remedy="give --out DIR")
     if scale is not None and not field:
         raise InputError("--scale", value=scale, allowed="only with --field", remedy="add --field or leave it out")
-    above_zero("--scale", scale, remedy="1 draws motion at its true size")
+    require_positive("--scale", scale, remedy="1 draws motion at its true size")
     if load is not None and pose is None:
         raise InputError("--load", value=load, allowed="only with --pose: a measurement table has its own loads")
     if unload_from is not None and pose is None:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from machining.cutting import Comparison, SurfaceError
-from robots import InputError, Robot, at_least
+from robots import InputError, Robot, require_at_least
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from stiffarm.pages.blocks import Pictures
@@ -115,7 +115,7 @@ def milling_error_figure(
     lengths = [e.arc_length for e in errors.values()]
     if any(one.shape != s.shape or not np.allclose(one, s, rtol=0.0, atol=1e-9) for one in lengths):
         raise InputError("milling error figure: the paths differ", allowed="errors along one path")
-    at_least("milling error figure: points of the path", len(s), 2)
+    require_at_least("milling error figure: points of the path", len(s), 2)
     if comparison is not None:
         _check(comparison, [e.normal for e in errors.values()])
     rows = 1 if comparison is None else 2
