@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from robots import require_one_of, require_positive
-from robots.arrays import Array, finite
+from robots import InputError, require_one_of, require_positive
+from robots.arrays import Array
 
 NAMES: Final = ("K_tc", "K_te", "K_rc", "K_re", "K_ac", "K_ae")
 UNITS: Final = ("Pa", "N/m") * 3
@@ -39,7 +39,11 @@ class CuttingCoefficients:
     source: str
 
     def __post_init__(self) -> None:
-        values = finite(f"cutting coefficients ({', '.join(NAMES)})", self.values, (6,))
+        values = np.asarray(self.values, dtype=np.float64)
+        if values.shape != (6,) or not np.isfinite(values).all():
+            raise InputError(
+                "cutting coefficients", value=values.tolist(), allowed=f"6 finite numbers: {', '.join(NAMES)}"
+            )
         require_positive("cutting coefficient K_tc", float(values[0]), "Pa")
         object.__setattr__(self, "values", values)
 
