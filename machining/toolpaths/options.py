@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from machining.magnitudes import FARTHEST
-from robots import InputError, require_at_least
+from robots import InputError, require_at_least, require_one_of
 
 UNITS = {"mm": 1e-3, "inch": 25.4e-3}
 ROTARY = ("none", *(f"{kind}-{first}C" for kind in ("table", "head", "mixed") for first in "AB"))
@@ -70,8 +70,7 @@ class ReadOptions:
             "dwell_unit": ("s", "ms"),
         }
         for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise InputError(f"option {name}", value=getattr(self, name), allowed=", ".join(map(str, allowed)))
+            require_one_of(f"option {name}", getattr(self, name), allowed)
         for name in ("chord_tolerance", "arc_tolerance"):
             if not 1e-9 <= getattr(self, name) <= 1e-2:
                 raise InputError(f"option {name}", value=getattr(self, name), allowed="1e-9 to 1e-2 m")

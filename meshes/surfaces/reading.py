@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from robots import InputError, require_positive
+from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array, Integers
 from robots.files.reading import read_bytes
 
@@ -41,8 +41,7 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     InputError
         File missing or unreadable, no triangles, numbers that are not finite, ``scale`` not positive.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"surface {path.name}", value=path.suffix, allowed=", ".join(SUFFIXES))
+    require_one_of(f"surface {path.name}", path.suffix.lower(), SUFFIXES)
     require_positive("scale (m for one unit of the file)", scale)
     if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
         raise InputError(
