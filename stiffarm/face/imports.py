@@ -36,7 +36,9 @@ class Imported(Shown):
 
     def title(self) -> str:
         """Robot, number of links, and how many warnings there are."""
-        return f"Import of {self.arm.name}: {len(self._links())} shell links, {len(self.warnings)} warnings"
+        links, warnings = len(self._links()), len(self.warnings)
+        counted = f"{links} shell link{'s' * (links != 1)}, {warnings} warning{'s' * (warnings != 1)}"
+        return f"Import of {self.arm.name}: {counted}"
 
     def to_frame(self) -> pd.DataFrame:
         """One row a link: wall, element size, triangles, least angle, tip compliance as a shell over that as a beam."""

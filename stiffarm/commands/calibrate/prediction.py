@@ -18,7 +18,6 @@ from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.progress import Progress
 
-Count = Progress
 # Angles this far (deg) beyond a law's range are beyond it, less is rounding.
 _ROUNDING_DEG = 1e-6
 
@@ -51,7 +50,7 @@ def left_out(
     used: Measurements,
     campaign: Campaign,
     found: Calibration,
-    count: Count | None,
+    count: Progress | None,
     own: Sequence[Maker] = (),
     history: History | None = None,
     spacing: str = "log",

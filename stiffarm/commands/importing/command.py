@@ -161,7 +161,7 @@ def import_command(
             with frame.folder() as folder:
                 done = importing.import_into_model(source, given, link, options, scale, _metres(wall_mm))
                 content = import_results.write_link(done, given, source.name, folder)
-            for line in (*done.shell.report, *(w for w in content["warnings"] if w not in done.shell.report)):
+            for line in (*done.link.report, *(w for w in content["warnings"] if w not in done.link.report)):
                 say(line)
         frame.answer(content)
 

@@ -29,7 +29,6 @@ from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.reading_checks import read_held_out
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
 from surrogate.model import predict_compliance
@@ -56,9 +55,9 @@ def run_all(
     table = frame.readings(given, data, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
+    frame.reads(scheme_file=scheme_file)
     scheme = readings.read_scheme(given.robot, scheme_file)
-    frame.reads(scheme_file=scheme_file, holdout=holdout)
-    kept = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
+    kept = frame.held_out(given, holdout, confirm_units=confirm_units)
     with frame.folder(seed) as folder:
         with folder.timed("calibration"):
             rigid, effects, compared = _calibrations(given, table, scheme, kept)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fem import ArmFields
 from meshes import ShellMesh
-from robots import InputError, require_positive
+from robots import InputError
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
 from surrogate.maps.whole_file import whole_file
@@ -115,20 +115,6 @@ def round_scale(value: float) -> float:
     decade = np.floor(np.log10(value))
     choices = [float(f"{m}e{int(decade)}") for m in (1, 2, 5, 10)]
     return min(choices, key=lambda c: abs(np.log(c / value)))
-
-
-def checked_scale(scale: float | None, grid: FieldGrid) -> float:
-    """The scale asked for, or the automatic one.
-
-    Raises
-    ------
-    InputError
-        Zero, negative or not finite.
-    """
-    if scale is None:
-        return automatic_scale(grid)
-    require_positive("--scale", scale, remedy="leave it out for an automatic one, or give 1")
-    return scale
 
 
 def write_field(

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 from cli_runs import run_here
 from urdf_arms import Arm as MadeArm
+from urdf_arms import casing
 
 import stiffarm as sa
 
@@ -48,6 +51,28 @@ def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "model.toml", "meshes", "import.json", "import.png", "run.json",
     }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_an_imported_link_is_that_of_the_command_line(tmp_path: Path) -> None:
+    # The tx200's upper arm runs 0.95 m along x of its body; its joints turn about z.
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+    file = tmp_path / "upper arm.stl"
+    casing(0.24, 0.3, -0.15, 1.1).apply_transform(turn).export(file)
+    arm = sa.load("tx200")
+    (link,) = [one.name for one in arm.description.link if one.body == "j2"]
+    made = sa.import_link(arm, file, link, tmp_path / "out", size_mm=50)
+    asked = run_here("import", file, "--out", tmp_path / "asked", "--model", "tx200", "--link", link, "--size-mm", "50")
+    assert asked.code == 0, asked.err
+    for name in ("model.toml", "import.json", "import.png"):
+        assert (made.folder / name).read_bytes() == (tmp_path / "asked" / name).read_bytes(), name
+    assert list(made.to_frame()["link"]) == [link]
+    assert repr(made).startswith("Import of tx200: 1 shell link,")
+    assert made.arm.model.link_kind == "shell"
+    assert made.plot().png == (made.folder / "import.png").read_bytes()
+    assert not [one for one in arm.description.link if one.surface is not None], "the arm given is not changed"
+    with pytest.raises(sa.InputError, match="link: got 'leg'"):
+        sa.import_link(arm, file, "leg", tmp_path / "other")
 
 
 def test_a_length_that_is_none_is_refused(tmp_path: Path) -> None:
