@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from robots import InputError
+from robots import InputError, require_positive
 from stiffarm.face.arms import Arm, Picture, load
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
@@ -204,6 +204,5 @@ def _metres(argument: str, value_mm: float) -> float: ...
 @overload
 def _metres(argument: str, value_mm: float | None) -> float | None: ...
 def _metres(argument: str, value_mm: float | None) -> float | None:
-    if value_mm is not None and not value_mm > 0.0:
-        raise InputError(f"{argument} (mm)", value=value_mm, allowed="greater than 0")
+    require_positive(f"{argument} (mm)", value_mm)
     return None if value_mm is None else 1e-3 * value_mm

@@ -12,7 +12,7 @@ from fem.arm import Arm
 from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.statics.loads import LoadedPoses
-from robots import InputError, load_description
+from robots import InputError, load_description, require_positive
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
 from stiffarm.session.json_text import number
@@ -112,8 +112,7 @@ def check_request(
         raise InputError("--field writes files and has no folder for them", remedy="give --out DIR")
     if not field:
         refuse_given({"--scale": scale}, "only with --field", "add --field or leave it out")
-    if scale is not None and not 0.0 < scale < np.inf:
-        raise InputError("--scale", value=scale, allowed="greater than 0", remedy="1 draws motion at its true size")
+    require_positive("--scale", scale, remedy="1 draws motion at its true size")
     if pose is None:
         why_not = "only with --pose: a measurement table has its own loads and phases"
         refuse_given({"--load": load, "--unload-from": unload_from}, why_not, "leave it out")
