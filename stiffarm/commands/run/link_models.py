@@ -88,7 +88,7 @@ class Pair:
 
     def poses_better(self) -> tuple[int, int]:
         """How many poses the own links predict better, of how many that both predict."""
-        of = self.own.found.overall.pose
+        _, of = np.unique(self.own.pose, return_inverse=True)
         own, other = (np.bincount(of, side.left_out**2) for side in (self.own, self.other))
         both = np.isfinite(own + other)
         return int((own < other)[both].sum()), int(both.sum())
