@@ -24,7 +24,7 @@ from meshes import (
     section_properties,
 )
 from meshes.beams import body_index
-from robots import InputError, LoadPath, ModelDescription, Robot
+from robots import InputError, LoadPath, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
 from robots.robot import robot_from
 from robots.schema.description import FlangeCoupling, Joint, Link, PlaceStiffness
@@ -179,14 +179,12 @@ def build_model(
         part (a joint, "base", "tool", "bar" or "crank"), flanges of an interface that the link does not have; for
         shell links, what :func:`meshes.link_shell_mesh` and :func:`fem.elements.shell.shell_superelement` refuse.
     """
-    if links not in LINK_KINDS:
-        raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))
+    require_one_of("links", links, LINK_KINDS)
     if flanges not in (None, *FLANGES):
         raise InputError("flanges", value=flanges, allowed=", ".join(FLANGES))
     robot = robot_from(description)
     path: LoadPath = description.load_path if load_path is None else load_path
-    if path not in ("parallelogram", "serial"):
-        raise InputError("load path", value=path, allowed="parallelogram, serial")
+    require_one_of("load path", path, ("parallelogram", "serial"))
     if path == "parallelogram" and robot.parallelogram is None:
         raise InputError(f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram")
     taken = {*robot.joint_names, *PLACES} & {link.name for link in description.link}

@@ -13,8 +13,8 @@ from machining.posture.points import Sweep, sweep_gamma
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
-from robots.arrays import Array
-from robots.progress import Progress
+from robots.arrays import Array, finite
+from robots.progress import Progress, report_progress
 
 # Points x angles of one part, each with up to eight poses: some 100 MB with rigid links.
 TARGETS = 20_000
@@ -41,10 +41,7 @@ def sweep_parts(
     InputError
         Angles of another shape, a map too large to hold; else as :func:`machining.posture.points.sweep_gamma`.
     """
-    angle = np.asarray(gamma, dtype=np.float64)
-    n = task.path.n
-    if angle.ndim != 1 or len(angle) == 0 or not np.isfinite(angle).all():
-        raise InputError("gamma", value=f"shape {angle.shape}", allowed="finite angles (m,) rad, m at least 1")
+    angle, n = finite("gamma", gamma, ("m",), "rad"), task.path.n
     if n * len(angle) > MOST:
         raise InputError(
             "map",
@@ -57,8 +54,7 @@ def sweep_parts(
         part = slice(first, min(first + rows, n))
         some = task.at(part)
         yield part, some, sweep_gamma(model, some, _forces(objective, part, n), angle, generator=generator)
-        if progress is not None:
-            progress(part.stop, n)
+        report_progress(progress, part.stop, n)
 
 
 def _forces(objective: Objective, part: slice, n: int) -> Objective:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robots.arrays import Array, Bools
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 from robots.frames import framed, rotation_rpy
-from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
+from robots.schema.description import Joint, ModelDescription, Placed
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
@@ -68,8 +68,7 @@ class Robot:
 
     def coordinate_index(self, coordinate: str) -> int:
         """Column of a joint coordinate in a pose array."""
-        if coordinate not in self.coordinates:
-            raise InputError(f"joint coordinate of {self.name}", value=coordinate, allowed=", ".join(self.coordinates))
+        require_one_of(f"joint coordinate of {self.name}", coordinate, self.coordinates)
         return self.coordinates.index(coordinate)
 
     def pose_batch(self, q: Array) -> Array:
@@ -186,7 +185,7 @@ def _rotation_z_to(axis: Array) -> Array:
     return np.asarray(np.eye(3) + vx + vx @ vx / (1.0 + a[2]))
 
 
-def _transform(part: FrameRow | Flange | Tool) -> Array:
+def _transform(part: Placed) -> Array:
     rpy = np.zeros(3) if part.rpy is None else part.rpy.si_array
     return framed(rotation_rpy(rpy), part.xyz.si_array)
 

@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dtrcon
 from sklearn.linear_model import RidgeCV
 
 from robots.arrays import Array
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 
 Solver = Literal["qr", "ridge"]
 
@@ -25,11 +25,10 @@ _PENALTIES = np.logspace(-14.0, 0.0, 29)
 
 
 class Solution(NamedTuple):
-    """``coefficients`` (t, m); ``condition`` of the matrix; ``triangle`` R (t, t) of its QR; ``penalty`` of ridge."""
+    """``coefficients`` (t, m); ``condition`` of the matrix; ``penalty`` of ridge."""
 
     coefficients: Array
     condition: float
-    triangle: Array
     penalty: float
 
 
@@ -44,8 +43,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
     InputError
         More terms than runs, an unknown solver, or poses that leave terms undetermined.
     """
-    if solver not in SOLVERS:
-        raise InputError("solver", value=solver, allowed=", ".join(SOLVERS))
+    require_one_of("solver", solver, SOLVERS)
     if A.shape[1] > len(A):
         raise InputError(
             f"fit: the basis has {A.shape[1]} terms, but there are {len(A)} runs",
@@ -61,7 +59,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
             # It fits columns of very unlike size on purpose; the condition number is reported instead.
             warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
             found = RidgeCV(_PENALTIES * size, fit_intercept=False, gcv_mode="svd").fit(A, b)
-        return Solution(np.reshape(found.coef_, (b.shape[1], -1)).T, condition, R, float(found.alpha_))
+        return Solution(np.reshape(found.coef_, (b.shape[1], -1)).T, condition, float(found.alpha_))
     if not condition < WORST_CONDITION:
         raise InputError(
             f"fit: the poses do not determine all {A.shape[1]} terms (condition {condition:.3g})",
@@ -69,7 +67,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
             remedy="use poses that fill the domain (no grids of few levels, no repeats), fewer terms or --solver ridge",
         )
     x = scipy.linalg.solve_triangular(R, Q.T @ b, check_finite=False)
-    return Solution(np.asarray(x, dtype=np.float64), condition, R, 0.0)
+    return Solution(np.asarray(x, dtype=np.float64), condition, 0.0)
 
 
 def condition_of(R: Array) -> float:

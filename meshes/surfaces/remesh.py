@@ -14,8 +14,8 @@ import scipy.sparse as sp
 import trimesh
 from scipy.spatial import KDTree
 
-from meshes.shell_mesh import sides
-from robots.arrays import Array, Bools, Integers
+from meshes.shell_mesh import sides, used_only
+from robots.arrays import Array, Bools, Integers, in_blocks
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles
@@ -217,8 +217,7 @@ def _collapse(nodes: Array, faces: Integers, limits: _Limits, shortest: float = 
         faces = target[faces]
         a, b, c = faces.T
         faces = faces[(a != b) & (b != c) & (c != a)]
-    used, flat = np.unique(faces, return_inverse=True)
-    return nodes[used], flat.reshape(-1, 3)
+    return used_only(nodes, faces)
 
 
 def _collapsible(
@@ -333,10 +332,10 @@ class NearestOn:
         # Contours have edges of no length, where they pass through a grid point.
         squared = np.maximum((way**2).sum(axis=1), 1e-300)
         found = np.empty_like(points)
-        for i in range(0, len(points), 256):  # keeps the table of points and segments small
-            p = points[i : i + 256, None]
+        for some in in_blocks(len(points), 256):  # keeps the table of points and segments small
+            p = points[some, None]
             share = np.clip(((p - start) * way).sum(axis=2) / squared, 0.0, 1.0)
-            found[i : i + 256] = _nearest_of(p[:, 0], start + share[..., None] * way)
+            found[some] = _nearest_of(p[:, 0], start + share[..., None] * way)
         far = np.linalg.norm(found - points, axis=1) > 0.5 * self._size
         found[far] = self.nearest(points[far])
         return found

@@ -14,7 +14,6 @@ from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
 from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say_notes
-from stiffarm.session.effect_words import history_notes
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -31,6 +30,7 @@ from stiffarm.session.options import (
     Seed,
     TablesArg,
 )
+from stiffarm.session.reading_checks import history_notes
 
 Free = Annotated[
     str | None,

@@ -122,7 +122,7 @@ def write_cost(made: CostMap, d: Diagnosed, folder: OutputFolder, before: str = 
 
 def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pictures) -> list[Block]:
     """The gap at the measured poses, and what leaving the effects out costs over the workspace."""
-    from stiffarm.commands.diagnose.figures.space import space_figure
+    from stiffarm.commands.diagnose.space_figure import space_figure
     from stiffarm.commands.maps.figures.whole import one_figure
 
     blocks: list[Block] = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from doe.joint_twists import Direction, Identified
 from doe.joint_twists.substitute import Errors, Window
 from fem.statics.ports import ROWS
 from robots import InputError
+from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.figure_parts import SERIES, above, drawing, log_ticks, note, panels
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 
@@ -51,8 +53,7 @@ def loops_figure(found: Identified, made_up: str = "") -> Figure:
                     top = np.flatnonzero(mine & data.is_loading)
                     rows_ = np.append(rows_, top[np.argmax(torque[top])])
                 ax.plot(torque[rows_], turn[rows_], marker + "-", color=colour, linewidth=1.2, markersize=5, label=word)
-            ax.set_xlabel("torque about the gear axis (N m)")
-            ax.set_ylabel("twist (µrad)")
+            ax.set(xlabel="torque about the gear axis (N m)", ylabel="twist (µrad)")
             ax.set_title(name, loc="left", weight="bold")
         axes[0].legend(loc="upper left")
     return figure
@@ -99,8 +100,7 @@ def _law_panel(ax: Axes, d: Direction) -> None:
             if np.isfinite(low[0]):
                 words += f"\nat least {low[0] / 1e6:.3g}"
         ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", size=9, color="#666666")
-        ax.set_xticks([])
-        ax.set_yticks([])
+        ax.set(xticks=[], yticks=[])
         return
     angle = np.linspace(d.angle.min(), d.angle.max(), 61) if len(d.angle) > 1 else d.angle
     k, low, high = (v / 1e6 for v in d.stiffness(angle))
@@ -158,33 +158,26 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
             if row not in handles:
                 bar.set_label(_WORDS[row])
                 handles[row] = bar
-    ax.set_xlim(-0.6, len(found.names) - 0.4)
-    ax.set_ylim(bottom, top)
+    ax.set(xlim=(-0.6, len(found.names) - 0.4), ylim=(bottom, top))
     log_ticks(ax.yaxis, lambda v: f"{v:g}")
     return list(handles.values())
 
 
 def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:
     """How wrong models of the gears alone are: mean, 95th percentile and worst, by flange axis, log axis."""
+    # A logarithmic axis has no place for a model that is right to the last digit.
+    percent = {
+        word: {
+            f"{axis}, {name}": value
+            for name, e in (("same", same), ("refitted", refitted))
+            for axis, value in zip("XYZ", np.maximum(100.0 * of(e), 0.1).tolist(), strict=True)
+        }
+        for word, of in (("mean", attrgetter("mean")), ("95th percentile", attrgetter("p95")),
+                         ("worst", attrgetter("worst")))
+    }  # fmt: skip
     heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
-    with drawing(heading, (10.0, 4.4), 1, 2, sharey=True) as (figure, axes):
-        for ax, e, words in (
-            (axes[0], same, "same torsional stiffness"), (axes[1], refitted, "refitted to flange deflections"),
-        ):  # fmt: skip
-            ax.set_yscale("log")
-            for k, (values, word) in enumerate(((e.mean, "mean"), (e.p95, "95th percentile"), (e.worst, "worst"))):
-                ax.bar(np.arange(3) + 0.27 * (k - 1), 100.0 * values, 0.25, color=SERIES[k], label=word)
-                for x, v in enumerate(100.0 * values):
-                    note(ax, f"{v:.0f}", (x + 0.27 * (k - 1), v), (0, 3), va="bottom", size=8.5)
-            ax.set_xticks(range(3), ["flange X", "flange Y", "flange Z"])
-            ax.set_title(words, loc="left")
-            ax.grid(axis="x", visible=False)
-        most = 100.0 * max(float(same.worst.max()), float(refitted.worst.max()))
-        axes[0].set_ylim(1.0, 2.5 * max(most, 10.0))
-        log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
-        axes[0].set_ylabel("error of directional stiffness (%)")
-        axes[1].legend(loc="upper left")
-    return figure
+    below = "flange axis; gears with the same torsional stiffness, or refitted to flange deflections"
+    return bars_figure(heading, percent, "error of directional stiffness (%)", below, log=True)
 
 
 def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
@@ -201,8 +194,7 @@ def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
         bar.outline.set_linewidth(0.6)
         ax.set_aspect("equal")
         ax.grid(visible=False)
-        ax.set_xlabel("X (mm)")
-        ax.set_ylabel("Z (mm)")
+        ax.set(xlabel="X (mm)", ylabel="Z (mm)")
         words = {"base": "flange axes as the base's", "forward": "flange forward", "down": "flange down"}
         ax.set_title(f"plane Y = 0, {words[w.orientation]}, elbow {w.elbow}", loc="left", size=9.5)
     return figure

@@ -16,9 +16,9 @@ from meshes.surfaces.bodies import BodySurface, body_surface, link_interfaces, s
 from meshes.surfaces.link import ImportedLink, prepare_link
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings, Repair
-from robots import InputError, InputErrors, ModelDescription, Robot
+from robots import InputError, InputErrors, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from robots.robot import robot_from
 from robots.schema.description import Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
@@ -33,8 +33,6 @@ SHORT = 0.08
 LEAST_COVER = 0.3
 # Bodies are as large as their joints are apart, give or take; beyond, the unit of length is in doubt.
 SPAN_RATIO = (0.1, 12.0)
-# How the reading of a URDF says so (robots.urdf.shapes).
-_NOT_FOUND = ": mesh not found: "
 Meshes = Literal["visual", "collision"]
 Wrap = Literal["auto", "alpha", "grid"]
 NAMES_OF_PARTS = ("base", "tool", "bar", "crank")
@@ -107,8 +105,7 @@ def material_of(
     InputError
         Unknown name, or figures out of range.
     """
-    if name not in MATERIALS:
-        raise InputError("--material", value=name, allowed=", ".join(MATERIALS), remedy="choose the nearest of them")
+    require_one_of("--material", name, MATERIALS, remedy="choose the nearest of them")
     given = (youngs_modulus_GPa, poissons_ratio, density)
     limits = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
     for (option, low, high), value in zip(limits, given, strict=True):
@@ -152,8 +149,7 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     jobs, rigid = _sorted_out(robot, names, surfaces, options)
     parts: list[ImportedPart] = []
     for i, body in enumerate(jobs):
-        if progress is not None:
-            progress(i, len(jobs))
+        report_progress(progress, i, len(jobs))
         try:
             parts.append(_part(robot, body, names[body], surfaces, urdf.masses.get(body), options))
         except InputError as error:
@@ -168,9 +164,8 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
             value="; ".join(f"{names[body]}: {why}" for body, why in rigid.items()),
             remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
         )
-    other = ", a collision" if options.meshes == "visual" else ", a visual"
-    notes = tuple(note for note in urdf.notes if not (_NOT_FOUND in note and other in note))
-    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, notes)
+    notes = [*urdf.notes, *(note for _, note in urdf.missing[options.meshes])]
+    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, tuple(notes))
 
 
 def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str, str]:
@@ -187,7 +182,7 @@ def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str
 
 
 def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRobot) -> None:
-    known = {*names, *names.values(), *(link for link, _ in _missing(urdf, options))}
+    known = {*names, *names.values(), *(link for link, _ in urdf.missing[options.meshes])}
     for option, given in (("--wall", options.walls), ("--rigid", options.rigid), ("--radius", options.radius)):
         for name in given:
             if name not in known:
@@ -196,16 +191,10 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
                 )
 
 
-def _missing(urdf: UrdfRobot, options: ImportOptions) -> list[tuple[str, str]]:
-    """Links with a mesh file that is not there, and the note that says so."""
-    found = [note for note in urdf.notes if _NOT_FOUND in note and f", a {options.meshes}" in note]
-    return [(note.partition(_NOT_FOUND)[0].removeprefix("link "), note) for note in found]
-
-
 def _missing_files(urdf: UrdfRobot, options: ImportOptions) -> list[InputError]:
     return [
         InputError(note, remedy="put the file there, or set ROS_PACKAGE_PATH to the folder of the package")
-        for link, note in _missing(urdf, options)
+        for link, note in urdf.missing[options.meshes]
         if link not in options.rigid
     ]
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, bundled_campaign, select_loads
+from doe import Measurements, PoseEffects, bundled_campaign, select_loads, sensitivity_study
 from doe.estimation.campaign import Campaign
+from doe.tables.loaded import select_poses
 from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import InputError, save_description
@@ -111,9 +112,9 @@ def _calibrated(
     """Every load path and scheme, the same with other links beside it, and which model to take."""
     used, straight = select_loads(table, scheme.loads_N), scheme.beside.sensitivity.poses
     models = link_models.by_load_path(given)
-    plan = scheme.beside.sensitivity
+    varied, at = scheme.beside.sensitivity.joints, select_poses(used, straight, "sensitivities")
     effects: dict[str, list[PoseEffects]] = {
-        path: steps.sensitivity(one, used, plan.joints, straight, *scheme.springs.ends) for path, one in models.items()
+        path: sensitivity_study(one.model, at, varied, *scheme.springs.ends) for path, one in models.items()
     }
     own = link_models.calibrate(models, table, scheme, _say_variant, kept)
     for line in held_out.sentences(held_out.of_variants(own.variants)):
@@ -142,7 +143,7 @@ def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Mea
     A diagnosed model competes where it was fitted to the same readings and something was found.
     """
     found = [
-        Recommended(v.name, v.description, v.model, v.rms_mm, v.left_out_rms_mm, len(v.found.overall), v)
+        Recommended(v.name, v.description, v.model, v.found.rms_mm, v.left_out_rms_mm, len(v.found.overall), v)
         for v in variants
     ]
     for look in looks:

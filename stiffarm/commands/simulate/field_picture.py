@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.patheffects import withStroke
 
 from fem import ArmFields
 from fem.elements.couplings import distributing_coupling
-from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
+from robots import ModelDescription, Robot, forward_kinematics, require_one_of, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
 from stiffarm.commands.simulate.budgets import PoseBudget
@@ -42,13 +41,9 @@ _LINE: Final = 0.032
 _LETTER: Final = 0.0125
 
 
-def _energy_colours() -> Colormap:
-    # Viridis: lightness rises all the way for every kind of colour vision; not the map of stiffness, which says
-    # the opposite. Its darkest purple is left out: shading would turn it black.
-    return LinearSegmentedColormap.from_list("energy", mpl.colormaps["viridis"](np.linspace(0.12, 1.0, 256)), N=256)
-
-
-ENERGY_COLOURS: Final = _energy_colours()
+# Viridis: lightness rises all the way for every kind of colour vision; not the map of stiffness, which says the
+# opposite. Its darkest purple is left out: shading would turn it black.
+ENERGY_COLOURS: Final = style.stretch_of("viridis", 0.12, 1.0)
 
 
 @dataclass(frozen=True)
@@ -94,8 +89,7 @@ def render_field(
     InputError
         Unknown view, a folder that does not exist, or pyvista asked for where it cannot draw.
     """
-    if view not in VIEWS:
-        raise InputError("view of the deformed arm", value=view, allowed=", ".join(VIEWS))
+    require_one_of("view of the deformed arm", view, VIEWS)
     works, message = chosen(renderer)
     style.require_folder(path)
     unloaded, loaded = _scene(arm, VIEWS[view], 0.0), _scene(arm, VIEWS[view], arm.scale)
@@ -116,7 +110,9 @@ def render_field(
         _share_labels(axes, loaded.camera, arm, loaded.bodies, taken)
         _draw_load(axes, loaded.camera, arrows)
         style.headings(figure, heading, subtitle)
-        style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, arm.grid.density, "strain energy density (J/m³)")
+        cut, place = style.ends_cut(arm.grid.density, ticks), {"cax": style.beside_picture(figure)}
+        bar = style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, cut, place)
+        bar.set_label("strain energy density (J/m³), log scale", size=11, labelpad=10)
     style.save_png(figure, path)
     return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
 

@@ -191,17 +191,17 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
     heads = ("variant", "parameters", "RMS (mm)", "left-out RMS (mm)", *(["held-out RMS (mm)"] if held else []))
     rows = []
     for v in f.variants:
-        errors_mm = (v.rms_mm, v.left_out_rms_mm, *([held[v.name].rms_mm] if held else []))
+        errors_mm = (v.found.rms_mm, v.left_out_rms_mm, *([held[v.name].rms_mm] if held else []))
         rows.append((v.name, _count(v), *(f"{error:.3f}" for error in errors_mm), _springs(v)))
     errors = {
-        "fit to all poses": {v.name: v.rms_mm for v in f.variants},
+        "fit to all poses": {v.name: v.found.rms_mm for v in f.variants},
         "prediction of poses left out": {v.name: v.left_out_rms_mm for v in f.variants},
     }
     best = next((k for k, v in enumerate(f.variants) if v is f.best.calibrated), len(rows))
     if f.best.calibrated is None:
         text = "with what is missing, see above"
-        mine = (f"{f.best.rms_mm:.3f}", f"{f.best.left_out_rms_mm:.3f}", *(["-"] if held else []))
-        rows.append((f.best.name, text, *mine, f"in {f.looks[-1].stem}/model.toml"))
+        cells = (f"{f.best.rms_mm:.3f}", f"{f.best.left_out_rms_mm:.3f}", *(["-"] if held else []))
+        rows.append((f.best.name, text, *cells, f"in {f.looks[-1].stem}/model.toml"))
         for name, value in zip(errors, (f.best.rms_mm, f.best.left_out_rms_mm), strict=True):
             errors[name][f.best.name] = value
     named: dict[str, Calibrated] = {}
