@@ -27,6 +27,7 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
+    Sets,
     TablesArg,
 )
 from stiffarm.session.outputs import OutputFolder
@@ -75,6 +76,7 @@ def diagnose(
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -86,7 +88,7 @@ def diagnose(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         chosen_loads = parsing.parse_loads(loads) or ()
-        given = frame.model(model, links, load_path, effect=effect)
+        given = frame.model(model, links, load_path, effect=effect, sets=sets)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
         table = frame.readings(given, data, confirm_units=confirm_units)
         other = frame.held_out(given, holdout, confirm_units=confirm_units)

@@ -19,6 +19,7 @@ from stiffarm.session.options import (
     LoadPathOpt,
     ModelArg,
     Seed,
+    Sets,
 )
 from stiffarm.session.parsing import parse_word
 from surrogate import inputs_that_matter
@@ -99,6 +100,7 @@ def fit(
     ] = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -132,7 +134,7 @@ def fit(
             name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
-        given = frame.model(model, links, load_path, without="the surrogate")
+        given = frame.model(model, links, load_path, without="the surrogate", sets=sets)
         if note := inputs.no_springs_note(given):
             say(f"note: {note}")
         names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)

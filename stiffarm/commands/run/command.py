@@ -15,6 +15,7 @@ from stiffarm.session.options import (
     Links,
     SchemeFile,
     Seed,
+    Sets,
     TablesArg,
 )
 
@@ -38,6 +39,7 @@ def run(
     ] = None,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
+    sets: Sets = None,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results; it is created if needed.")] = Path("out"),
     points: Annotated[
         int, typer.Option(help="Number of values of each swept coordinate in the map.", min=2, max=200)
@@ -54,5 +56,5 @@ def run(
     with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.run.workflow import Options, run_all
 
-        options = Options(links, points, seed, scheme_file, holdout, confirm_units)
+        options = Options(links, points, seed, scheme_file, holdout, confirm_units, sets)
         frame.answer(run_all(frame, model, data or (), options))

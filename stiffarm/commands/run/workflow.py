@@ -39,7 +39,7 @@ from surrogate.model import predict_compliance
 
 @dataclass(frozen=True)
 class Options:
-    """What was typed: link model, points of the map, seed; files of the scheme and of the readings held out."""
+    """What was typed: link model, points of the map, seed; files of the scheme and of the readings held out; --set."""
 
     links: str | None = None
     points: int = 21
@@ -47,11 +47,12 @@ class Options:
     scheme_file: Path | None = None
     holdout: Path | None = None
     confirm_units: bool = False
+    sets: Sequence[str] | None = None
 
 
 def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) -> dict[str, Any]:
     """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder."""
-    given = frame.model(model, options.links)
+    given = frame.model(model, options.links, sets=options.sets)
     table = frame.readings(given, data, confirm_units=options.confirm_units)
     remedy = "run its steps by themselves (`stiffarm diagnose`, `calibrate`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)

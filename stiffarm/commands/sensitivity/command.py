@@ -32,6 +32,7 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
+    Sets,
 )
 from stiffarm.session.outputs import OutputFolder
 
@@ -91,6 +92,7 @@ def sensitivity(
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -112,7 +114,7 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parsing.parse_names(free, None, "--free")
-        given = frame.model(model, links, load_path, without="the sensitivities")
+        given = frame.model(model, links, load_path, without="the sensitivities", sets=sets)
         table = frame.readings(given, data, confirm_units=confirm_units)
         frame.reads(campaign=campaign)
         bundled = bundled_campaign(given.robot.name)
