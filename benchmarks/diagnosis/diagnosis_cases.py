@@ -23,6 +23,7 @@ from doe.tables.reading import read_measurements
 from fem import ArmModel, build_model
 from fem.effects.observed import observed
 from fem.statics.loads import as_loaded
+from rehearsal.scoring import DETECTABLE, family
 from robots import ModelDescription, load_description
 
 # The root, not its folder of tests: that has folders with the names of packages.
@@ -34,10 +35,6 @@ from tests.blind.study import suite
 
 __all__ = ["ABLATIONS", "DETECTABLE", "Row", "SetSpec", "family", "run_set", "suite"]
 
-DETECTABLE = 30.0
-# Effects that act alike and are cured alike: a compensator is a stiffness that varies with the angle, and behind a
-# vertical first axis the joint's tilt is the base's.
-FAMILY = {"gravity-compensator": "angle-dependent-stiffness"}
 # Poses at which the truth is known without noise, to judge the models before and after.
 UNSEEN = 40
 ABLATIONS = {
@@ -79,14 +76,6 @@ class Row:
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
         return asdict(self)
-
-
-def family(code: str) -> str:
-    """Family of a code, for counting."""
-    if code == "joint-tilt:j1":
-        return "base-tilt"
-    kind = code.partition(":")[0]
-    return FAMILY.get(kind, kind)
 
 
 @cache
