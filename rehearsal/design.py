@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.stats import qmc
@@ -10,7 +10,7 @@ from scipy.stats import qmc
 from rehearsal.arm import Arm
 from rehearsal.kinematics import CLEAR, allowed
 from rehearsal.readings import Readings
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.errors import InputError
 
 # Points drawn before an arm is taken to have no such poses.
@@ -18,27 +18,29 @@ MOST_DRAWN = 128 * 400
 
 
 def filling(arm: Arm, n: int, rng: np.random.Generator, clear: tuple[float, float] = CLEAR) -> Array:
-    """Poses (n, dof) in rad, rounded to 0.01 deg so that a table holds them exactly.
+    """Poses (n, dof) within 80 % of the limits that the couplings, the floor and the pedestal allow."""
+    half = 0.8 * np.diff(arm.limits, axis=1)[:, 0] / 2
+    found = between(arm, arm.limits.mean(1), half, n, rng, lambda q: allowed(arm, q, clear=clear))
+    if len(found) < n:
+        raise InputError(
+            f"poses of {arm.name}", value=len(found), allowed=f"{n} within 80 % of the limits and all couplings",
+            remedy="give a sheet with poses that it can take",
+        )  # fmt: skip
+    return found
 
-    The first n points of a scrambled Sobol sequence over 80 % of the limits that the couplings, the floor and
-    the pedestal allow.
 
-    Raises
-    ------
-    InputError
-        Hardly any pose is allowed.
+def between(
+    arm: Arm, middle: Array, half: Array, n: int, rng: np.random.Generator, good: Callable[[Array], Bools]
+) -> Array:
+    """Poses (n, dof) in rad, rounded to 0.01 deg so that a table holds them exactly; fewer where there are hardly any.
+
+    The first n points of a scrambled Sobol sequence over the ranges ``middle`` +- ``half`` that are ``good``.
     """
-    middle, half = arm.limits.mean(1), 0.8 * np.diff(arm.limits, axis=1)[:, 0] / 2
     sequence = qmc.Sobol(arm.dof, seed=rng)
     found, drawn = np.zeros((0, arm.dof)), 0
-    while len(found) < n:
-        if drawn >= MOST_DRAWN:
-            raise InputError(
-                f"poses of {arm.name}", value=len(found), allowed=f"{n} within 80 % of the limits and all couplings",
-                remedy="give a sheet with poses that it can take",
-            )  # fmt: skip
+    while len(found) < n and drawn < MOST_DRAWN:
         q = np.radians(np.round(np.degrees(middle + half * (2 * sequence.random(128) - 1)), 2))
-        found, drawn = np.vstack([found, q[allowed(arm, q, clear=clear)]]), drawn + 128
+        found, drawn = np.vstack([found, q[good(q)]]), drawn + 128
     return found[:n]
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     __version__: str
 
 # What stiffarm is made of; a folder of one of these names beside a script would be taken in its place.
-_PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining")
+_PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal")
 
 __all__ = [
     "Arm",
