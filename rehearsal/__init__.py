@@ -16,10 +16,10 @@ from robots.lazily import lazily
 
 if TYPE_CHECKING:
     from rehearsal.arm import Arm
-    from rehearsal.codes import codes
     from rehearsal.described import arm_of
     from rehearsal.evaluate import Truth, exact
     from rehearsal.noise import Noise
+    from rehearsal.possible import codes
     from rehearsal.readings import Readings
     from rehearsal.scoring import Outcome, family, outcome
     from rehearsal.world import World, hide

@@ -8,7 +8,7 @@ from typing import Literal
 
 from scipy.stats import binomtest
 
-from rehearsal.codes import NOTHING
+from rehearsal.possible import NOTHING
 
 # Chi-square that no springs take up: from here on readings can show an effect at all.
 DETECTABLE = 30.0

@@ -11,12 +11,12 @@ import numpy as np
 
 from rehearsal import nuisance
 from rehearsal.arm import Arm
-from rehearsal.codes import NOTHING, split, sprung
 from rehearsal.effects import DRAWS, Context
 from rehearsal.evaluate import Truth, exact
 from rehearsal.excess import excess_chi2
 from rehearsal.kinematics import frames
 from rehearsal.noise import Noise
+from rehearsal.possible import NOTHING, split, sprung
 from rehearsal.readings import Readings
 from rehearsal.statics import joint_rows
 from robots.arrays import Array, Bools

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from rehearsal.codes import NOTHING
+from rehearsal.possible import NOTHING
 from rehearsal.scoring import DETECTABLE, Share
 from stiffarm.commands.rehearse import words
 from stiffarm.commands.rehearse.step import Number, Rehearsed

@@ -14,10 +14,10 @@ from fem.arm import Arm
 from fem.effects import catalogue
 from rehearsal import Arm as WorldArm
 from rehearsal import Outcome, Readings, World, arm_of, codes, hide, outcome
-from rehearsal.codes import NOTHING, checked
 from rehearsal.design import between
 from rehearsal.kinematics import allowed
 from rehearsal.meaning import meant
+from rehearsal.possible import NOTHING, checked
 from rehearsal.scoring import DETECTABLE, Verdict
 from robots import InputError
 from robots.arm_class import arm_class

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from rehearsal.codes import NOTHING
+from rehearsal.possible import NOTHING
 from rehearsal.scoring import DETECTABLE, OUTCOMES, Share
 from stiffarm.commands.rehearse.step import Number, Rehearsed
 
