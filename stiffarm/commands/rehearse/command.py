@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +15,6 @@ from stiffarm.commands.rehearse.step import MOST_DRAWS, Rehearsed, Request
 from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
-from stiffarm.session.outputs import OutputFolder
 
 
 def rehearse(
@@ -102,7 +99,8 @@ def rehearse(
         gauge = Gauge(noise_percent, noise_um, setup_percent, reads)
         request = Request(hide, draws, seed, poses, gauge)
         with frame.folder_if(seed) as folder:
-            with frame.timed("rehearsal"), _places(folder, draws) as places:
+            kept = None if folder is None else folder.stage
+            with frame.timed("rehearsal"), rehearsing.places(draws, kept) as places:
                 done = rehearsing.rehearsals(given, sheet, request, places, say=say)
             content = payload.rehearsal(done, secret=hide is None, seed=seed)
             if folder is not None:
@@ -114,18 +112,6 @@ def rehearse(
                 with folder.timed("report"):
                     write_report(done, folder)
         frame.answer(content, lambda: _show(done))
-
-
-@contextlib.contextmanager
-def _places(folder: OutputFolder | None, draws: int) -> Iterator[list[Path]]:
-    """A folder for the readings of each draw: of the results', or for a while."""
-    with contextlib.ExitStack() as stack:
-        root = Path(stack.enter_context(tempfile.TemporaryDirectory())) if folder is None else folder.stage
-        digits = len(str(draws))
-        places = [root] if draws == 1 else [root / f"draw_{k:0{digits}d}" for k in range(1, draws + 1)]
-        for place in places:
-            place.mkdir(exist_ok=True)
-        yield places
 
 
 def _show(done: Sequence[Rehearsed]) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from matplotlib.figure import Figure
+
 from doe.diagnosis.where import least_rms_mm, noise_floor_mm
 from stiffarm.commands.diagnose.figures.match import gap_figure
 from stiffarm.commands.diagnose.figures.ranking import Bar, ranking_figure
@@ -81,20 +83,27 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
 
 def shrunk(r: Rehearsed, pictures: Pictures) -> Section:
     """The gap before and after."""
-    d = r.diagnosed
-    after = r.verdict.found
-    nan = float("nan")
-    rows = {"readings fitted": (d.found.before.fit_rms_mm, d.found.after.fit_rms_mm if after else nan)}
-    if r.gap_mm is not None:
-        rows["poses held out,\nwithout noise"] = (r.gap_mm[0], r.gap_mm[1] if after else nan)
-    figure = gap_figure(rows, noise_floor_mm(d.found), least_rms_mm(d.found.before.setting))
     caption = "RMS errors with springs alone, and with what was found. Held-out readings have no noise in them."
-    return Section("How the gap shrank", (Text(words.gap(r)), pictures.add(figure, "gap", caption)))
+    return Section("How the gap shrank", (Text(words.gap(r)), pictures.add(answer_figure([r]), "gap", caption)))
+
+
+def answer_figure(draws: Sequence[Rehearsed]) -> Figure:
+    """Draw the gap before and after of one draw, the tally of several."""
+    if len(draws) > 1:
+        every, seen = Counter(map(words.outcome, draws)), Counter(words.outcome(r) for r in draws if r.is_visible)
+        return tally_figure(dict(every), dict(seen))
+    r = draws[0]
+    d, nan = r.diagnosed.found, float("nan")
+    rows = {"readings fitted": (d.before.fit_rms_mm, d.after.fit_rms_mm)}
+    if r.gap_mm is not None:
+        rows["poses held out,\nwithout noise"] = r.gap_mm
+    if not r.verdict.found:
+        rows = {name: (before, nan) for name, (before, _) in rows.items()}
+    return gap_figure(rows, noise_floor_mm(d), least_rms_mm(d.before.setting))
 
 
 def many(draws: Sequence[Rehearsed], pictures: Pictures) -> list[Section]:
     """The sections of several draws: the tally, and each as it is."""
-    every, seen = Counter(map(words.outcome, draws)), Counter(words.outcome(r) for r in draws if r.is_visible)
     rows = tuple(
         (
             str(k), r.world.code, words.said(r), words.outcome(r), "yes" if r.is_visible else "no",
@@ -109,7 +118,7 @@ def many(draws: Sequence[Rehearsed], pictures: Pictures) -> list[Section]:
             (
                 *(Note(text) for text in words.summary(draws)),
                 Table("Outcomes", ("outcome", "draws", "share", "of them visible"), tuple(words.tally(draws))),
-                pictures.add(tally_figure(dict(every), dict(seen)), "tally", "Outcomes of all draws, as they are."),
+                pictures.add(answer_figure(draws), "tally", "Outcomes of all draws, as they are."),
             ),
         ),
         Section("Every draw", (Table("Draw by draw", heads, rows, (1, 2, 3, 4)),)),

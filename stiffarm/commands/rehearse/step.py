@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -148,6 +150,18 @@ def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: i
         world, code, set_ups.readings, set_ups.noise, seed=seed, links=kind, read=set_ups.read,
         ranges=(size.low, size.high),
     )  # fmt: skip
+
+
+@contextmanager
+def places(draws: int, root: Path | None = None) -> Iterator[list[Path]]:
+    """A folder for the readings of each draw: ``root`` itself for one, folders in it for several; None: for a while."""
+    with ExitStack() as stack:
+        root = Path(stack.enter_context(TemporaryDirectory())) if root is None else root
+        digits = len(str(draws))
+        each = [root] if draws == 1 else [root / f"draw_{k:0{digits}d}" for k in range(1, draws + 1)]
+        for place in each:
+            place.mkdir(exist_ok=True)
+        yield each
 
 
 def rehearsals(
