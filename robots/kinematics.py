@@ -79,6 +79,24 @@ def forward_kinematics(robot: Robot, q: Array) -> BodyFrames:
     return BodyFrames(*(np.moveaxis(a, -1, 0) for a in (R, p, axis, R_flange, p_flange)))
 
 
+def moving_frames(robot: Robot, q: Array) -> tuple[Array, Array]:
+    """Rotations (n, f, 3, 3) and origins (n, f, 3) m of all that drawn and solid bodies move with; q (n, dof) rad.
+
+    Frames 0 to dof are the bodies', dof + 1 the flange's; a parallelogram adds the crank's and the bar's. Crank and
+    lever stay parallel, so the crank has the driven body's orientation at its own joint; the bar stays parallel to the
+    body between, and begins at the crank's pin.
+    """
+    frames = forward_kinematics(robot, q)
+    R, p = [frames.R, frames.R_flange[:, None]], [frames.p, frames.p_flange[:, None]]
+    para = robot.parallelogram
+    if para is not None:
+        own, driven = para.crank_about + 1, para.driven + 1
+        pin = frames.p[:, own] + frames.R[:, driven] @ para.pin
+        R += [frames.R[:, driven, None], frames.R[:, own, None]]
+        p += [frames.p[:, own, None], pin[:, None]]
+    return np.concatenate(R, axis=1), np.concatenate(p, axis=1)
+
+
 def _times(R: Array, matrix: Array) -> Array:
     """``R matrix`` for rotations R (3, 3, n), poses last, and one constant matrix (3, 3)."""
     if np.array_equal(matrix, np.eye(3)):

@@ -178,7 +178,7 @@ def bundled_data(name: str) -> Path:
     InputError
         No measurements are bundled for that name.
     """
-    files = {"xr701": "xr701_gotlih.csv"}
+    files = {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
     if name not in files:
         raise InputError("bundled measurements", value=name, allowed=", ".join(files))
     return Path(str(resources.files("doe").joinpath("data", files[name])))

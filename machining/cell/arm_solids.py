@@ -18,8 +18,9 @@ from meshes.beams import BeamMesh, body_index, body_tip, crank_beam_mesh, elemen
 from meshes.link_shells import link_shell_mesh
 from meshes.sections import section_dimensions
 from meshes.surfaces.checks import SurfaceFault, repair_surface
-from robots import InputError, ModelDescription, Robot, UrdfRobot, forward_kinematics, load_description, read_urdf
+from robots import InputError, ModelDescription, Robot, UrdfRobot, load_description, read_urdf
 from robots.arrays import Array
+from robots.kinematics import moving_frames
 from robots.robot import robot_from
 from robots.schema.description import Link
 from robots.urdf.reading import Visual
@@ -58,19 +59,8 @@ class ArmBodies:
         return self.robot.dof + (2 if self.robot.parallelogram is None else 4)
 
     def frames(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (n, f, 3, 3) and origins (n, f, 3) m in the base for poses q (n, dof) rad.
-
-        Frames 0 to dof are the bodies', dof + 1 the flange's; a parallelogram adds the crank's and the bar's.
-        """
-        frames = forward_kinematics(self.robot, q)
-        R, p = [frames.R, frames.R_flange[:, None]], [frames.p, frames.p_flange[:, None]]
-        para = self.robot.parallelogram
-        if para is not None:
-            own, driven = para.crank_about + 1, para.driven + 1
-            pin = frames.p[:, own] + frames.R[:, driven] @ para.pin
-            R += [frames.R[:, driven, None], frames.R[:, own, None]]
-            p += [frames.p[:, own, None], pin[:, None]]
-        return np.concatenate(R, axis=1), np.concatenate(p, axis=1)
+        """Rotations and origins as :func:`robots.kinematics.moving_frames` has them."""
+        return moving_frames(self.robot, q)
 
 
 def arm_of(model: str | Path, *, beam_radius: float | None = None) -> ArmBodies:

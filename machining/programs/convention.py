@@ -7,10 +7,8 @@ offset at the elbow too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -27,12 +25,12 @@ from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherica
 SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 
 
-class ConventionTable(Strict):
+class Convention(Strict):
     """A controller's angle is ``sign`` times this project's plus ``offset_deg``; frames as in cell files.
 
     ``base``: the controller's robot frame in the robot's base frame; left out where it is not known. ``flange``: the
     controller's flange frame in the robot's. ``external_sign`` and ``external_offset`` (mm, deg) likewise for linear
-    axes and turntable, in that order.
+    axes and turntable, in that order; left out where they are as in this project.
     """
 
     schema_version: Literal["stiffarm-controller-arm/1"] = Field(default=SCHEMA, alias="schema")
@@ -46,36 +44,34 @@ class ConventionTable(Strict):
     external_sign: tuple[Literal[-1, 1], ...] = ()
     external_offset: tuple[float, ...] = ()
 
+    @property
+    def T_base(self) -> Array | None:  # noqa: N802 - letters of the matrix
+        """Transform (4, 4) m of ``base``; None: not known."""
+        return None if self.base is None else frame(self.base)
 
-@dataclass(frozen=True, eq=False)
-class Convention:
-    """Sign and offset (deg) of joints (dof,) and external axes (k,), frames (4, 4) m; ``T_base`` None: not known."""
-
-    sign: Array
-    offset: Array
-    T_base: Array | None
-    T_flange: Array
-    external_sign: Array
-    external_offset: Array
+    @property
+    def T_flange(self) -> Array:  # noqa: N802
+        """Transform (4, 4) m of ``flange``."""
+        return frame(self.flange)
 
     def controller_deg(self, q: Array) -> Array:
         """Angles (n, dof) deg as the controller counts them, of q (n, dof) rad."""
-        return np.asarray(self.sign * np.degrees(q) + self.offset)
+        return np.asarray(np.degrees(q) * self.sign + self.offset_deg)
 
     def radians(self, controller_deg: Array) -> Array:
         """Angles q (n, dof) rad of the controller's (n, dof) deg."""
-        return np.asarray(np.radians(self.sign * (controller_deg - self.offset)))
+        return np.asarray(np.radians((controller_deg - self.offset_deg) * self.sign))
 
     def external(self, values: Array) -> Array:
         """External axes (n, k) mm and deg as the controller counts them."""
-        return np.asarray(self.external_sign * values + self.external_offset)
+        return np.asarray(values * (self.external_sign or 1.0) + (self.external_offset or 0.0))
 
     def external_back(self, values: Array) -> Array:
         """External axes (n, k) mm and deg from the controller's."""
-        return np.asarray(self.external_sign * (values - self.external_offset))
+        return np.asarray((values - (self.external_offset or 0.0)) * (self.external_sign or 1.0))
 
 
-def convention_for(robot: Robot, externals: int, language: str, given: ConventionTable | None) -> Convention:
+def convention_for(robot: Robot, externals: int, language: str, given: Convention | None) -> Convention:
     """The convention given, else the bundled one of this robot and format.
 
     Raises
@@ -84,46 +80,32 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
         Neither is there, or its lists are not as long as the robot has joints.
     """
     known = [] if given is not None else _bundled()
-    table = given or next((t for t in known if t.robot == robot.name and language in t.formats), None)
-    if table is None:
+    found = given or next((c for c in known if c.robot == robot.name and language in c.formats), None)
+    if found is None:
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
-            allowed="known for " + ", ".join(f"{t.robot} ({', '.join(t.formats)})" for t in known),
+            allowed="known for " + ", ".join(f"{c.robot} ({', '.join(c.formats)})" for c in known),
             remedy="give sign and offset_deg of each joint in [arm] of the options, or write json or csv",
         )
-    for name, wanted in (("sign", robot.dof), ("offset_deg", robot.dof)):
-        if len(getattr(table, name)) != wanted:
-            raise InputError(f"[arm] {name}", value=len(getattr(table, name)), allowed=f"{wanted} numbers, one a joint")
-    for name in ("external_sign", "external_offset"):
-        if len(getattr(table, name)) not in (0, externals):
+    for name, count in (("sign", len(found.sign)), ("offset_deg", len(found.offset_deg))):
+        if count != robot.dof:
+            raise InputError(f"[arm] {name}", value=count, allowed=f"{robot.dof} numbers, one a joint")
+    for name, count in (
+        ("external_sign", len(found.external_sign)),
+        ("external_offset", len(found.external_offset)),
+    ):
+        if count not in (0, externals):
             allowed = f"{externals} numbers: linear axes, then the turntable"
-            raise InputError(f"[arm] {name}", value=len(getattr(table, name)), allowed=allowed)
-    return Convention(
-        np.array(table.sign, dtype=np.float64),
-        np.array(table.offset_deg),
-        None if table.base is None else frame(table.base),
-        frame(table.flange),
-        np.array(table.external_sign or (1,) * externals, dtype=np.float64),
-        np.array(table.external_offset or (0.0,) * externals),
-    )
+            raise InputError(f"[arm] {name}", value=count, allowed=allowed)
+    return found
 
 
-def _bundled() -> list[ConventionTable]:
+def _bundled() -> list[Convention]:
     """The bundled conventions."""
     folder = files("machining.programs") / "conventions"
     found = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return [convention_table(parse_toml(f.read_text(encoding="utf-8"), f.name), f.name) for f in found]
-
-
-def convention_table(data: Mapping[str, Any], where: str) -> ConventionTable:
-    """Check a table of a TOML file.
-
-    Raises
-    ------
-    InputError
-        A key that does not fit.
-    """
-    return validated(ConventionTable, tuples(data), where)
+    tables = {f.name: parse_toml(f.read_text(encoding="utf-8"), f.name) for f in found}
+    return [validated(Convention, tuples(table), name) for name, table in tables.items()]
 
 
 def sides(robot: Robot, q: Array, controller_deg: Array) -> tuple[Bools, Bools, Bools]:

@@ -7,7 +7,7 @@ words that names must avoid, and its limits. To add one, add a module there with
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -158,11 +158,7 @@ class Neutral(Format):
 
     @abstractmethod
     def program(self, text: str, robot: Robot, cell: Cell, where: str = "program") -> JointProgram:
-        """The program of a text, for the robot and cell that it was written for."""
-
-    @abstractmethod
-    def lines(self, text: str, n: int) -> Iterable[int] | None:
-        """Line of the text that each of its n moves stands in; None where not known."""
+        """The program of a text, for the robot and cell that it was written for, with the lines of its moves."""
 
     def write(self, program: JointProgram, kind: Kind, options: WriteOptions, templates: Path | None) -> Written:
         """See :class:`Format`."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from machining.cell import Cell
@@ -85,15 +84,7 @@ def round_trip(
     return format_of(name, kind).round_trip(program, files, kind, options or WriteOptions())
 
 
-@dataclass(frozen=True, eq=False)
-class GivenProgram:
-    """A program read from a file, and the line of the file that each move stands in, None where not known."""
-
-    program: JointProgram
-    lines: tuple[int, ...] | None
-
-
-def read_program(path: Path, robot: Robot, cell: Cell) -> GivenProgram:
+def read_program(path: Path, robot: Robot, cell: Cell) -> JointProgram:
     """A neutral program for the robot and cell that it was written for.
 
     Raises
@@ -109,10 +100,7 @@ def read_program(path: Path, robot: Robot, cell: Cell) -> GivenProgram:
             allowed=f"{' or '.join(NEUTRAL)}, {SCHEMA}",
             remedy="write the program with `stiffarm post` in one of these formats; controllers' own are not replayed",
         )
-    text = read_text(path, "program")
-    program = NEUTRAL[kind].program(text, robot, cell, path.name)
-    lines = NEUTRAL[kind].lines(text, program.n)
-    return GivenProgram(program, None if lines is None else tuple(lines))
+    return NEUTRAL[kind].program(read_text(path, "program"), robot, cell, path.name)
 
 
 def read_options(path: str | Path) -> WriteOptions:

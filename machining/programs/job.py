@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from machining.programs.convention import Convention
-from machining.programs.program import JointProgram
+from machining.programs.program import JointProgram, frame_distance
 from machining.programs.source_text import SourceText
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Motions
@@ -77,10 +77,7 @@ def _speed(motions: Motions, options: WriteOptions) -> Array:
 
 
 def _durations(program: JointProgram, speed: Array, turning: float, options: WriteOptions) -> Array:
-    T = program.T_part_tool
-    away = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
-    chord = np.linalg.norm(np.diff(T[:, :3, :3], axis=0), axis=(1, 2)) / np.sqrt(8.0)
-    turned = 2.0 * np.arcsin(np.clip(chord, 0.0, 1.0))
+    away, turned = frame_distance(program.T_part_tool[1:], program.T_part_tool[:-1])
     time = np.maximum(away / speed[1:], turned / turning)
     still = (away < STILL) & (turned < STILL)
     angles = np.diff(np.column_stack([program.q, program.table]), axis=0)

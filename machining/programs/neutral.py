@@ -97,7 +97,9 @@ def table_of(names: Sequence[str], rows: Sequence[Sequence[float]], where: str) 
     return table
 
 
-def program_of(robot: Robot, cell: Cell, table: Mapping[str, Array], where: str, **others: Any) -> JointProgram:
+def program_of(
+    robot: Robot, cell: Cell, table: Mapping[str, Array], where: str, file_lines: Integers | None, **others: Any
+) -> JointProgram:
     """The program of columns (n,); ``others``: fields of programs and motions that are no columns of numbers.
 
     Raises
@@ -133,6 +135,7 @@ def program_of(robot: Robot, cell: Cell, table: Mapping[str, Array], where: str,
         table=np.radians(table["table_deg"]),
         gamma=np.radians(table["gamma_deg"]),
         inserted=table["inserted"] != 0.0,
+        file_lines=file_lines,
         **of_program,
     )
 

@@ -27,6 +27,7 @@ class JointProgram:
     gamma : (n,) rad about the tool axis (see :class:`machining.Task`)
     branch : (n,) index into ``names`` of the inverse kinematics' branches
     inserted : (n,) points that the source does not have
+    file_lines : (n,) lines of the file that the program was read from; None: of none, or not a line a move
 
     Raises
     ------
@@ -45,6 +46,7 @@ class JointProgram:
     branch: Integers
     names: tuple[str, ...]
     inserted: Bools
+    file_lines: Integers | None = None
 
     def __post_init__(self) -> None:
         n = self.motions.n
@@ -56,6 +58,7 @@ class JointProgram:
             "gamma": (n,),
             "branch": (n,),
             "inserted": (n,),
+            **({} if self.file_lines is None else {"file_lines": (n,)}),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import Field, NonNegativeFloat, PrivateAttr, field_validator
 
 from machining.cell.schema import Positive, Strict
-from machining.programs.convention import ConventionTable
+from machining.programs.convention import Convention
 
 SCHEMA: Literal["stiffarm-post/1"] = "stiffarm-post/1"
 
@@ -68,7 +68,7 @@ class WriteOptions(Strict):
     tool_name: str = "tCutter"
     frame_name: str = "fPart"
     decimals: Decimals = Decimals()
-    arm: ConventionTable | None = None
+    arm: Convention | None = None
     _tables: Mapping[str, Strict] = PrivateAttr(default_factory=dict)
 
     def own(self, table: type[T]) -> T:

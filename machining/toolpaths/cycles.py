@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.toolpaths.recorder import Recorder, Vector
+from machining.toolpaths.motions import Feed
+from machining.toolpaths.recorder import Recorder, StatementError, Vector
 
 # Distance kept from the bottom of the last peck when the drill returns to it, and the lift that breaks the chip:
 # 0.254 mm (0.010 inch), as LinuxCNC does for G83 and G73. Controls have it as a parameter, files do not say it.
@@ -34,7 +35,7 @@ class Cycle:
     ``start`` m above the point where feed begins, ``depth`` m below it, ``back`` m above it where the tool returns to
     (NaN: ``start``), ``pecks`` m of each step (the last one repeats; none: one stroke), ``chip_break``: pecks lift by
     ``PECK_GAP`` only, ``dwell`` s at the bottom, ``feed_out``: leave at feed, ``reverse``: spindle turns back on the
-    way out (tapping), ``feed`` m/s or m/rev (``per_turn``), NaN: the feed in force.
+    way out (tapping), ``feed``, None: the one in force.
     """
 
     start: float
@@ -45,8 +46,7 @@ class Cycle:
     dwell: float = 0.0
     feed_out: bool = False
     reverse: bool = False
-    feed: float = math.nan
-    per_turn: bool = False
+    feed: Feed | None = None
 
     def strokes(self) -> list[Stroke]:
         """Strokes from ``start`` to the bottom and back out."""
@@ -83,18 +83,21 @@ class Cycle:
             i += 1
         return bottoms
 
-    def fault(self) -> str | None:
-        """What is wrong with the numbers, or None."""
-        values = (self.start, self.depth, self.dwell, *self.pecks)
-        if not all(math.isfinite(v) for v in values) or math.isinf(self.back) or math.isinf(self.feed):
-            return "numbers that are not finite"
-        if self.depth < -self.start - 1e-9:
-            return "the bottom lies above the height where feed begins"
-        if self.dwell < 0.0 or self.feed <= 0.0 or any(p <= 0.0 for p in self.pecks):
-            return "feed and pecks must be more than 0, dwell 0 or more"
-        if self.pecks and (self.depth + self.start) / self.pecks[-1] > MAX_PECKS:
-            return f"more than {MAX_PECKS} pecks"
-        return None
+    def checked(self, allowed: str) -> Cycle:
+        """The cycle itself. Raises StatementError for numbers that make no hole; ``allowed``: those that would."""
+        feed = 1.0 if self.feed is None else self.feed.value
+        numbers = (self.start, self.depth, self.dwell, feed, *self.pecks)
+        if not all(map(math.isfinite, numbers)) or math.isinf(self.back):
+            fault = "numbers that are not finite"
+        elif self.depth < -self.start - 1e-9:
+            fault = "the bottom lies above the height where feed begins"
+        elif self.dwell < 0.0 or feed <= 0.0 or any(p <= 0.0 for p in self.pecks):
+            fault = "feed and pecks must be more than 0, dwell 0 or more"
+        elif self.pecks and (self.depth + self.start) / self.pecks[-1] > MAX_PECKS:
+            fault = f"more than {MAX_PECKS} pecks"
+        else:
+            return self
+        raise StatementError(f"cycle with {fault}", allowed)
 
 
 def drill(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from robots.arrays import Array, Bools, Integers
 
 # Longest text (characters) that an event or a name keeps, so that a file cannot fill messages and reports.
 TEXT_LIMIT = 200
+Per = Literal["minute", "turn"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,21 @@ class Tool:
     diameter: float = np.nan
     corner_radius: float = np.nan
     length: float = np.nan
+
+
+@dataclass(frozen=True)
+class Feed:
+    """Feed as programmed: ``value`` m per minute or per turn (NaN: none), by ``per``."""
+
+    value: float = math.nan
+    per: Per = "minute"
+
+    def speed(self, spindle: float) -> float:
+        """Speed in m/s at a spindle speed in rad/s; NaN where feed or the spindle it needs is not known or stands."""
+        if self.per == "minute":
+            return self.value / 60.0
+        speed = self.value * abs(spindle) / (2.0 * math.pi)
+        return speed if speed > 0.0 else math.nan
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from machining.toolpaths.motions import Motions, Note, Tool, clean
 from machining.toolpaths.source import content
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import RPM
 from robots.errors import listed
 from robots.faults import Faults
 from robots.files.csv_text import as_read, write_rows
@@ -69,7 +70,6 @@ MARK = "# stiffarm motions 1"
 TOOL = "#tool"
 OPERATION = "#operation"
 REWRITE = "write it with write_motions"
-_RPM = 2.0 * math.pi / 60.0
 
 
 def read_path(path: str | Path) -> ToolPath:
@@ -186,7 +186,7 @@ def write_motions(path: str | Path, motions: Motions) -> None:
             motions.feed * 6e4,
             motions.line,
             motions.tool,
-            motions.spindle / _RPM,
+            motions.spindle / RPM,
             motions.dwell,
             motions.operation,
         )
@@ -266,7 +266,7 @@ def _motions(table: dict[str, array[float]], tools: list[Tool], operations: list
         feed=columns[FEED] / 6e4,
         line=columns["line"].astype(np.int64),
         tool=columns["tool"].astype(np.int64),
-        spindle=columns["spindle_rpm"] * _RPM,
+        spindle=columns["spindle_rpm"] * RPM,
         dwell=columns["dwell_s"].copy(),
         operation=columns["operation"].astype(np.int64),
         tools=tuple(tools) or (Tool(),),

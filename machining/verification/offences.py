@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -136,7 +136,6 @@ class Reported:
     """Makes offences of moves: looks up lines and poses."""
 
     courses: Courses
-    nc_lines: Sequence[int] | None
 
     def offence(
         self,
@@ -154,8 +153,10 @@ class Reported:
     ) -> Offence:
         """An offence of one move."""
         values, _ = self.courses.at(np.array([move]), np.array([float(at)]))
-        line = int(self.courses.program.motions.line[move])
-        nc_line = None if self.nc_lines is None else int(self.nc_lines[move])
+        program = self.courses.program
+        line, nc_line = int(program.motions.line[move]), None
+        if program.file_lines is not None:
+            nc_line = int(program.file_lines[move])
         return Offence(
             kind, severity, int(move), int(move), line, nc_line, float(at), float(value), float(limit), unit, bodies,
             axis, text, values[0],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,7 +81,6 @@ def verify(
     arm: ArmBodies,
     demands: Demands | None = None,
     *,
-    nc_lines: Sequence[int] | None = None,
     progress: Progress | None = None,
 ) -> Verification:
     """Replay a program in its cell and find everything that is wrong with it.
@@ -94,13 +92,12 @@ def verify(
     Parameters
     ----------
     arm : bodies of the program's robot
-    nc_lines : (n,) line of each move in the program written
     progress : called with (moves done, moves)
 
     Raises
     ------
     InputError
-        An empty program, another robot than the arm's, or another number of ``nc_lines`` than moves.
+        An empty program, or another robot than the arm's.
     """
     demands = demands or Demands()
     if program.n == 0:
@@ -112,8 +109,6 @@ def verify(
             allowed=", ".join(arm.robot.coordinates),
             remedy="give the model that the program was made for",
         )
-    if nc_lines is not None and len(nc_lines) != program.n:
-        raise InputError("lines of the program written", value=len(nc_lines), allowed=f"{program.n}, one a move")
     scene = scene_of(program.cell, arm)
     courses = courses_of(program, demands.interpolation)
     safety = program.cell.safety if demands.safety is None else demands.safety
@@ -123,7 +118,7 @@ def verify(
     rapid = _rapid_contacts(courses, scene, demands)
     timing = timing_of(courses, demands.smoothing)
     path = path_checks(courses, demands)
-    reported = Reported(courses, nc_lines)
+    reported = Reported(courses)
     found = [
         *body_offences(reported, swept, rapid, safety),
         *axis_offences(reported, timing),

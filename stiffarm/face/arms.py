@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,11 +12,13 @@ import numpy as np
 
 import fem.arm
 from robots import InputError, bundled_names, save_description
-from stiffarm.face.calls import called
+from stiffarm.face.calls import called, in_order
+from stiffarm.face.shown import frame
 from stiffarm.session import inputs
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 DOWN = (0.0, 0.0, -1.0)
 
@@ -47,12 +50,10 @@ class Arm(fem.arm.Arm):
 
         A joint without a spring has the stiffness inf: it is rigid in this model.
         """
-        import pandas as pd
-
         here = self.robot.limits.mean(axis=1)[None]
         compliance = [float(joint.axial.compliance(here)[0]) for joint in self.model.joints]
         low, high = np.degrees(self.robot.limits).T
-        return pd.DataFrame(
+        return frame(
             {
                 "joint": self.robot.joint_names,
                 "coordinate": self.coordinates,
@@ -95,13 +96,7 @@ class Arm(fem.arm.Arm):
             from stiffarm.commands.plan.options import resting_pose
 
             return resting_pose(self.robot, {})
-        for name, value in q_deg.items():
-            if name not in self.coordinates:
-                allowed = ", ".join(self.coordinates)
-                raise InputError("q_deg: name", value=name, allowed=allowed, remedy="use these names")
-            if not np.isfinite(value):
-                raise InputError(f"q_deg: {name}", value=value, allowed="a finite number of degrees")
-        q = np.radians([q_deg.get(name, 0.0) for name in self.coordinates])
+        q = np.radians(in_order(q_deg, self.coordinates, "q_deg", "number of degrees"))
         if wrong := self.robot.violations(q):
             raise InputError(
                 f"q_deg: {self.name} cannot take this pose: {'; '.join(wrong)}",
@@ -115,6 +110,16 @@ class Picture:
 
     def __init__(self, png: bytes) -> None:
         self.png = png
+
+    @classmethod
+    def of(cls, figure: Figure) -> Picture:
+        """A figure as PNG, as the reports have it."""
+        from stiffarm.pages import style
+
+        buffer = io.BytesIO()
+        with style.house_style():
+            figure.savefig(buffer, format="png", dpi=style.DPI)
+        return cls(buffer.getvalue())
 
     def _repr_png_(self) -> bytes:
         return self.png

@@ -13,7 +13,7 @@ from robots import InputError
 from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,9 +86,7 @@ class Calibration(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a parameter: name, value, unit, ends of the 95 % interval, status."""
-        import pandas as pd
-
-        return pd.DataFrame(
+        return frame(
             {
                 "parameter": [p.name for p in self.parameters],
                 "value": [float("nan") if p.value is None else p.value for p in self.parameters],
@@ -102,11 +100,10 @@ class Calibration(Shown):
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the intervals of the parameters; ``file``: a PNG to write."""
         from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
-        from stiffarm.face.pictures import picture_of
 
         if not self.found.stages:
             raise InputError("plot of springs pose by pose", allowed="a calibration with intervals: scheme='global'")
-        return picture_of(intervals_figure({"": self.found.stages[-1].result.certainty.estimates})).kept(file)
+        return Picture.of(intervals_figure({"": self.found.stages[-1].result.certainty.estimates})).kept(file)
 
 
 def calibrate(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from robots import InputError, InputErrors
@@ -29,6 +30,22 @@ def called() -> Iterator[list[str]]:
             raise InputErrors(_words(error.what), [_of_arguments(e) for e in error.errors], error.count) from error
         except InputError as error:
             raise _of_arguments(error) from error
+
+
+def in_order(values: Mapping[str, float], names: Sequence[str], argument: str, unit: str = "number") -> list[float]:
+    """The values of ``names``, one after the other, 0 where one is not given.
+
+    Raises
+    ------
+    InputError
+        A name that is not one of them, or a value that is not finite.
+    """
+    for name, value in values.items():
+        if name not in names:
+            raise InputError(f"{argument}: name", value=name, allowed=", ".join(names), remedy="use these names")
+        if not math.isfinite(value):
+            raise InputError(f"{argument}: {name}", value=value, allowed=f"a finite {unit}")
+    return [float(values.get(name, 0.0)) for name in names]
 
 
 def _of_arguments(error: InputError) -> InputError:

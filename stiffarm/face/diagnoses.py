@@ -11,7 +11,7 @@ from doe.diagnosis.scatter import SETUP
 from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,10 +61,8 @@ class Diagnosis(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a candidate, most probable first: code, probability, log evidence, error at unseen poses in mm."""
-        import pandas as pd
-
         told = self.found.found.ranking.hypotheses if self.found.tells else ()
-        return pd.DataFrame(
+        return frame(
             {
                 "candidate": [h.code for h in told],
                 "probability": [h.probability for h in told],
@@ -77,7 +75,6 @@ class Diagnosis(Shown):
         """Draw the gap before and after; ``file``: a PNG to write."""
         from doe.diagnosis.where import least_rms_mm
         from stiffarm.commands.diagnose.figures.match import gap_figure
-        from stiffarm.face.pictures import picture_of
 
         g = self.gap
         rows = {
@@ -85,7 +82,7 @@ class Diagnosis(Shown):
             "unseen poses": (g.held_out_before_mm, g.held_out_after_mm),
         }
         least = least_rms_mm(self.found.found.before.setting)
-        return picture_of(gap_figure(rows, g.noise_floor_mm, least)).kept(file)
+        return Picture.of(gap_figure(rows, g.noise_floor_mm, least)).kept(file)
 
 
 def diagnose(

@@ -60,9 +60,8 @@ class Identification(Shown):
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw six compliances of every joint with their 95 % intervals; ``file``: a PNG to write."""
         from stiffarm.commands.identify.figures import compliances_figure
-        from stiffarm.face.pictures import picture_of
 
-        return picture_of(compliances_figure(self.found.found)).kept(file)
+        return Picture.of(compliances_figure(self.found.found)).kept(file)
 
 
 def identify(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from robots import InputError
 from stiffarm.face.arms import Arm, Picture, load
 from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,10 +40,8 @@ class Imported(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a link: wall, element size, triangles, least angle, tip compliance as a shell over that as a beam."""
-        import pandas as pd
-
         columns = ("link", "wall_mm", "size_mm", "triangles", "minimum_angle_deg", "tip_compliance_shell_over_beam")
-        return pd.DataFrame([{name: link[name] for name in columns} for link in self._links()])
+        return frame([{name: link[name] for name in columns} for link in self._links()])
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """The picture of the imported links; ``file``: a PNG to write."""

@@ -13,7 +13,7 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,11 +46,10 @@ class Indices(Shown):
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw cuts through the force-stiffness ellipsoid of the first poses; ``file``: a PNG to write."""
         from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
-        from stiffarm.face.pictures import picture_of
 
         asked = self.found.question
         shown = self.found.compliance[:MOST_POSES], asked.labels[:MOST_POSES]
-        return picture_of(ellipsoid_figure(*shown, asked.normal)).kept(file)
+        return Picture.of(ellipsoid_figure(*shown, asked.normal)).kept(file)
 
 
 def index(
@@ -84,8 +83,6 @@ def index(
     >>> found["k_fs"].shape
     (1,)
     """
-    import pandas as pd
-
     from stiffarm.commands.index.results import IndexQuestion, answer, rows
 
     poses = [q_deg] if isinstance(q_deg, Mapping) else list(q_deg)
@@ -96,4 +93,4 @@ def index(
         q = np.stack([arm.pose(pose) for pose in poses])
         labels = tuple(str(k) for k in range(1, len(poses) + 1))
         found = answer(arm.model, IndexQuestion(q, labels, tip, across, force))
-    return Indices(pd.DataFrame(rows(arm.robot, found)), arm.name, found)
+    return Indices(frame(rows(arm.robot, found)), arm.name, found)

@@ -13,7 +13,7 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.face.arms import DOWN, Arm, Picture
 from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 from surrogate.maps.data import MapData
 
 if TYPE_CHECKING:
@@ -44,10 +44,8 @@ class Map(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a quantity: its unit, least value, median and largest value."""
-        import pandas as pd
-
         known = {n: v for n, f in self.data.fields.items() if not f.categories and len(v := _finite(f.values))}
-        return pd.DataFrame(
+        return frame(
             {
                 "quantity": list(known),
                 "unit": [self.data.fields[name].unit for name in known],
@@ -59,12 +57,10 @@ class Map(Shown):
 
     def points(self) -> pd.DataFrame:
         """One row a point: its place in mm, the pose in degrees, the quantities."""
-        import pandas as pd
-
         d = self.data
         columns: dict[str, object] = {f"{axis}_mm": 1e3 * d.points[:, k] for k, axis in enumerate("xyz")}
         columns |= {name: np.degrees(d.q[:, k]) for k, name in enumerate(d.coordinates)}
-        return pd.DataFrame(columns | {name: f.values for name, f in d.fields.items()})
+        return frame(columns | {name: f.values for name, f in d.fields.items()})
 
     def __getitem__(self, name: str) -> Array:
         """A quantity (n,) by its name, NaN where there is no pose."""
@@ -88,9 +84,8 @@ class Map(Shown):
     def plot(self, file: str | Path | None = None, *, quantity: str = STIFFNESS) -> Picture:
         """Draw one quantity with the robot in it; ``file``: a PNG to write."""
         from stiffarm.commands.maps.figures.whole import one_figure
-        from stiffarm.face.pictures import picture_of
 
-        return picture_of(one_figure(self.data, quantity, self.arm)).kept(file)
+        return Picture.of(one_figure(self.data, quantity, self.arm)).kept(file)
 
 
 def map_joints(arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN) -> Map:

@@ -13,7 +13,7 @@ from robots import InputError
 from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,13 +35,11 @@ class Plan(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a set-up: label, joint coordinates in degrees, direction of the load in base axes."""
-        import pandas as pd
-
         made = self.found.made
         columns: dict[str, object] = {"pose": self.found.labels}
         columns |= {name: np.degrees(made.q[:, k]) for k, name in enumerate(self.arm.coordinates)}
         columns |= {f"load_{axis}": made.direction[:, k] for k, axis in enumerate("xyz")}
-        return pd.DataFrame(columns)
+        return frame(columns)
 
     def save(self, file: str | Path) -> Path:
         """Write the measurement sheet (CSV) to fill in and read back; returns the path."""

@@ -13,7 +13,7 @@ from robots import InputError
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shop import Range, setup_of
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,10 +36,8 @@ class Program(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a format: how far the program that was read back is from what was written."""
-        import pandas as pd
-
         trips = self.found.trips
-        return pd.DataFrame(
+        return frame(
             {
                 "format": [target.folder for target in trips],
                 "tip_um": [trip.tip * 1e6 for trip in trips.values()],
@@ -50,12 +48,11 @@ class Program(Shown):
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the joint angles along the program with their limits; ``file``: a PNG to write."""
         from stiffarm.commands.posture.figures.along_path import joints_figure
-        from stiffarm.face.pictures import picture_of
 
         program = self.found.posted.program
         steps = np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1)
         way = np.concatenate([[0.0], np.cumsum(steps)])
-        return picture_of(joints_figure(way, {"program": program.q}, self.found.model.robot)).kept(file)
+        return Picture.of(joints_figure(way, {"program": program.q}, self.found.model.robot)).kept(file)
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,18 +74,15 @@ class Checked(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row an offence: line, what it is, where."""
-        import pandas as pd
-
         from stiffarm.commands.verify.payload import offence_rows
 
-        return pd.DataFrame(offence_rows(self.found))
+        return frame(list(offence_rows(self.found)))
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw how near bodies come to each other in each move; ``file``: a PNG to write."""
         from stiffarm.commands.verify.figures import clearance_figure
-        from stiffarm.face.pictures import picture_of
 
-        return picture_of(clearance_figure(self.found)).kept(file)
+        return Picture.of(clearance_figure(self.found)).kept(file)
 
 
 def post(
@@ -182,4 +176,4 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
     with called():
         bodies = arm_bodies(arm.description)
         given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
-        return Checked(arm.name, verify(given.program, bodies, Demands(), nc_lines=given.lines))
+        return Checked(arm.name, verify(given, bodies, Demands()))

@@ -17,7 +17,7 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 from stiffarm.session.reading_checks import check_readings
 
 if TYPE_CHECKING:
@@ -51,14 +51,12 @@ class Readings(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a reading, with the columns of a measurement table that are not empty."""
-        import pandas as pd
-
         t = self.table
         columns: dict[str, Sequence[str] | Array] = {"pose": t.pose}
         columns |= {name: np.degrees(t.q[:, k]) for k, name in enumerate(self.coordinates)}
         columns |= {name: t.wrench[:, k] for k, name in enumerate(LOADS) if t.wrench[:, k].any()}
         columns |= {name: _MILLI * t.displacement[:, k] for k, name in enumerate(DISPLACEMENTS) if t.used[:, k].any()}
-        return pd.DataFrame(columns)
+        return frame(columns)
 
 
 def bundled(robot: str) -> Path:

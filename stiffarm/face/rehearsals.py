@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from stiffarm.commands.rehearse.sheet import SETUP_PERCENT
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,13 +39,11 @@ class Rehearsal(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a draw: hidden, what the diagnosis said, outcome, whether readings could show it, errors in mm."""
-        import pandas as pd
-
         from stiffarm.commands.rehearse.words import outcome, said
 
         nan = float("nan")
         gaps = [(nan, nan) if gap is None else gap for gap in self.gaps_mm]
-        return pd.DataFrame(
+        return frame(
             {
                 "hidden": self.hidden,
                 "diagnosis": [said(r) for r in self.draws],
@@ -59,9 +57,8 @@ class Rehearsal(Shown):
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the gap before and after, or of several draws the tally; ``file``: a PNG to write."""
         from stiffarm.commands.rehearse.report import answer_figure
-        from stiffarm.face.pictures import picture_of
 
-        return picture_of(answer_figure(self.draws)).kept(file)
+        return Picture.of(answer_figure(self.draws)).kept(file)
 
 
 def rehearse(

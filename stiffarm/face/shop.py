@@ -12,7 +12,7 @@ import numpy as np
 from robots import InputError
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,21 +44,18 @@ class Posture(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a point: gamma, joint angles in degrees, the index, distances to limits and singularities."""
-        import pandas as pd
-
         from stiffarm.commands.posture.payload import columns
 
-        return pd.DataFrame(columns(self.found))
+        return frame(columns(self.found))
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the joint angles along the path, the recommended course and others, with limits; ``file``: a PNG."""
         from machining.posture.posing import CHOSEN
         from stiffarm.commands.posture.figures.along_path import joints_figure
-        from stiffarm.face.pictures import picture_of
 
         f = self.found
         courses = {CHOSEN: f.course.q} | {name: course.q for name, course in f.others.items()}
-        return picture_of(joints_figure(f.request.task.path.arc_length, courses, f.model.robot)).kept(file)
+        return Picture.of(joints_figure(f.request.task.path.arc_length, courses, f.model.robot)).kept(file)
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,22 +71,19 @@ class Placement(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a point: where the axes and joints stand, and how stiff the arm is there."""
-        import pandas as pd
-
         from stiffarm.commands.place.payload import columns
 
-        return pd.DataFrame(columns(self.found))
+        return frame(columns(self.found))
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw stiffness and surface error along the path, before and after; ``file``: a PNG to write."""
         from stiffarm.commands.place.figures import along_figure
         from stiffarm.commands.place.payload import named
-        from stiffarm.face.pictures import picture_of
 
         found = named(self.found)
         stiffness = {name: one.stiffness * 1e-3 for name, one in found.items()}
         error = {name: one.error.normal * 1e6 for name, one in found.items()}
-        return picture_of(along_figure(1e3 * self.found.given.path.arc_length, stiffness, error)).kept(file)
+        return Picture.of(along_figure(1e3 * self.found.given.path.arc_length, stiffness, error)).kept(file)
 
 
 def posture(

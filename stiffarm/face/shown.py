@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
 
 ROWS_SHOWN = 12
+
+
+def frame(rows: dict[str, Any] | Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A data frame of columns by name, or of rows; pandas is loaded when the first one is asked for."""
+    import pandas as pd
+
+    return pd.DataFrame(rows)
 
 
 class Shown:

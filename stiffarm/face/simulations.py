@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots import InputError
 from stiffarm.face.arms import Arm
-from stiffarm.face.calls import called
+from stiffarm.face.calls import called, in_order
 from stiffarm.face.readings import Readings
-from stiffarm.face.shown import Shown
+from stiffarm.face.shown import Shown, frame
 from stiffarm.session.parsing import WRENCH_NAMES
 
 if TYPE_CHECKING:
@@ -39,10 +38,8 @@ class Simulation(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a part, and their sum: displacements in mm and rotations in mrad."""
-        import pandas as pd
-
         rows = [{"part": name, **moved} for name, moved in self.by_part.items()]
-        return pd.DataFrame([*rows, {"part": "total", **self.displacement}])
+        return frame([*rows, {"part": "total", **self.displacement}])
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,12 +86,7 @@ def simulate(
     """
     from stiffarm.commands.simulate.step import of_pose
 
-    for name, value in load.items():
-        if name not in WRENCH_NAMES:
-            raise InputError("load: name", value=name, allowed=", ".join(WRENCH_NAMES))
-        if not np.isfinite(value):
-            raise InputError(f"load: {name}", value=value, allowed="a finite number")
-    wrench = np.array([load.get(name, 0.0) for name in WRENCH_NAMES])
+    wrench = np.array(in_order(load, WRENCH_NAMES, "load"))
     with called():
         found = of_pose(arm, arm.pose(q_deg), wrench, rigid_joints)
     return Simulation(found["displacement"], found["stiffness_N_per_mm"], found["by_part"], arm.name)
@@ -121,10 +113,8 @@ def replay(arm: Arm, readings: Readings, *, rigid_joints: bool = False) -> Repla
     >>> len(sa.replay(arm, sa.read_readings(sa.bundled("xr701"), arm)).to_frame())
     27
     """
-    import pandas as pd
-
     from stiffarm.commands.simulate.readings import of_table
 
     with called():
         found: dict[str, Any] = of_table(arm, readings.table, rigid_joints)
-    return Replayed(found["rms_mm"], pd.DataFrame(found["readings"]), arm.name)
+    return Replayed(found["rms_mm"], frame(found["readings"]), arm.name)

@@ -11,8 +11,8 @@ import numpy as np
 
 from robots import InputError
 from stiffarm.face.arms import DOWN, Arm
-from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown
+from stiffarm.face.calls import called, in_order
+from stiffarm.face.shown import Shown, frame
 from surrogate.model import Surrogate as Learned
 
 if TYPE_CHECKING:
@@ -58,10 +58,8 @@ class Surrogate(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row an input: its name and the range that it was learned over, in degrees."""
-        import pandas as pd
-
         low, high = np.degrees(self.learned.lower), np.degrees(self.learned.upper)
-        return pd.DataFrame({"input": self.learned.inputs, "from_deg": low, "to_deg": high})
+        return frame({"input": self.learned.inputs, "from_deg": low, "to_deg": high})
 
     def query(
         self,
@@ -84,27 +82,19 @@ class Surrogate(Shown):
         InputError
             A coordinate that the surrogate does not have, or an angle that is no finite number.
         """
-        import pandas as pd
-
         from stiffarm.commands.query.answers import query_rows, value_name
         from surrogate import query
 
         poses = _poses(q_deg)
-        degrees = np.array([self._degrees(pose) for pose in poses]).reshape(len(poses), len(self.learned.inputs))
+        inputs = self.learned.inputs
+        degrees = np.array([in_order(pose, inputs, "q_deg", "number of degrees") for pose in poses])
+        degrees = degrees.reshape(len(poses), len(inputs))
         along = None if direction is None else np.array(direction, dtype=np.float64)
         with called():
             result = query(self.learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
             found = query_rows(self.learned, degrees, [str(k) for k in range(1, len(poses) + 1)], result)
         name = value_name(self.learned)[0]
-        return Answers(pd.DataFrame(found)[[*self.learned.inputs, name, "low95", "high95", "flags"]], name)
-
-    def _degrees(self, pose: Mapping[str, float]) -> list[float]:
-        for name, value in pose.items():
-            if name not in self.learned.inputs:
-                raise InputError("q_deg: name", value=name, allowed=", ".join(self.learned.inputs))
-            if not np.isfinite(value):
-                raise InputError(f"q_deg: {name}", value=value, allowed="a finite number of degrees")
-        return [float(pose.get(name, 0.0)) for name in self.learned.inputs]
+        return Answers(frame(found)[[*inputs, name, "low95", "high95", "flags"]], name)
 
     def save(self, file: str | Path) -> Path:
         """Write the surrogate as JSON; returns the path."""

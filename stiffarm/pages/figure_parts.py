@@ -14,7 +14,6 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from robots import InputError
 from robots.arrays import Array
 from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
 
@@ -111,13 +110,6 @@ def axis_limit(values: Array) -> float:
         if ordered[i] > 0.0 and ordered[i + 1] > _JUMP * ordered[i]:
             return float(ordered[i])
     return float(ordered[-1]) if ordered.size and ordered[-1] > 0.0 else 1.0
-
-
-def same_length(what: str, values: Array, poses: Sequence[str]) -> None:
-    """Raise InputError unless there is one value (n,) a pose, and a pose at all."""
-    if values.shape != (len(poses),) or not len(poses):
-        allowed = f"({len(poses)},), one value a pose, n >= 1"
-        raise InputError(what, value=f"shape {values.shape}", allowed=allowed)
 
 
 def angle_label(name: str) -> str:

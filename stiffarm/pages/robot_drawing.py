@@ -19,7 +19,8 @@ from meshes.sections import section_dimensions
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from robots.kinematics import BodyFrames
+from robots.kinematics import BodyFrames, moving_frames
+from robots.robot import middle_pose
 from robots.schema.description import BoxSection, Link, TubeSection
 
 Role = Literal["base", "link", "joint", "parallelogram", "flange", "tool"]
@@ -42,11 +43,15 @@ _TRANSVERSE = 0.6  # below this cosine a joint axis counts as across the centre 
 
 
 class DrawnBody(NamedTuple):
-    """One piece of the picture: its name, its surface in mm in the base frame, what colour it takes."""
+    """One piece of the picture: its name, its surface in mm in the base frame, what colour it takes.
+
+    ``frame``: what it moves with, by its number in :func:`robots.kinematics.moving_frames`.
+    """
 
     name: str
     mesh: trimesh.Trimesh
     role: Role
+    frame: int
 
 
 class _Outline(NamedTuple):
@@ -68,7 +73,7 @@ def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> 
 
     Returns
     -------
-    list of (name, mesh in mm in the base frame, colour role), every mesh closed
+    list of bodies, every mesh closed
 
     Raises
     ------
@@ -89,6 +94,20 @@ def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> 
         bodies += _rods(robot, frames)
     for body in bodies:
         body.mesh.vertices *= M_TO_MM
+    return bodies
+
+
+def framed_bodies(description: ModelDescription, robot: Robot) -> list[DrawnBody]:
+    """The bodies of :func:`draw_robot` in the frames that they move with, in m, for pages that pose them themselves.
+
+    The drawing turns the hub of the last wrist joint by how far the wrist is bent; here it stays as it is in the
+    middle pose.
+    """
+    pose = middle_pose(robot)
+    R, p = moving_frames(robot, pose[None])
+    bodies = draw_robot(description, robot, pose)
+    for body in bodies:
+        body.mesh.vertices = (np.asarray(body.mesh.vertices) / M_TO_MM - p[0, body.frame]) @ R[0, body.frame]
     return bodies
 
 
@@ -176,7 +195,7 @@ def _link(robot: Robot, frames: BodyFrames, link: Link) -> list[DrawnBody]:
         # An oblique segment (a carousel reaching up and forward) gets a flat foot across its own axis.
         ends = [_rounded_end(path[i + k], axes[k], along, _mixed(start, end, fractions[i + k]), up) for k in (0, 1)]
         name = link.name if len(steps) == 1 else f"{link.name} {i + 1}"
-        pieces.append(DrawnBody(name, _hull(*ends), "base" if body == 0 else "link"))
+        pieces.append(DrawnBody(name, _hull(*ends), "base" if body == 0 else "link", body))
     return pieces
 
 
@@ -184,7 +203,7 @@ def _base_plate(description: ModelDescription) -> list[DrawnBody]:
     radius = 0.68 * max((_outline(k.section).width for k in description.link if k.body == "base"), default=0.3)
     thickness = 0.04
     plate = _cylinder(np.array([0.0, 0.0, 0.5 * thickness]), np.array([0.0, 0.0, 1.0]), radius, thickness)
-    return [DrawnBody("base plate", plate, "joint")]
+    return [DrawnBody("base plate", plate, "joint", 0)]
 
 
 def _rods(robot: Robot, frames: BodyFrames) -> list[DrawnBody]:
@@ -195,7 +214,7 @@ def _rods(robot: Robot, frames: BodyFrames) -> list[DrawnBody]:
     for i, ends in enumerate(itertools.pairwise(line)):
         if np.linalg.norm(ends[1] - ends[0]) > 1e-3 * radius:
             rod = trimesh.creation.cylinder(radius=radius, sections=_ROUND, segment=np.stack(ends))
-            rods.append(DrawnBody(f"rod {i}", rod, "link"))
+            rods.append(DrawnBody(f"rod {i}", rod, "link", i))
     return rods
 
 
@@ -236,7 +255,7 @@ def _joints(description: ModelDescription, robot: Robot, frames: BodyFrames) -> 
             mesh = _cylinder(centre, axis, 0.40 * size.height, 1.16 * size.width)
         else:
             mesh = _cylinder(centre, axis, 0.54 * size.width, 0.14 * size.width)
-        hubs.append(DrawnBody(name, mesh, "joint"))
+        hubs.append(DrawnBody(name, mesh, "joint", joint + 1))
     return hubs
 
 
@@ -266,11 +285,11 @@ def _parallelogram(description: ModelDescription, robot: Robot, frames: BodyFram
     )
     pins = [_cylinder(x, axis, 0.28 * crank.height, 1.5 * crank.width) for x in (crank_pin, lever_pin)]
     return [
-        DrawnBody("crank", arm(crank_joint, crank_pin), "parallelogram"),
-        DrawnBody("lever", arm(driven_joint, lever_pin), "parallelogram"),
-        DrawnBody("bar", rod, "parallelogram"),
-        DrawnBody("crank pin", pins[0], "joint"),
-        DrawnBody("lever pin", pins[1], "joint"),
+        DrawnBody("crank", arm(crank_joint, crank_pin), "parallelogram", robot.dof + 2),
+        DrawnBody("lever", arm(driven_joint, lever_pin), "parallelogram", p.driven + 1),
+        DrawnBody("bar", rod, "parallelogram", robot.dof + 3),
+        DrawnBody("crank pin", pins[0], "joint", robot.dof + 2),
+        DrawnBody("lever pin", pins[1], "joint", p.driven + 1),
     ]
 
 
@@ -279,10 +298,10 @@ def _flange_and_tool(description: ModelDescription, robot: Robot, frames: BodyFr
     last = [k for k in description.link if body_index(robot, k.body) == robot.dof]
     width = max((_outline(k.section).width for k in last), default=0.12)
     plate = _cylinder(centre - 0.0105 * R[:, 2], R[:, 2], 0.6 * width, 0.025)
-    bodies = [DrawnBody("mounting plate", plate, "flange")]
+    bodies = [DrawnBody("mounting plate", plate, "flange", robot.dof + 1)]
     tip = tool_position(robot, frames)[0]
     if np.linalg.norm(tip - centre) > 0.01:
         root = np.asarray(_cylinder(centre, R[:, 2], 0.3 * width, 0.01).vertices)
         end = np.asarray(trimesh.creation.icosphere(subdivisions=1, radius=0.06 * width).vertices) + tip
-        bodies.append(DrawnBody("tool", _hull(root, end), "tool"))
+        bodies.append(DrawnBody("tool", _hull(root, end), "tool", robot.dof + 1))
     return bodies

@@ -225,7 +225,7 @@ def _programs() -> list[Sample]:
 
 def _read_program(path: Path) -> object:
     program = _program()
-    found = read_program(path, program.robot, program.cell).program
+    found = read_program(path, program.robot, program.cell)
     require_finite(found.q, "program joints")
     require_finite(found.T_part_tool, "program frames")
     require_finite((found.travel, found.table, found.gamma), "program axes")

@@ -57,8 +57,8 @@ def refused(data: Data, name: str = "bad.toml") -> InputError:
 # --- bundled files
 
 
-def test_the_three_robots_are_bundled() -> None:
-    assert bundled_names() == ("kr60-3", "tx200", "xr701")
+def test_four_robots_are_bundled() -> None:
+    assert bundled_names() == ("fanuc-r2000ic", "kr60-3", "tx200", "xr701")
 
 
 @pytest.mark.parametrize("name", bundled_names())

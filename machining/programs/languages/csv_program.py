@@ -7,7 +7,7 @@ events and notes are not in it.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -57,11 +57,11 @@ class Csv(Neutral):
         InputError
             Another schema or other columns, a row of another length, a field that is no finite number.
         """
-        lines = text.splitlines()
-        if not lines or lines[0].strip() != f"# {SCHEMA}":
-            raise InputError(f"{where}, first line", value=lines[0][:80] if lines else "", allowed=f"# {SCHEMA}")
+        head, *body = text.splitlines() or [""]
+        if head.strip() != f"# {SCHEMA}":
+            raise InputError(f"{where}, first line", value=head[:80], allowed=f"# {SCHEMA}")
         try:
-            records = list(csv.reader(lines[1:]))
+            records = list(csv.reader(body))
         except csv.Error as error:
             raise InputError(f"{where} is not valid CSV ({error})", remedy="write the program again") from error
         wanted = columns(robot, cell)
@@ -81,13 +81,11 @@ class Csv(Neutral):
         told = why_not_spherical(robot) is None
         branch = branch_of(robot, joints_of(robot, table)) if told else none
         names = BRANCH_NAMES if told else ()
+        # The line of the schema and that of the names come first.
+        lines = np.arange(3, 3 + len(values))
         return program_of(
-            robot, cell, table, where, tool=none, operation=none, source=where, branch=branch, names=names
+            robot, cell, table, where, lines, tool=none, operation=none, source=where, branch=branch, names=names
         )
-
-    def lines(self, text: str, n: int) -> Iterable[int] | None:
-        """See :class:`Neutral`: the line of the schema and that of the names come first."""
-        return range(3, 3 + n)
 
 
 FORMAT = Csv()

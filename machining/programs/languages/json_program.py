@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from machining.programs.neutral import BLOCK, SCHEMA, columns, integers, program
 from machining.programs.program import JointProgram
 from machining.toolpaths.motions import Event, Note, Tool
 from robots import InputError, Robot
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from robots.files.reading import parse_json
 
 SIZES = ("diameter_mm", "corner_radius_mm", "length_mm")
@@ -87,21 +87,23 @@ class Json(Neutral):
                 raise InputError(f"{where}, {key}", value=str(value)[:80], allowed=str(wanted))
         table = _table(data, columns(robot, cell), where)
         try:
-            return program_of(robot, cell, table, where, **_others(data, table, where))
+            lines = _lines(text, len(data["moves"]))
+            return program_of(robot, cell, table, where, lines, **_others(data, table, where))
         except InputError:
             raise
         except (TypeError, ValueError, KeyError, OverflowError) as error:
             raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
 
-    def lines(self, text: str, n: int) -> Iterable[int] | None:
-        """See :class:`Neutral`: where each row of moves stands in a line of its own."""
-        lines = text.splitlines()
-        first = next((i for i, line in enumerate(lines) if '"moves"' in line), None)
-        if first is None:
-            return None
-        rows = [line.strip() for line in lines[first + 1 : first + 1 + n]]
-        alone = len(rows) == n and all(row.startswith("[") and row.rstrip(",").endswith("]") for row in rows)
-        return range(first + 2, first + 2 + n) if alone else None
+
+def _lines(text: str, n: int) -> Integers | None:
+    """Lines of the n moves where each row of them stands in a line of its own."""
+    lines = text.splitlines()
+    first = next((i for i, line in enumerate(lines) if '"moves"' in line), None)
+    if first is None:
+        return None
+    rows = [line.strip() for line in lines[first + 1 : first + 1 + n]]
+    alone = len(rows) == n and all(row.startswith("[") and row.rstrip(",").endswith("]") for row in rows)
+    return np.arange(first + 2, first + 2 + n) if alone else None
 
 
 def _known(value: float) -> float | None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from machining.toolpaths.apt.words import FEED_UNITS, INCH, as_number
+from machining.toolpaths.apt.words import FEED_UNITS, INCH, as_number, in_unit
 from machining.toolpaths.cycles import Cycle
+from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError
 
 # Kinds of cycle: pecks, chip break, leaves at feed, spindle turns back.
@@ -60,8 +61,7 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
     if pecks and not steps:
         unread.append(f"{kind} without its steps, so drilled in one stroke")
     back = values.get("RTRCTO", values.get("RETURN", math.nan))
-    rate, per_turn = _feed(feed, values, scale)
-    out = Cycle(
+    made = Cycle(
         start=start * scale,
         depth=abs(values.get("FEDTO", values.get("DEPTH", 0.0))) * scale,
         back=back * scale,
@@ -70,16 +70,12 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
         dwell=values.get("DWELL", 0.0),
         feed_out=feed_out,
         reverse=reverse,
-        feed=rate,
-        per_turn=per_turn,
+        feed=_feed(feed, values, scale),
     )
-    fault = out.fault()
-    if fault:
-        raise StatementError(f"cycle with {fault}", "numbers that make a hole")
-    return out, unread
+    return made.checked("numbers that make a hole"), unread
 
 
-def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[str, float] | None, list[str]]:
+def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[float, str] | None, list[str]]:
     kind, values, feed, unread = "", {}, None, []
     i = 0
     while i < len(parts):
@@ -98,7 +94,7 @@ def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[str, float] 
         elif word in _REFUSED or not kind:
             raise StatementError(f"cycle {word!r}", ", ".join(KINDS))
         elif word in FEED_UNITS and number is not None:
-            feed = (word, number)
+            feed = (number, word)
         elif word in (*_HEIGHTS, *_PECKS) and number is not None:
             values[word] = number
         elif word not in _QUIET:
@@ -106,12 +102,8 @@ def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[str, float] 
     return kind, values, feed, unread
 
 
-def _feed(feed: tuple[str, float] | None, values: dict[str, float], scale: float) -> tuple[float, bool]:
-    """Feed in m/s or m/turn, NaN if the cycle has none, and whether it counts per turn."""
+def _feed(feed: tuple[float, str] | None, values: dict[str, float], scale: float) -> Feed | None:
+    """Feed of the cycle, by its own word or by the thread's pitch."""
     if feed is not None:
-        length, per = FEED_UNITS[feed[0]]
-        rate = feed[1] * (scale if length is None else length)
-        return (rate, True) if per == "turn" else (rate / 60.0, False)
-    if values.get("TPI", 0.0) > 0.0:
-        return INCH / values["TPI"], True
-    return math.nan, False
+        return in_unit(*feed, scale)
+    return Feed(INCH / values["TPI"], "turn") if values.get("TPI", 0.0) > 0.0 else None

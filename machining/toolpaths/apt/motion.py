@@ -4,30 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from machining.toolpaths.apt.arcs import ArcWord, circle, movarc, tlon
 from machining.toolpaths.apt.cycles import cycle
 from machining.toolpaths.apt.state import AptState, Handler
-from machining.toolpaths.apt.words import Feed, Statement
+from machining.toolpaths.apt.words import Statement
 from machining.toolpaths.arcs import ArcError, arc_points, between
 from machining.toolpaths.cycles import Cycle, drill
-from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError, Vector
-from robots.arrays import Array
 
 
 class AptMotion(AptState):
     """Motion words on top of the state words."""
-
-    def __init__(self, path: Path, options: ReadOptions) -> None:
-        super().__init__(path, options)
-        self.here: Vector | None = None
-        self.last_cycle: Cycle | None = None
-        self.arc: ArcWord | None = None
-        self.tangent: Array | None = None
 
     def motion_words(self) -> dict[str, Handler]:
         """Handlers by word."""
@@ -133,12 +123,8 @@ class AptMotion(AptState):
 
         def state(own: bool, reverse: bool) -> None:
             sign = self.spindle.signed
-            speed = self.feed.speed(sign)
-            if own and not math.isnan(work.feed):
-                speed = Feed(work.feed * (1.0 if work.per_turn else 60.0), "turn" if work.per_turn else "minute").speed(
-                    sign
-                )
-            self.recorder.state(speed, -sign if reverse else sign, self.tool, self.operation)
+            feed = work.feed if own and work.feed else self.feed
+            self.recorder.state(feed.speed(sign), -sign if reverse else sign, self.tool, self.operation)
 
         self.here = drill(self.recorder, self.line, self.here, point, self.axis, work, state)
         self.rapid = False

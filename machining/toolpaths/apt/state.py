@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from machining.toolpaths.apt import words
+from machining.toolpaths.apt.arcs import ArcWord
 from machining.toolpaths.apt.words import Statement, as_number, numbers
 from machining.toolpaths.cycles import Cycle
-from machining.toolpaths.motions import Tool
+from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
 from machining.toolpaths.source import readable
@@ -123,11 +124,15 @@ class AptState:
         self.line = 0
         self.axis: Vector = (0.0, 0.0, 1.0)
         self.rapid = False
-        self.feed, self.spindle = words.Feed(), words.Spindle()
+        self.feed, self.spindle = Feed(), words.Spindle()
         # Data of the tool given since the last motion: they belong to the next one.
         self.tool, self.loaded = Tool(), False
         self.operation = ""
+        self.here: Vector | None = None
+        self.arc: ArcWord | None = None
+        self.tangent: Array | None = None
         self.cycle: Cycle | None = None
+        self.last_cycle: Cycle | None = None
         # State that the recorder has not got yet; words that end the file behind the last motion.
         self.dirty = self.ended = True
 
@@ -167,7 +172,7 @@ class AptState:
         if "RAPID" in s.parts:
             self.rapid = True
         elif "INVERS" in s.parts or "FPT" in s.parts:
-            self.feed = words.Feed()
+            self.feed = Feed()
             self.recorder.note(self.line, f"FEDRAT/{s.rest.strip()}: the feed is not known")
         else:
             self.feed = words.feed(s.parts, self.scale, self.feed)

@@ -9,14 +9,14 @@ from functools import cached_property
 from pathlib import Path
 
 from machining.magnitudes import LARGEST
-from machining.toolpaths.motions import Tool, clean
+from machining.toolpaths.motions import Feed, Per, Tool, clean
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError
 from machining.toolpaths.source import lines, readable
 
 INCH = 25.4e-3
 # Feed words: metres in the unit of length (None: that of the file), and "turn" or "minute".
-FEED_UNITS: dict[str, tuple[float | None, str]] = {
+FEED_UNITS: dict[str, tuple[float | None, Per]] = {
     "MMPM": (1e-3, "minute"),
     "MMPR": (1e-3, "turn"),
     "IPM": (INCH, "minute"),
@@ -105,21 +105,6 @@ def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:
     return good
 
 
-@dataclass(frozen=True)
-class Feed:
-    """Feed as programmed: ``value`` m per minute or per turn (NaN: none), by ``per``."""
-
-    value: float = math.nan
-    per: str = "minute"
-
-    def speed(self, spindle: float) -> float:
-        """Speed in m/s; NaN where feed or the spindle that it needs is not known or stands."""
-        if self.per == "minute":
-            return self.value / 60.0
-        speed = self.value * abs(spindle) / (2.0 * math.pi)
-        return speed if speed > 0.0 else math.nan
-
-
 def feed(parts: list[str], scale: float, last: Feed) -> Feed:
     """Feed from the items of ``FEDRAT/``: a number, and its unit before or behind it or that of the last feed.
 
@@ -135,8 +120,13 @@ def feed(parts: list[str], scale: float, last: Feed) -> Feed:
         raise StatementError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS))
     if len(values) != 1 or len(words) > 1 or values[0] <= 0.0:
         raise StatementError(f"feed {', '.join(parts)!r}", "one number more than 0 and one unit")
-    length, per = FEED_UNITS[words[0]] if words else (None, last.per)
-    return Feed(values[0] * (scale if length is None else length), per)
+    return in_unit(values[0], words[0], scale) if words else Feed(values[0] * scale, last.per)
+
+
+def in_unit(value: float, word: str, scale: float) -> Feed:
+    """A feed by its number and the word of its unit; ``scale``: metres in the file's unit of length."""
+    length, per = FEED_UNITS[word]
+    return Feed(value * (scale if length is None else length), per)
 
 
 @dataclass(frozen=True)
@@ -210,35 +200,24 @@ def name(text: str) -> str:
 
 def length_unit(path: Path, options: ReadOptions, recorder: Recorder) -> float:
     """Metres in the unit of length: that of ``UNITS/`` before motion, else the option, else that of the feeds."""
-    fed = moved = False
+    scale, moved = None if options.units is None else UNITS[options.units], False
     for number, raw in enumerate(lines(path, options.max_bytes), start=1):
         text = raw.lstrip()
-        if text.startswith("GOTO"):
-            moved = True
-            if options.units is not None:
-                break
-            continue
+        moved = moved or text.startswith("GOTO")
+        if moved and scale is not None:
+            return scale
         head = text[:6].upper()
         if head.startswith("UNIT") and not moved:
             parts = statement(text.split("$")[0]).parts
             if len(parts) == 1 and parts[0] in LENGTHS:
                 return LENGTHS[parts[0]]
-        elif head.startswith(("FEDRAT", "CYCLE")) and options.units is None:
+        elif head.startswith(("FEDRAT", "CYCLE")) and scale is None:
             found = [w for w in items(text.strip().replace("/", ",")) if FEED_UNITS.get(w, (None,))[0]]
-            if found and not fed:
-                fed = True
-                length = FEED_UNITS[found[0]][0] or 0.0
-                unit = "mm" if length == UNITS["mm"] else "inch"
+            if found:
+                unit = "mm" if FEED_UNITS[found[0]][0] == UNITS["mm"] else "inch"
                 recorder.note(number, f"no UNITS in the file: taken as {unit} from the feed unit {found[0]}")
                 scale = UNITS[unit]
-                if moved:
-                    return scale
-                fallback = scale
-        if moved and fed:
-            return fallback
-    if options.units is not None:
-        return UNITS[options.units]
-    if fed:
-        return fallback
-    recorder.error(0, "no unit of length", allowed="UNITS/MM or UNITS/INCHES", remedy="pass units='mm' or 'inch'")
-    return 1e-3
+    if scale is None:
+        recorder.error(0, "no unit of length", allowed="UNITS/MM or UNITS/INCHES", remedy="pass units='mm' or 'inch'")
+        return UNITS["mm"]
+    return scale

@@ -77,7 +77,7 @@ def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float
     kind = CYCLES[code]
     if kind in ("chip", "peck") and not peck > 0.0:
         raise StatementError("a peck cycle without its peck", "Q more than 0")
-    out = Cycle(
+    made = Cycle(
         start=0.0,
         depth=start - bottom,
         back=back - start,
@@ -87,7 +87,4 @@ def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float
         feed_out=kind in ("tap", "bore"),
         reverse=kind == "tap",
     )
-    fault = out.fault()
-    if fault:
-        raise StatementError(f"cycle with {fault}", "Z below R, numbers that make a hole")
-    return out
+    return made.checked("Z below R, numbers that make a hole")

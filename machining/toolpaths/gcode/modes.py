@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 
 # Codes in tenths: G43.4 is 434. Those that set one mode, and to what.
@@ -13,7 +15,8 @@ SETS: dict[int, tuple[str, int | bool | None]] = {
     **{code: ("arc_absolute", code == 901) for code in (901, 911)},
     **{code: ("back_to_initial", code == 980) for code in (980, 990)},
 }
-FEED_MODES = {930: "inverse", 940: "minute", 950: "turn"}
+FeedMode = Literal["inverse", "minute", "turn"]
+FEED_MODES: dict[int, FeedMode] = {930: "inverse", 940: "minute", 950: "turn"}
 LENGTHS = {200: 25.4e-3, 210: 1e-3, 7000: 25.4e-3, 7100: 1e-3}
 OFFSETS = {540: "G54", 550: "G55", 560: "G56", 570: "G57", 580: "G58", 590: "G59"} | {
     591: "G59.1",

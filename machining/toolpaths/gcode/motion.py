@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
@@ -12,20 +11,12 @@ from machining.toolpaths.cycles import drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
 from machining.toolpaths.gcode.state import Modes
 from machining.toolpaths.gcode.words import Block
-from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
 
 class GcodeMotion(Modes):
     """The blocks that move the tool, on top of the modes."""
-
-    def __init__(self, path: Path, options: ReadOptions) -> None:
-        super().__init__(path, options)
-        # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
-        self.sticky: dict[str, float] = {}
-        self.initial: float | None = None
-        self.axis: Vector = (0.0, 0.0, 1.0)
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from machining.toolpaths.gcode import modes
 from machining.toolpaths.gcode.words import Block
-from machining.toolpaths.motions import Tool
+from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
 
@@ -23,12 +23,16 @@ class Modes:
         self.motion: int | None = None
         self.plane = 170
         self.absolute, self.arc_absolute = True, options.arc_absolute
-        self.feed_mode = "minute"
+        self.feed_mode: modes.FeedMode = "minute"
         self.back_to_initial = True
         self.tcp = options.tcp
         self.unit = None if options.units is None else UNITS[options.units]
         self.here: list[float | None] = [None, None, None] if options.start is None else list(options.start)
         self.angles = {"A": 0.0, "B": 0.0, "C": 0.0}
+        self.axis: Vector = (0.0, 0.0, 1.0)
+        # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
+        self.sticky: dict[str, float] = {}
+        self.initial: float | None = None
         self.offset = ""
         self.used_offset: str | None = None
         self.shift = np.zeros(3)
@@ -182,10 +186,7 @@ class Modes:
             return math.nan
         if self.feed_mode == "inverse":
             return length * self.feed / 60.0 or math.nan
-        speed = self.feed * self.scale / 60.0
-        if self.feed_mode == "turn":
-            speed = self.feed * self.scale * abs(self.spindle) / (2.0 * math.pi)
-        return speed if speed > 0.0 else math.nan
+        return Feed(self.feed * self.scale, self.feed_mode).speed(self.spindle)
 
     def _use_offset(self) -> None:
         if self.used_offset and self.options.frames == "one":

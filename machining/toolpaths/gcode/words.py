@@ -87,35 +87,23 @@ def block(line: str) -> Block:
     if _MACRO.search(text):
         out.macro = text
         return out
-    end = 0
-    for match in _WORD.finditer(text):
-        if text[end : match.start()].strip():
-            return _with_long(out, text)
-        end = match.end()
-        _put(out, match[1], match[2])
-    if text[end:].strip():
-        return _with_long(out, text)
-    return out
-
-
-def _with_long(out: Block, text: str) -> Block:
-    """Words of a block that has long words or signs in it."""
-    out = Block(comments=out.comments, deleted=out.deleted)
-    rest = []
     last = 0
     for match in _LONG.finditer(text):
-        rest.append(text[last : match.start()])
+        _words(out, text[last : match.start()])
         out.long.append(match[0])
         last = match.end()
-    rest.append(text[last:])
-    for part in rest:
-        end = 0
-        for match in _WORD.finditer(part):
-            out.bad = out.bad or part[end : match.start()].strip(" ,")
-            end = match.end()
-            _put(out, match[1], match[2])
-        out.bad = out.bad or part[end:].strip(" ,")
+    _words(out, text[last:])
     return out
+
+
+def _words(out: Block, text: str) -> None:
+    """Enter the words of a text without long words; what stands between them must be no more than commas."""
+    end = 0
+    for match in _WORD.finditer(text):
+        out.bad = out.bad or text[end : match.start()].strip(" ,")
+        end = match.end()
+        _put(out, match[1], match[2])
+    out.bad = out.bad or text[end:].strip(" ,")
 
 
 def _put(out: Block, letter: str, number: str) -> None:

@@ -108,7 +108,7 @@ def fit(
     --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        from stiffarm.commands.fit import learning, payload, tables
+        from stiffarm.commands.fit import learning, results
         from stiffarm.commands.fit import portable as portable_files
         from stiffarm.commands.fit import report as surrogate_report
         from surrogate import save_surrogate
@@ -157,14 +157,14 @@ def fit(
                 scalar=scalar,
             )
             save_surrogate(trained.best, folder.path("surrogate.json"))
-            content = payload.trained(trained)
+            content = results.payload(trained)
             files = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
             with folder.timed("report"):
                 title = given.description.title.split(" (")[0]
                 surrogate_report.write_report(trained, files, folder, title=title, model=model)
             content["files"] = [*files, "report.html"]
             folder.write_json("surrogate_errors.json", content)
-        frame.answer(content, lambda: tables.show(trained))
+        frame.answer(content, lambda: results.show(trained))
 
 
 def _refuse_conflicts(

@@ -17,8 +17,8 @@ from stiffarm.commands.fit.figures.bars import (
     parts,
 )
 from stiffarm.commands.fit.figures.effects import HeldOut, surrogate_quality_figure
+from stiffarm.commands.fit.results import errors_table
 from stiffarm.commands.fit.sections import answer_section, known_by, usage_section
-from stiffarm.commands.fit.tables import errors_table
 from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words
 from stiffarm.commands.query.answers import value_name
 from stiffarm.pages.blocks import Pictures

@@ -18,8 +18,7 @@ from robots.robot import Robot, middle_pose
 from stiffarm import __version__
 from stiffarm.pages.figure_parts import joint_colour, paler
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
-from stiffarm.pages.robot_bodies import framed_bodies
-from stiffarm.pages.robot_drawing import ROBOT_COLOURS
+from stiffarm.pages.robot_drawing import ROBOT_COLOURS, framed_bodies
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
 from surrogate.maps.assembled import figures
 from surrogate.maps.data import Field, Layout, MapData
@@ -111,8 +110,8 @@ def viewer_data(
                 "role": body.role,
                 "frame": body.frame,
                 "colour": ROBOT_COLOURS[body.role],
-                "v": packed(body.vertices, "<f4"),
-                "t": packed(body.triangles, "<u4"),
+                "v": packed(body.mesh.vertices, "<f4"),
+                "t": packed(body.mesh.faces, "<u4"),
             }
             for body in framed_bodies(description, robot)
         ],

@@ -1,4 +1,4 @@
-"""What a surrogate answered, as rows for files and screens."""
+"""What a surrogate answered, as rows for files and screens, and its error figures as JSON."""
 
 from __future__ import annotations
 
@@ -92,6 +92,29 @@ def flags(result: QueryResult, i: int) -> str:
     if result.answered[i] and np.isnan(result.relative_error[i]):
         out.append("no error bar: none was learned for this load direction")
     return "; ".join(out)
+
+
+def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
+    """Held-out error figures."""
+    e = surrogate.errors
+    return {
+        "basis": e.basis,
+        "degree_or_order": e.degree,
+        "target": e.target,
+        "terms": e.n_terms,
+        "quantity": surrogate.quantity.name,
+        "runs_fitted": e.n_train,
+        "runs_held_out": e.n_test,
+        "rms_relative_error": number(e.rms_relative),
+        "p95_relative_error": number(e.p95_relative),
+        "max_relative_error": number(e.max_relative),
+        "interior_rms_relative_error": number(e.rms_interior),
+        "interior_max_relative_error": number(e.max_interior),
+        "coverage_of_95_percent_bars": number(e.coverage95),
+        "condition_number": number(e.condition_number),
+        "matrix_rms_relative_error": None if e.matrix_rms is None else number(e.matrix_rms),
+        "matrix_max_relative_error": None if e.matrix_max is None else number(e.matrix_max),
+    }
 
 
 def show_answers(surrogate: Surrogate, rows: Sequence[dict[str, Any]]) -> None:

@@ -12,7 +12,6 @@ from robots import InputError, content_hash, load_description
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.query import answers
-from stiffarm.commands.query.errors import surrogate_errors
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
@@ -85,7 +84,7 @@ def query(
             "quantity_in_words": learned.quantity.label,
             "load_direction": _load_direction(learned, along),
             "fixed_deg": dict(learned.fixed_deg),
-            "errors": surrogate_errors(learned),
+            "errors": answers.surrogate_errors(learned),
             "answers": rows,
         }
         frame.reads(surrogate=surrogate_file, poses=table)

@@ -87,7 +87,7 @@ def rehearse(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Hide an effect in made-up readings and see whether the diagnosis finds it.
+    """Hide an effect in made-up readings and see whether it is found.
 
     Readings are made by mechanics that share nothing with the diagnosis, for the poses, loads, repeats and noise of
     your sheet. The diagnosis runs blind; then the truth is unveiled. Writes rehearsal.json, readings.csv, truth.json

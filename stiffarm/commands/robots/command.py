@@ -7,8 +7,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from doe import bundled_data
 from meshes import RobotMasses, robot_masses
-from robots import ModelDescription, bundled_names, load_description
+from robots import InputError, ModelDescription, bundled_names, load_description
 from robots.robot import robot_from
 from robots.schema.description import Joint
 from robots.schema.quantities import RotationalStiffness
@@ -43,13 +44,28 @@ def robots(
             emit_json(
                 {
                     "robots": [
-                        {"name": d.name, "title": d.title, "joints": len(d.joint), "load_path": d.load_path}
+                        {
+                            "name": d.name,
+                            "title": d.title,
+                            "joints": len(d.joint),
+                            "load_path": d.load_path,
+                            "readings": _readings(d.name),
+                        }
                         for d in found
                     ]
                 }
             )
             return
-        show_table("Bundled robots", ["name", "title", "load path"], [[d.name, d.title, d.load_path] for d in found])
+        rows = [[d.name, d.title, d.load_path, _readings(d.name) or "-"] for d in found]
+        show_table("Bundled robots", ["name", "title", "load path", "measured readings"], rows)
+
+
+def _readings(name: str) -> str | None:
+    """The file of the measured readings that come with a robot; None without any."""
+    try:
+        return bundled_data(name).name
+    except InputError:
+        return None
 
 
 def _masses_payload(masses: RobotMasses) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
-from stiffarm.commands.fit.payload import trained as trained_payload
+from stiffarm.commands.fit.results import payload as trained_payload
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.run import held_out, link_models, payload
 from stiffarm.commands.run.findings import Findings, slug

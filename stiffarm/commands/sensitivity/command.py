@@ -181,7 +181,7 @@ def _factorial(
         "effects": factorial.payload(effects),
     }
     if folder is not None:
-        from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+        from stiffarm.commands.sensitivity.figures import sensitivity_figure
         from stiffarm.pages.style import save_png
 
         folder.write_json("sensitivity.json", result)
@@ -193,7 +193,7 @@ def _screened(given: Arm, found: Study, folder: OutputFolder | None) -> tuple[di
     head = {"robot": given.robot.name, "load_path": given.model.load_path, "links": given.model.link_kind}
     result = head | screenings.payload(found)
     if folder is not None:
-        from stiffarm.commands.sensitivity.figures.screening import morris_figure, shares_figure
+        from stiffarm.commands.sensitivity.figures import morris_figure, shares_figure
         from stiffarm.pages.style import save_png
 
         folder.write_json("sensitivity.json", result)

@@ -163,7 +163,7 @@ def _moved_bodies(arm: DeformedArm, scale: float) -> list[DrawnBody]:
         shift, turn = motion[nearest, :3], motion[nearest, 3:]
         mesh = body.mesh.copy()
         mesh.vertices = vertices + scale * (shift + np.cross(turn, vertices - centres[nearest]))
-        out.append(DrawnBody(body.name, mesh, body.role))
+        out.append(body._replace(mesh=mesh))
     return out
 
 

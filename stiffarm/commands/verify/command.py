@@ -97,11 +97,11 @@ def verify_command(
             jump=float(np.radians(jump)),
         )
         description, arm = described_arm(model)
-        given = read_program(program, arm.robot, read_cell(cell))
+        checked = read_program(program, arm.robot, read_cell(cell))
         frame.files |= {"model": content_hash(description), "program": program, "cell": cell}
         with frame.folder_if() as folder:
             with progress("moves checked") as bar:
-                found = verify(given.program, arm, demands, nc_lines=given.lines, progress=bar)
+                found = verify(checked, arm, demands, progress=bar)
             content = payload(found)
             if folder is not None:
                 _write(folder, found, description.title.split(" (")[0], content)

@@ -112,8 +112,21 @@ def test_bundled_table_holds_the_charts_27_labels(xr701: Robot) -> None:
 
 
 def test_bundled_data_names_what_there_is() -> None:
-    with pytest.raises(InputError, match=r"kr60-3.*allowed: xr701"):
+    with pytest.raises(InputError, match=r"kr60-3.*allowed: fanuc-r2000ic, xr701"):
         bundled_data("kr60-3")
+
+
+def test_bundled_tables_are_the_published_bytes_with_their_licence() -> None:
+    fanuc = bundled_data("fanuc-r2000ic")
+    digest = "365413b255c5bc46df5675079742b452d5f1165b88942defc3f2e1a2becf6405"
+    assert hashlib.sha256(fanuc.read_bytes()).hexdigest() == digest
+    m = read_measurements(fanuc, load_robot("fanuc-r2000ic"))
+    assert (m.n, len(set(m.pose)), int(m.used.sum())) == (43, 43, 129)
+    # 0.996 mm RMS over all components is the source's own figure of the campaign.
+    assert np.sqrt(np.mean(m.displacement[:, :3] ** 2)) * 1e3 == pytest.approx(0.996, abs=5e-4)
+    text = fanuc.with_name("fanuc_r2000ic_LICENSE").read_text(encoding="utf-8")
+    assert text.startswith("MIT License")
+    assert "longton2001-pixel" in text
 
 
 # --- the container -------------------------------------------------------------------------------

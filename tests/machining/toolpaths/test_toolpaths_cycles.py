@@ -11,6 +11,7 @@ from toolpath_cases import apt, gcode
 
 from machining.toolpaths import Cycle, Motions
 from machining.toolpaths.cycles import PECK_GAP
+from machining.toolpaths.recorder import StatementError
 from robots import InputErrors
 
 GAP = PECK_GAP * 1e3
@@ -192,7 +193,8 @@ def test_faults_of_gcode_cycles(tmp_path: Path, block: str, what: str) -> None:
 def test_a_cycle_knows_its_heights() -> None:
     assert Cycle(start=0.002, depth=0.01).height_back == 0.002
     assert Cycle(start=0.002, depth=0.01, back=0.001).height_back == 0.002
-    assert Cycle(start=0.002, depth=0.01, back=math.inf).fault()
+    with pytest.raises(StatementError, match="not finite"):
+        Cycle(start=0.002, depth=0.01, back=math.inf).checked("numbers that make a hole")
 
 
 def test_a_tool_below_the_start_height_rises_before_it_crosses(tmp_path: Path) -> None:

@@ -287,15 +287,15 @@ def test_bad_demands(settings: dict[str, object], words: str) -> None:
 
 def test_bad_input() -> None:
     given = program(zigzag(2, 5))
-    with pytest.raises(InputError, match="lines of the program"):
-        verify(given, ARM, nc_lines=[1, 2])
+    with pytest.raises(InputError, match="file_lines"):
+        replace(given, file_lines=np.array([1, 2]))
     with pytest.raises(InputError, match="another robot"):
         verify(given, arm_of("xr701"))
 
 
-def test_nc_lines_are_handed_on() -> None:
-    given = by_joints(course(12, 4, 110.5, 121.5), rapid=True)
-    found = verify(given, ARM, LOOSE, nc_lines=list(range(100, 112)))
+def test_lines_of_the_file_are_handed_on() -> None:
+    given = replace(by_joints(course(12, 4, 110.5, 121.5), rapid=True), file_lines=np.arange(100, 112))
+    found = verify(given, ARM, LOOSE)
     assert found.errors[0].nc_line == 109
 
 

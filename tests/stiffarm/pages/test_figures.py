@@ -26,9 +26,8 @@ from stiffarm.commands.calibrate.figures.laws import laws_figure
 from stiffarm.commands.calibrate.laws import study_curves
 from stiffarm.commands.fit.figures import effects as figures_surrogate
 from stiffarm.commands.fit.figures.effects import HeldOut
-from stiffarm.commands.run.figures import match as figures_match
-from stiffarm.commands.run.figures import readings as figures_data
-from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+from stiffarm.commands.run import figures as figures_readings
+from stiffarm.commands.sensitivity.figures import sensitivity_figure
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.figure_parts import MARKERS, SERIES, joint_colour, paler, power_of_ten
 from stiffarm.pages.style import save_png
@@ -54,20 +53,20 @@ def effects(pose: str, *values: float) -> PoseEffects:
 
 def data() -> Figure:
     doubts = (
-        figures_data.Doubt(("3", "4"), (375,), "outlier?"),
-        figures_data.Doubt(("39", "40"), (375, 650), "swapped?"),
+        figures_readings.Doubt(("3", "4"), (375,), "outlier?"),
+        figures_readings.Doubt(("39", "40"), (375, 650), "swapped?"),
     )
-    return figures_data.data_figure(
-        DATA, excluded_loads_N=(150, 375), doubts=doubts, families=figures_data.wrist_families(DATA, ROBOT)
+    return figures_readings.data_figure(
+        DATA, excluded_loads_N=(150, 375), doubts=doubts, families=figures_readings.wrist_families(DATA, ROBOT)
     )
 
 
 def data_with_long_labels() -> Figure:
-    return figures_data.data_figure(replace(DATA, pose=tuple(f"corner {pose}" for pose in DATA.pose)))
+    return figures_readings.data_figure(replace(DATA, pose=tuple(f"corner {pose}" for pose in DATA.pose)))
 
 
 def match_with_long_labels() -> Figure:
-    return figures_match.match_figure([f"far corner {pose}" for pose in POSES], MEASURED, {"one": MEASURED + 0.1})
+    return figures_readings.match_figure([f"far corner {pose}" for pose in POSES], MEASURED, {"one": MEASURED + 0.1})
 
 
 def sensitivity() -> Figure:
@@ -82,7 +81,7 @@ def match(worst_mm: float = 0.1) -> Figure:
     wave = 0.05 * np.sin(np.arange(9.0))
     off = MEASURED - wave[::-1]
     off[5] = MEASURED[5] - worst_mm
-    return figures_match.match_figure(POSES, MEASURED, {"one": MEASURED + wave, "two": off})
+    return figures_readings.match_figure(POSES, MEASURED, {"one": MEASURED + wave, "two": off})
 
 
 ERRORS = {"fit": {"constant": 0.054, "staged": 0.05}, "left out": {"constant": 0.074, "staged": 1.049}}
@@ -262,7 +261,7 @@ def test_repeats_are_drawn_as_their_mean() -> None:
         np.isin(np.array(DATA.pose), ["5", "41"]) & (DATA.loads_N == 650.0)
     )
     object.__setattr__(twice, "pose", ("5", "5"))
-    heights = [figures_data.data_figure(d).axes[0].patches[0].get_height() for d in (doubled, twice)]
+    heights = [figures_readings.data_figure(d).axes[0].patches[0].get_height() for d in (doubled, twice)]
     assert heights == pytest.approx([2.05, (2.05 + 1.88) / 2], rel=1e-12)  # round-off of unit changes
 
 
@@ -283,7 +282,7 @@ def test_match_axis_leaves_out_a_far_outlier_and_says_so() -> None:
 
 
 def test_match_residual_is_positive_where_the_model_is_too_soft() -> None:
-    figure = figures_match.match_figure(POSES, MEASURED, {"soft": 1.1 * MEASURED, "none": np.full(9, NAN)})
+    figure = figures_readings.match_figure(POSES, MEASURED, {"soft": 1.1 * MEASURED, "none": np.full(9, NAN)})
     points = next(line for line in figure.axes[1].lines if line.get_marker() == MARKERS[0])
     assert np.asarray(points.get_ydata()) == pytest.approx(0.1 * np.abs(MEASURED), rel=1e-9)  # round-off
     assert "none: not predicted" in words(figure)
@@ -349,13 +348,13 @@ def _relabelled() -> Measurements:
 
 
 HOSTILE: dict[str, Callable[[], Figure]] = {
-    "data": lambda: figures_data.data_figure(
+    "data": lambda: figures_readings.data_figure(
         _relabelled(),
-        doubts=(figures_data.Doubt(SIGNS, (650,), " ".join(SIGNS)),),
+        doubts=(figures_readings.Doubt(SIGNS, (650,), " ".join(SIGNS)),),
         families=dict(zip(SIGNS, SIGNS[::-1], strict=True)),
     ),
     "sensitivity": lambda: sensitivity_figure({sign: [effects(sign, 1.0, 2.0, 0.0, -1.0)] for sign in SIGNS}),
-    "match": lambda: figures_match.match_figure(
+    "match": lambda: figures_readings.match_figure(
         SIGNS, MEASURED[:3], dict.fromkeys(SIGNS, MEASURED[:3] + 0.1), heading=" ".join(SIGNS)
     ),
     "bars": lambda: bars_figure(SIGNS[0], {SIGNS[1]: dict.fromkeys(SIGNS, 0.1)}, SIGNS[2]),
@@ -397,9 +396,9 @@ nan9 = np.full(9, NAN)
     ("make", "names"),
     [
         (lambda: sensitivity_figure({}), "no effects"),
-        (lambda: figures_match.match_figure(POSES, MEASURED[:3], {}), "measured_mm"),
-        (lambda: figures_match.match_figure(POSES, MEASURED, {"short": MEASURED[:3]}), "short"),
-        (lambda: figures_match.match_figure(POSES, nan9, {}), "finite"),
+        (lambda: figures_readings.match_figure(POSES, MEASURED[:3], {}), "measured_mm"),
+        (lambda: figures_readings.match_figure(POSES, MEASURED, {"short": MEASURED[:3]}), "short"),
+        (lambda: figures_readings.match_figure(POSES, nan9, {}), "finite"),
         (lambda: bars_figure("", {}, "RMS error (mm)"), "finite value"),
         (lambda: bars_figure("", {"x": {"a": NAN}}, "RMS error (mm)"), "finite value"),
         (lambda: bars_figure("", {"x": {"a": 1.0, "b": 0.0}}, "RMS error (mm)", log=True), "above 0"),
@@ -423,4 +422,4 @@ def test_data_without_dz_are_refused() -> None:
     blind = DATA.select(np.ones(DATA.n, dtype=np.bool_))
     blind.displacement[:] = NAN
     with pytest.raises(InputError, match="no dz_mm"):
-        figures_data.data_figure(blind)
+        figures_readings.data_figure(blind)

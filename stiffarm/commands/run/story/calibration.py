@@ -12,13 +12,11 @@ from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import estimate_text, verdict
-from stiffarm.commands.run.figures import readings as figures_data
-from stiffarm.commands.run.figures.match import match_figure
-from stiffarm.commands.run.figures.readings import Doubt
+from stiffarm.commands.run.figures import Doubt, data_figure, match_figure, wrist_families
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
 from stiffarm.commands.run.link_models import NOUN
-from stiffarm.commands.sensitivity.figures.factorial import sensitivity_figure
+from stiffarm.commands.sensitivity.figures import sensitivity_figure
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
@@ -53,11 +51,11 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     unused = [v for v in levels if f.scheme.loads_N and not np.isclose(v, f.scheme.loads_N, rtol=0.01).any()]
     used = ", ".join(f"{v:g} N" for v in f.scheme.loads_N) or "all loads"
     published = f.is_published
-    figure = figures_data.data_figure(
+    figure = data_figure(
         f.data,
         excluded_loads_N=unused,
         doubts=_DOUBTS if published else (),
-        families=figures_data.wrist_families(f.data, f.given.robot),
+        families=wrist_families(f.data, f.given.robot),
     )
     caption = "Measured deflection by pose and load. Pale bars were not used; hatched ones are in doubt."
     if published:

@@ -7,7 +7,7 @@ from typing import Any
 from robots.schema.quantities import Quantity
 from stiffarm.commands.fit.figures.effects import main_effects_figure
 from stiffarm.commands.fit.report import quality_picture
-from stiffarm.commands.fit.tables import errors_table
+from stiffarm.commands.fit.results import errors_table
 from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text

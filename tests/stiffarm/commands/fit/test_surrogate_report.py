@@ -17,7 +17,7 @@ from conftest import few_runs
 
 from fem import build_model
 from robots import InputError, load_description
-from stiffarm.commands.fit import payload
+from stiffarm.commands.fit import results
 from stiffarm.commands.fit.figures.bars import (
     JudgedBars,
     chance,
@@ -90,7 +90,7 @@ def text(page: str) -> str:
 
 
 def test_the_numbers_of_the_table_are_the_payloads(trained: Trained, page: str) -> None:
-    content = payload.trained(trained)
+    content = results.payload(trained)
     table = rows(page, "Relative errors of the compliance on runs kept out")
     assert [r[0] for r in table] == ["factored", "trigonometric", "polynomial"]
     for row, s in zip(table, content["surrogates"], strict=False):

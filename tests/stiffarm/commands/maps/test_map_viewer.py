@@ -14,10 +14,10 @@ from viewer_maps import arm, joint_map, kr60_box, map_of, xr701_sweep
 
 from robots import InputError, forward_kinematics, singularity_distance
 from robots.constants import M_TO_MM, NORMAL_95
+from robots.kinematics import moving_frames
 from stiffarm.commands.maps import viewer as map_viewer
 from stiffarm.commands.maps.viewer import column, kept_points, single, viewer_data, viewer_page
-from stiffarm.pages.robot_bodies import frame_transforms, framed_bodies
-from stiffarm.pages.robot_drawing import draw_robot
+from stiffarm.pages.robot_drawing import draw_robot, framed_bodies
 from surrogate.maps.data import Axis, Field, Layout, MapData
 from surrogate.maps.quantities import NEAR_SINGULAR
 
@@ -164,11 +164,11 @@ def test_bodies_move_as_the_drawing_does(name: str) -> None:
     bodies = framed_bodies(description, robot)
     generator = np.random.default_rng(11)
     for q in generator.uniform(*robot.limits.T, (4, robot.dof)):
-        T = frame_transforms(robot, forward_kinematics(robot, q[None]))
+        R, p = moving_frames(robot, q[None])
         drawn = draw_robot(description, robot, q)
         assert [b.name for b in bodies] == [d.name for d in drawn]
         for body, there in zip(bodies, drawn, strict=True):
-            placed = body.vertices @ T[body.frame, :3, :3].T + T[body.frame, :3, 3]
+            placed = body.mesh.vertices @ R[0, body.frame].T + p[0, body.frame]
             wanted = np.asarray(there.mesh.vertices) / M_TO_MM
             if body.name == robot.joint_names[-1]:
                 continue  # The drawing turns this hub with the bend of the wrist.

@@ -16,8 +16,9 @@ from viewer_maps import DOWN, arm, joint_map, kr60_box, kr60_slice, xr701_sweep
 from fem import compliance_budget, directional_stiffness
 from robots import forward_kinematics
 from robots.constants import NORMAL_95
+from robots.frames import framed
+from robots.kinematics import moving_frames
 from stiffarm.commands.maps.viewer import DIGITS, viewer_page
-from stiffarm.pages.robot_bodies import frame_transforms
 from surrogate.maps.data import Field, MapData
 
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} </title>"
@@ -106,10 +107,10 @@ def test_the_robot_in_the_page_is_the_models(tmp_path: Path) -> None:
         probe = f"const P = {json.dumps(poses.tolist())}; out.frames = P.map(V.frames); out.tool = P.map(V.tool);"
         seen, console = probed(viewer_page(data, description, model, title=name), tmp_path, probe)
         assert console == ""
-        frames = forward_kinematics(robot, poses)
+        frames, moving = forward_kinematics(robot, poses), framed(*moving_frames(robot, poses))
         for k in range(len(poses)):
             got = np.array(seen["frames"][k]).reshape(-1, 4, 4).swapaxes(1, 2)
-            np.testing.assert_allclose(got, frame_transforms(robot, frames, k), atol=1e-9)
+            np.testing.assert_allclose(got, moving[k], atol=1e-9)
         tool = frames.p_flange + frames.R_flange @ robot.T_flange_tool[:3, 3]
         np.testing.assert_allclose(seen["tool"], tool, atol=1e-9)
 

@@ -60,9 +60,8 @@ def test_a_hidden_payload_is_named_and_the_gap_shrinks(hidden_payload: Path) -> 
 @pytest.mark.slow
 def test_the_diagnosis_saw_what_readings_csv_holds(hidden_payload: Path) -> None:
     """The same verdict by `diagnose` on the file alone."""
-    outcome = run_here(
-        "diagnose", "kr60-3", hidden_payload / "readings.csv", "--links", "rigid", "--next", "0", "--json"
-    )
+    table = hidden_payload / "readings.csv"
+    outcome = run_here("diagnose", "kr60-3", table, "--links", "rigid", "--next", "0", "--json")
     assert [e["code"] for e in outcome.json["effects"]] == ["payload"]
     text = table.read_text(encoding="utf-8")
     assert "payload" not in text

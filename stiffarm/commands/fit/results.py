@@ -1,11 +1,37 @@
-"""The table of the surrogates of a training, for pages and for the screen."""
+"""What a training found, as JSON and as a table for pages and for the screen."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from stiffarm.commands.fit.words import relative, share_words
+from stiffarm.commands.query.answers import surrogate_errors
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say
+from stiffarm.session.json_text import number
 from surrogate import Surrogate, Trained
+
+
+def payload(trained: Trained) -> dict[str, Any]:
+    """All surrogates of a training, best first."""
+    best = trained.best
+    return {
+        "best": best.basis,
+        "quantity": best.quantity.name,
+        "whole_turns_do_not_matter": [n for n, p in zip(best.inputs, best.periodic, strict=True) if p],
+        "fixed_coordinates_would_change_it_by": {n: number(v) for n, v in best.fixed_influence.items()},
+        "calibration_uncertainty": _parameter_bars(best),
+        "surrogates": [surrogate_errors(s) for s in trained.surrogates],
+        "not_fitted": dict(trained.refused),
+        "refinement": list(trained.rounds),
+    }
+
+
+def _parameter_bars(surrogate: Surrogate) -> dict[str, Any] | None:
+    p = surrogate.parameters
+    if p is None:
+        return None
+    return {"parameters": list(p.names), "undetermined": list(p.undetermined), "misfit": number(p.misfit)}
 
 
 def errors_table(trained: Trained, of: str = "") -> Table:
