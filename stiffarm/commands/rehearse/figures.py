@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from stiffarm.commands.rehearse.step import Number
-from stiffarm.pages.bars import bars_figure
-from stiffarm.pages.figure_parts import drawing, named_rows
-from stiffarm.pages.style import INK, OKABE_ITO
+from stiffarm.pages.figure_parts import above, drawing, named_rows, note
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 
 def numbers_figure(numbers: Sequence[Number]) -> Figure | None:
@@ -38,10 +38,21 @@ def numbers_figure(numbers: Sequence[Number]) -> Figure | None:
     return figure
 
 
-def tally_figure(every: dict[str, int], seen: dict[str, int]) -> Figure:
-    """Draw how many draws came out how: of all, and of those that the readings could show."""
-    series = {
-        "all draws": {k: float(v) for k, v in every.items()},
-        "visible in these readings": {k: float(seen.get(k, 0)) for k in every},
-    }
-    return bars_figure("What came of the draws", series, "draws")
+def tally_figure(every: Mapping[str, int], seen: Mapping[str, int]) -> Figure:
+    """Draw how many draws came out how: those that the readings could show, and the others."""
+    with drawing("What came of the draws", (10.0, 1.9 + 0.45 * len(every))) as (figure, (ax,)):
+        rows = np.arange(len(every))
+        visible = np.array([seen.get(name, 0) for name in every])
+        hidden = np.array(list(every.values())) - visible
+        looks = ((visible, 0 * visible, OKABE_ITO["blue"], "visible in these readings"),
+                 (hidden, visible, FAINT, "hardly visible"))  # fmt: skip
+        for count, left, colour, label in looks:
+            ax.barh(rows, count, 0.7, left=left, color=colour, label=label)
+        for row, count in enumerate(every.values()):
+            note(ax, str(count), (count, row), (6, 0), va="center", ha="left")
+        named_rows(ax, list(every))
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        ax.set_xlim(0.0, 1.08 * max(every.values()))
+        ax.set_xlabel("draws")
+        above(ax, ax.get_legend_handles_labels()[0], 2)
+    return figure

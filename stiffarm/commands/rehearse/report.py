@@ -74,9 +74,14 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
     if r.diagnosed.tells:
         ranking = r.diagnosed.found.rankings[0].hypotheses
         shown = [h for k, h in enumerate(ranking) if k < DRAWN or h.code in (r.world.code, "none", "unknown")]
-        kinds = {"none": "none", "unknown": "unknown"} | {r.world.code: "chosen"}
-        bars = [Bar(h.code, h.probability, h.lopo_rms_mm, kinds.get(h.code, "effect")) for h in shown]
-        caption = f"The candidates as the diagnosis saw them first; marked: {r.world.code}, which was hidden."
+        kinds = {"none": "none", "unknown": "unknown"} | dict.fromkeys(r.verdict.found, "chosen")
+        names = {r.world.code: f"{r.world.code} (hidden)"}
+        bars = [
+            Bar(h.code if h.code in ("none", "unknown") else names.get(h.code, h.code), h.probability, h.lopo_rms_mm,
+                kinds.get(h.code, "effect"))
+            for h in shown
+        ]  # fmt: skip
+        caption = "The candidates as the diagnosis ranked them at its first look, which knew of none of them."
         blocks.append(pictures.add(ranking_figure(bars, "The hidden one among the candidates"), "candidates", caption))
     return Section("The hidden and the found", tuple(blocks))
 

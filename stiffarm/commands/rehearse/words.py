@@ -19,7 +19,8 @@ def outcome(r: Rehearsed) -> str:
         return OF_NOTHING[r.outcome]
     if r.outcome == "named" and r.world.code not in r.verdict.found:
         return "rightly called unknown"
-    return OUTCOMES[r.outcome]
+    too_many = r.outcome in ("named", "family") and r.verdict.sure > 1
+    return OUTCOMES[r.outcome] + (", and one too many" if too_many else "")
 
 
 def headline(r: Rehearsed) -> str:
