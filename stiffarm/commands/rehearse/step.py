@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -123,12 +124,13 @@ def set_ups_of(given: Arm, world: WorldArm, sheet: Path | None, request: Request
     own = bundled_sheet(given.robot.name) if request.poses is None and request.gauge.reads is None else None
     if sheet is None and own is None:
         poses = 27 if request.poses is None else request.poses
-        return campaign(given, world, request.gauge, poses, _rng(request.seed, draw, 1))
+        return campaign(given, world, request.gauge, poses, _rng(given, request.seed, draw, 1))
     return of_sheet(given, sheet or own or Path(), request.gauge)
 
 
-def _rng(seed: int, draw: int, part: int) -> np.random.Generator:
-    return np.random.default_rng([seed, draw, part])
+def _rng(given: Arm, seed: int, draw: int, part: int) -> np.random.Generator:
+    """Numbers of an arm's own: the same seed hides something else in another arm."""
+    return np.random.default_rng([seed, draw, part, crc32(given.robot.name.encode())])
 
 
 def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: int) -> World:
@@ -136,7 +138,7 @@ def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: i
     kind = given.model.link_kind
     code = request.code
     if code is None:
-        rng = _rng(request.seed, draw, 2)
+        rng = _rng(given, request.seed, draw, 2)
         known = possible(given, world)
         kinds = list(dict.fromkeys(c.partition(":")[0] for c in known))
         mine = kinds[int(rng.integers(len(kinds)))]
@@ -145,7 +147,7 @@ def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: i
     else:
         code = checked(code, world, kind)
     size = arm_class(given.description, given.robot)
-    seed = int(_rng(request.seed, draw, 3).integers(2**31))
+    seed = int(_rng(given, request.seed, draw, 3).integers(2**31))
     return hide(
         world, code, set_ups.readings, set_ups.noise, seed=seed, links=kind, read=set_ups.read,
         ranges=(size.low, size.high),

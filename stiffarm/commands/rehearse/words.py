@@ -19,6 +19,8 @@ def outcome(r: Rehearsed) -> str:
         return OF_NOTHING[r.outcome]
     if r.outcome == "named" and r.world.code not in r.verdict.found:
         return "rightly called unknown"
+    if r.outcome == "wrong" and r.world.code in r.verdict.not_testable:
+        return "wrong, of what it said it cannot test"
     too_many = r.outcome in ("named", "family") and r.verdict.sure > 1
     return OUTCOMES[r.outcome] + (", and one too many" if too_many else "")
 

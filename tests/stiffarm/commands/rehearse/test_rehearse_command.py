@@ -17,7 +17,7 @@ from robots import load_robot
 from stiffarm.commands.rehearse import step as rehearsing
 from stiffarm.commands.rehearse.sheet import Gauge, of_sheet
 
-QUICK = ("kr60-3", "--links", "rigid", "--poses", "6", "--reads", "z")
+QUICK = ("kr60-3", "--links", "rigid", "--poses", "9")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_a_hidden_payload_is_named_and_the_gap_shrinks(hidden_payload: Path) -> 
     result = json.loads((hidden_payload / "rehearsal.json").read_text(encoding="utf-8"))
     (draw,) = result["draws"]
     assert (draw["hidden"], draw["outcome"], draw["visible"]) == ("payload", "named", True)
-    assert draw["gap"]["after_mm"] < 0.5 * draw["gap"]["before_mm"]
+    assert draw["gap"]["after_mm"] < 0.7 * draw["gap"]["before_mm"]
     force = draw["parameters"]["force"]
     assert force["found"] == pytest.approx(force["true"], rel=0.3)
     truth = json.loads((hidden_payload / "truth.json").read_text(encoding="utf-8"))
