@@ -7,7 +7,6 @@ from robots.lazily import lazily
 if TYPE_CHECKING:
     from doe.estimation.campaign import Campaign, bundled_campaign, load_campaign
     from doe.planning.designs import factorial_poses, level_grid, two_level_factorial
-    from doe.published.equations import Equations, equations, model_compliances
     from doe.published.parametric import PoseFit, fit_pose
     from doe.published.pose_studies import SpringPoints, fit_law
     from doe.published.sensitivity import PoseEffects, sensitivity_study
@@ -19,21 +18,18 @@ else:
 
 __all__ = [
     "Campaign",
-    "Equations",
     "Measurements",
     "PoseEffects",
     "PoseFit",
     "SpringPoints",
     "bundled_campaign",
     "bundled_data",
-    "equations",
     "factorial_poses",
     "fit_law",
     "fit_pose",
     "level_grid",
     "load_campaign",
     "loaded_points",
-    "model_compliances",
     "read_measurements",
     "select_loads",
     "sensitivity_study",

@@ -24,7 +24,7 @@ from meshes import (
     section_properties,
 )
 from meshes.beams import body_index
-from robots import InputError, LoadPath, ModelDescription, Robot
+from robots import InputError, LoadPath, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
 from robots.robot import robot_from
 from robots.schema.description import FlangeCoupling, Joint, Link, PlaceStiffness
@@ -179,8 +179,7 @@ def build_model(
         part (a joint, "base", "tool", "bar" or "crank"), flanges of an interface that the link does not have; for
         shell links, what :func:`meshes.link_shell_mesh` and :func:`fem.elements.shell.shell_superelement` refuse.
     """
-    if links not in LINK_KINDS:
-        raise InputError("links", value=links, allowed=", ".join(LINK_KINDS))
+    require_one_of("links", links, LINK_KINDS)
     if flanges not in (None, *FLANGES):
         raise InputError("flanges", value=flanges, allowed=", ".join(FLANGES))
     robot = robot_from(description)

@@ -14,7 +14,7 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
 from robots.arrays import Array
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 # Points x angles of one part, each with up to eight poses: some 100 MB with rigid links.
 TARGETS = 20_000
@@ -57,8 +57,7 @@ def sweep_parts(
         part = slice(first, min(first + rows, n))
         some = task.at(part)
         yield part, some, sweep_gamma(model, some, _forces(objective, part, n), angle, generator=generator)
-        if progress is not None:
-            progress(part.stop, n)
+        report_progress(progress, part.stop, n)
 
 
 def _forces(objective: Objective, part: slice, n: int) -> Objective:

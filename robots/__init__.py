@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from robots.errors import InputError, InputErrors
+    from robots.errors import InputError, InputErrors, require_one_of
     from robots.inverse.branches import BRANCHES, Branch, InverseSolutions, Reason
     from robots.inverse.singularities import SingularityDistance, branch_of, singularity_distance
     from robots.inverse.solutions import inverse_kinematics, why_no_closed_form
@@ -45,6 +45,7 @@ __all__ = [
     "load_description",
     "load_robot",
     "read_urdf",
+    "require_one_of",
     "save_description",
     "singularity_distance",
     "tool_position",

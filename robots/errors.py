@@ -88,6 +88,13 @@ class InputError(ValueError):
         super().__init__(text)
 
 
+def require_one_of(what: str, value: object, allowed: Iterable[object], *, remedy: str | None = None) -> None:
+    """Raise InputError unless ``value``, which is ``what``, is one of those allowed."""
+    known = tuple(allowed)
+    if value not in known:
+        raise InputError(what, value=value, allowed=", ".join(map(str, known)), remedy=remedy)
+
+
 def raise_any(what: str, faults: Sequence[InputError]) -> None:
     """Raise the fault, or all of them as one :class:`InputErrors` of ``what``; nothing where there are none."""
     if faults:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.arrays import Array
+from robots.errors import InputError
 
 # Cosine of a pitch below which roll and yaw turn about one axis, but for the rounding of a rotation.
 GIMBAL = 1e-15
@@ -53,3 +55,18 @@ def inverse(T: Array) -> Array:
     """Inverse of rigid transforms (..., 4, 4)."""
     back = np.swapaxes(T[..., :3, :3], -1, -2)
     return framed(back, -(back @ T[..., :3, 3, None])[..., 0])
+
+
+def unit_vector(vector: ArrayLike, what: str) -> Array:
+    """A unit vector (3,) along one of any length.
+
+    Raises
+    ------
+    InputError
+        Not three finite numbers, or all zero.
+    """
+    v = np.asarray(vector, dtype=np.float64)
+    norm = float(np.linalg.norm(v)) if v.shape == (3,) else 0.0
+    if not 0.0 < norm < np.inf:
+        raise InputError(what, value=v.tolist(), allowed="three finite numbers, not all zero")
+    return np.asarray(v / norm)

@@ -12,6 +12,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from robots.errors import InputError
+
 
 def lazily(package: str) -> Callable[[str], Any]:
     """The ``__getattr__`` of a package: imports the module that its source names for a public name."""
@@ -37,3 +39,19 @@ def _homes(package: str) -> dict[str, str]:
     guarded = [node.body for node in tree.body if isinstance(node, ast.If)]
     imports = [node for body in guarded for node in body if isinstance(node, ast.ImportFrom)]
     return {alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+def optional(package: str, what: str, extra: str) -> Any:
+    """A package that not every installation has.
+
+    Raises
+    ------
+    InputError
+        It is missing, or something that it needs; ``what`` needs it, and stiffarm's ``extra`` installs it.
+    """
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise InputError(
+            f"{what} need the package {package} ({error})", remedy=f"install it: pip install 'stiffarm[{extra}]'"
+        ) from error

@@ -8,3 +8,9 @@ from collections.abc import Callable
 Progress = Callable[[int, int], None]
 # Called with what is being done, in words.
 Messages = Callable[[str], None]
+
+
+def report_progress(progress: Progress | None, done: int, total: int) -> None:
+    """Say that ``done`` of ``total`` is done, where somebody listens."""
+    if progress is not None:
+        progress(done, total)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robots.arrays import Array, Bools
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 from robots.frames import framed, rotation_rpy
 from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
 
@@ -68,8 +68,7 @@ class Robot:
 
     def coordinate_index(self, coordinate: str) -> int:
         """Column of a joint coordinate in a pose array."""
-        if coordinate not in self.coordinates:
-            raise InputError(f"joint coordinate of {self.name}", value=coordinate, allowed=", ".join(self.coordinates))
+        require_one_of(f"joint coordinate of {self.name}", coordinate, self.coordinates)
         return self.coordinates.index(coordinate)
 
     def pose_batch(self, q: Array) -> Array:

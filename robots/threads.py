@@ -9,6 +9,10 @@ from functools import cache
 from types import ModuleType
 from typing import TypeVar
 
+import numpy as np
+
+from robots.arrays import Array, in_blocks
+
 Found = TypeVar("Found")
 
 
@@ -21,6 +25,11 @@ def compiled_loops(module: str) -> ModuleType | None:
         return None
 
 
+def plain(a: Array) -> Array:
+    """The array contiguous and writable: numba compiles anew for arrays that are not."""
+    return np.require(a, np.float64, ["C", "W"])
+
+
 def default_threads() -> int:
     """Threads that numba is set to use: the processors that this process may use, or ``NUMBA_NUM_THREADS``."""
     from numba import config
@@ -30,7 +39,7 @@ def default_threads() -> int:
 
 def in_shares(n: int, size: int, threads: int | None, share: Callable[[slice], Found]) -> list[Found]:
     """What ``share`` gives for the rows of each share of n, in their order; None: :func:`default_threads`."""
-    shares = [slice(first, min(first + size, n)) for first in range(0, n, size)]
+    shares = list(in_blocks(n, size))
     workers = min(default_threads() if threads is None else threads, len(shares))
     if workers < 2:
         return [share(rows) for rows in shares]

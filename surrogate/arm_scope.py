@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots import InputError, Robot
+from robots import InputError, Robot, require_one_of
 from robots.arrays import Array
+from robots.frames import unit_vector
 from surrogate.designs import space_filling_design
 from surrogate.expansion import TURN
-from surrogate.scope import Couplings, Scope, unit_vector
+from surrogate.scope import Couplings, Scope
 
 # Poses by which whole turns and the influence of fixed coordinates are judged.
 _PROBES = 256
@@ -53,8 +54,7 @@ def scope_of(
             )
     lower, upper = robot.limits[columns].T.copy()
     for name, (low, high) in (limits_deg or {}).items():
-        if name not in inputs:
-            raise InputError("limits of an input", value=name, allowed=", ".join(inputs))
+        require_one_of("limits of an input", name, inputs)
         i = list(inputs).index(name)
         lower[i], upper[i] = max(lower[i], np.radians(low)), min(upper[i], np.radians(high))
     x, y, z = unit_vector(direction, "load direction").tolist()

@@ -14,9 +14,10 @@ from robots.arm_class import usual_load
 from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.errors import InputError
+from robots.frames import unit_vector
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
-from surrogate.scope import Scope, count_rows, unit_vector
+from surrogate.scope import Scope, count_rows
 
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).

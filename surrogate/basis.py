@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from robots.arrays import Array, Integers
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 from surrogate.expansion import Expansion, Family, Products, check_terms
 from surrogate.families import mixed_family, polynomial_family, trigonometric_family
 from surrogate.scope import as_box
@@ -45,8 +45,7 @@ class Basis(Products):
     terms: Integers
 
     def __post_init__(self) -> None:
-        if self.name not in BASIS_NAMES:
-            raise InputError("basis", value=self.name, allowed=", ".join(BASIS_NAMES))
+        require_one_of("basis", self.name, BASIS_NAMES)
         check_terms(self.families, self.terms)
 
     def expansion(self, coefficients: Array) -> Expansion:
@@ -141,8 +140,7 @@ def sorted_terms(terms: Integers) -> Integers:
 
 def check_size(name: BasisName, degree: int, n_inputs: int) -> None:
     """Refuse a basis that is none or too large to be fitted (InputError)."""
-    if name not in BASIS_NAMES:
-        raise InputError("basis", value=name, allowed=", ".join(BASIS_NAMES))
+    require_one_of("basis", name, BASIS_NAMES)
     if not 1 <= n_inputs <= MAX_INPUTS:
         raise InputError("basis: number of inputs", value=n_inputs, allowed=f"1 to {MAX_INPUTS}")
     if not 1 <= degree <= MAX_DEGREE:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from robots.arrays import Array, Bools, Integers
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 from surrogate.scope import Couplings, as_box
 
 Density = Literal["arcsine", "uniform", "random", "boundary"]
@@ -68,8 +68,7 @@ def space_filling_design(
     lo, hi = as_box(lower, upper)
     if n < 1:
         raise InputError("design: number of poses", value=n, allowed="1 or more")
-    if density not in get_args(Density):
-        raise InputError("design: density", value=density, allowed=", ".join(get_args(Density)))
+    require_one_of("design: density", density, get_args(Density))
     sobol = qmc.Sobol(len(lo), scramble=True, rng=rng)
     found: list[Array] = []
     limits = Couplings.none(len(lo)) if couplings is None else couplings

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, in_blocks
 from robots.errors import InputError
 from surrogate.scope import frozen
 
@@ -169,9 +169,7 @@ class Expansion(Products):
     def __call__(self, Q: Array) -> Array:
         """Q (n, k) rad -> y (n, m), block by block. Angles are not checked."""
         out = np.empty((len(Q), self.n_outputs))
-        step = max(1, _BLOCK // self.n_terms)
-        for start in range(0, len(Q), step):
-            rows = slice(start, start + step)
+        for rows in in_blocks(len(Q), max(1, _BLOCK // self.n_terms)):
             out[rows] = self.design(Q[rows]) @ self.coefficients
         return out
 

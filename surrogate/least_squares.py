@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dtrcon
 from sklearn.linear_model import RidgeCV
 
 from robots.arrays import Array
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 
 Solver = Literal["qr", "ridge"]
 
@@ -44,8 +44,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
     InputError
         More terms than runs, an unknown solver, or poses that leave terms undetermined.
     """
-    if solver not in SOLVERS:
-        raise InputError("solver", value=solver, allowed=", ".join(SOLVERS))
+    require_one_of("solver", solver, SOLVERS)
     if A.shape[1] > len(A):
         raise InputError(
             f"fit: the basis has {A.shape[1]} terms, but there are {len(A)} runs",

@@ -9,12 +9,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from robots import Robot
-from robots.arrays import Array, Bools, Integers
-from robots.errors import InputError
+from robots.arrays import Array, Bools, Integers, in_blocks
+from robots.errors import InputError, require_one_of
+from robots.frames import unit_vector
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
-from surrogate.scope import ROWS_SHOWN, Scope, count_rows, unit_vector
+from surrogate.scope import ROWS_SHOWN, Scope, count_rows
 
 Target = Literal["direct", "logarithm", "factored"]
 
@@ -127,8 +128,7 @@ class Surrogate(Scope):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.target not in TARGETS:
-            raise InputError("surrogate: target", value=self.target, allowed=", ".join(TARGETS))
+        require_one_of("surrogate: target", self.target, TARGETS)
         if any(part.n_inputs != len(self.inputs) for part in self._parts()):
             raise InputError("surrogate: basis", allowed=f"one of {len(self.inputs)} inputs")
         if (self.target == "factored") != (self.factor is not None):
@@ -235,14 +235,11 @@ def compliance_matrix(surrogate: Surrogate, Q: Array) -> Array:
         )
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
     out = np.empty((len(poses), 6, 6))
-    step = max(1, _BLOCK // surrogate.expansion.n_outputs)
     # As in `predict`: what overflows far outside of the domain is refused below.
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        for start in range(0, len(poses), step):
-            part = poses[start : start + step]
-            rows = evaluate(surrogate.expansion, part).reshape(len(part), -1, 6)
-            weighted = surrogate.factor.weight(part)[:, :, None] * rows
-            out[start : start + step] = rows.swapaxes(1, 2) @ weighted
+        for part in in_blocks(len(poses), max(1, _BLOCK // surrogate.expansion.n_outputs)):
+            rows = evaluate(surrogate.expansion, poses[part]).reshape(-1, len(surrogate.factor.group), 6)
+            out[part] = rows.swapaxes(1, 2) @ (surrogate.factor.weight(poses[part])[:, :, None] * rows)
         size = np.trace(out, axis1=1, axis2=2)
     refuse(surrogate, size, ~np.isfinite(size))
     return 0.5 * (out + out.swapaxes(1, 2))

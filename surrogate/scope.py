@@ -169,21 +169,6 @@ def frozen(values: ArrayLike, dtype: type[np.generic] = np.float64) -> NDArray[A
     return out
 
 
-def unit_vector(vector: ArrayLike, what: str) -> Array:
-    """A unit vector (3,) along one of any length.
-
-    Raises
-    ------
-    InputError
-        Not three finite numbers, or all zero.
-    """
-    v = np.asarray(vector, dtype=np.float64)
-    norm = float(np.linalg.norm(v)) if v.shape == (3,) else 0.0
-    if not 0.0 < norm < np.inf:
-        raise InputError(what, value=v.tolist(), allowed="three finite numbers, not all zero")
-    return np.asarray(v / norm)
-
-
 def count_rows(bad: Bools) -> str:
     """How many rows are flagged, in words."""
     many = np.count_nonzero(bad)

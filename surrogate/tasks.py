@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fem import ArmModel, compliance, directional_stiffness
-from robots.arrays import Array
+from robots.arrays import Array, in_blocks
 from surrogate.arm_scope import influence_of_fixed, reduced_box, with_whole_turns
 from surrogate.asking import full_poses
 from surrogate.designs import Density, space_filling_design
@@ -85,5 +85,4 @@ def task_of(
 
 
 def _in_blocks(function: Scalar, q: Array) -> Array:
-    parts = [function(q[start : start + RUNS_A_BLOCK]) for start in range(0, len(q), RUNS_A_BLOCK)]
-    return np.concatenate(parts)
+    return np.concatenate([function(q[rows]) for rows in in_blocks(len(q), RUNS_A_BLOCK)])

@@ -10,9 +10,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from fem import compliance, compliance_factor
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from surrogate.basis import BasisName, term_count
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.factored import fit_factored
@@ -120,8 +120,7 @@ def train(
     InputError
         A basis asked for by name that cannot be fitted, an empty reachable set, or a rigid model.
     """
-    if basis not in get_args(BasisChoice):
-        raise InputError("--basis", value=basis, allowed=", ".join(get_args(BasisChoice)))
+    require_one_of("--basis", basis, get_args(BasisChoice))
     ways = _prepared(task, rng, degree, order, target, solver, progress)
     training = _run(task, task.design(runs or TRAINING_RUNS, "arcsine", rng))
     fitted: list[Surrogate] = []
@@ -178,11 +177,9 @@ def _prepared(
     uniform = task.over_domain(HELD_OUT_UNIFORM, rng)
     calibration = _run(task, task.over_domain(CALIBRATION_RUNS, rng))
     total = CALIBRATION_RUNS + len(uniform) + len(boundary)
-    if progress is not None:
-        progress(CALIBRATION_RUNS, total)
+    report_progress(progress, CALIBRATION_RUNS, total)
     audit = _run(task, np.vstack([uniform, boundary]))
-    if progress is not None:
-        progress(total, total)
+    report_progress(progress, total, total)
     matrices = None
     if task.quantity.name == COMPLIANCE:
         matrices = compliance(task.model, task.full(uniform[:_MATRICES]))

@@ -14,10 +14,8 @@ import numpy as np
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import Options
-from doe.diagnosis.outset import setting_of
-from doe.diagnosis.setting import Setting
-from doe.tables.load_history import history_of
-from doe.tables.loaded import loaded_points
+from doe.diagnosis.setting import Setting, setting_of
+from doe.tables.loaded import history_of, loaded_points
 from doe.tables.measurements import Measurements
 from doe.tables.reading import read_measurements
 from fem import ArmModel, build_model

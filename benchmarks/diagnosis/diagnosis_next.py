@@ -28,8 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.next_readings import NextReadings, propose
-from doe.diagnosis.outset import setting_of
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import Setting, setting_of
 from doe.planning.pose_designs import Zone, pose_design
 from doe.tables.joined import join
 from doe.tables.measurements import Measurements

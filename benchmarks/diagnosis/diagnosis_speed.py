@@ -20,9 +20,8 @@ from diagnosis_cases import SetSpec, arm, described, make, opened
 from scipy.optimize import least_squares
 
 from doe.diagnosis.diagnose import diagnose
-from doe.diagnosis.outset import setting_of
 from doe.diagnosis.ranking import rank
-from doe.diagnosis.setting import Setting, with_compliances
+from doe.diagnosis.setting import Setting, setting_of, with_compliances
 from doe.diagnosis.signatures import prior, shape_count
 from fem.effects.base import Effect, PlacedEffect
 from robots.arrays import Array

@@ -143,7 +143,7 @@ def study(model: ArmModel, case: Case, repeats: int) -> Tally:
             if r == 5:
                 tally.off.append(float(np.mean(value / true - 1.0)))
         tally.per_repeat.append(held / asked)
-        reference = stiffness_with(model, truth.compliances, q)
+        reference = stiffness_with(model, truth.compliances(q), q)
         p = predict(model, found, q)
         tally.unseen.append((p.value / reference - 1.0).ravel())
         tally.unseen_held.append(float(np.mean((p.low <= reference) & (reference <= p.high))))
@@ -249,9 +249,7 @@ def _usual_part(model: ArmModel, found: Identified) -> list[str]:
     six = compliances_of(found)
     same, refitted, effective = usual_models(model, six, poses=COMPARED, rng=np.random.default_rng(0))
     q = reachable_poses(model, COMPARED, np.random.default_rng(1))
-    of_file = errors_of(
-        stiffness_with(model, lambda p: constant_compliances(found, p), q), stiffness_with(model, six, q)
-    )
+    of_file = errors_of(stiffness_with(model, constant_compliances(found, q), q), stiffness_with(model, six(q), q))
     rows = "".join(
         _error_rows(name, e)
         for name, e in (

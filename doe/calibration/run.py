@@ -19,10 +19,9 @@ from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem, problem
 from doe.model_file.applied import apply_estimates, with_springs
-from doe.published.level_study import LevelStudy, level_study
+from doe.published.parametric import LevelStudy, level_study
 from doe.published.pose_studies import PoseStudies, study_poses
-from doe.tables.load_history import history_of, history_of_part
-from doe.tables.loaded import PointOf, check_poses, points_of, rms_mm, select_loads
+from doe.tables.loaded import PointOf, history_of, history_of_part, points_of, rms_mm, select_loads, select_poses
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects import LOAD_PATH, History, Maker, PlacedEffect, described_effects
@@ -158,7 +157,6 @@ def run_campaign(
     for number, stage in enumerate(stages):
         if regressions.intersection(stage.parameters):
             earlier = [pose for s in studies for pose in s.stage.poses]
-            check_poses(data, stage.poses, f"stage {stage.name!r}")
             studies.append(study_poses(model, data, campaign, stage, earlier, spacing, progress))
             description, model = _with_springs(description, model, studies[-1].laws)
             continue
@@ -244,7 +242,7 @@ def _all_names(campaign: Campaign) -> tuple[str, ...]:
 def _key(description: ModelDescription, data: Measurements, campaign: Campaign, history: History) -> str | None:
     """Hash of everything that the stages' numbers depend on, the program too; None where its source is not there."""
     program = formulation_hash(
-        "doe.estimation.estimate", "doe.tables.load_history", "fem.free.model", "fem.effects.described"
+        "doe.estimation.estimate", "doe.tables.loaded", "fem.free.model", "fem.effects.described"
     )
     if program is None:
         return None
@@ -279,16 +277,14 @@ def _run_stage(
     kept = store.get(file, lambda arrays: _fault(arrays, p, gauge, robust)) if store is not None else None
     study = None
     if kept is not None:
-        found = estimate_at(p, kept["u"], _noise(kept["noise"]), kept["weight"], settled=True)
+        found = estimate_at(p, kept["u"], Noise.of(kept["noise"]), kept["weight"], settled=True)
     elif stage.levels is None:
         found = estimate(p, gauge, robust=robust)
     else:
         study = level_study(p, stage.levels, refine=stage.refine)
         found = estimate_at(p, study.u, _scatter(p, study.u, gauge), np.ones(len(p)), settled=True)
     if store is not None and kept is None and study is None and found.settled:
-        noise = found.noise
-        numbers = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
-        store.put(file, {"u": found.u, "noise": numbers, "weight": found.weight})
+        store.put(file, {"u": found.u, "noise": found.noise.numbers, "weight": found.weight})
     sure = certainty(found)
     return StageResult(
         stage, found, sure, trade_offs(found, sure), unseen(found), lack_of_fit(found), laws, study, kept is not None
@@ -299,8 +295,7 @@ def readings_of(data: Measurements, stage: Stage) -> Measurements:
     """The readings that a stage uses; raises InputError if there are none."""
     used = select_loads(data, stage.loads_N)
     if stage.poses:
-        check_poses(used, stage.poses, f"stage {stage.name!r}")
-        used = used.select(np.isin(np.array(used.pose, dtype=str), stage.poses))
+        used = select_poses(used, stage.poses, f"stage {stage.name!r}")
     if used.n == 0:
         raise InputError(f"stage {stage.name!r} has no reading", remedy="check its poses and loads")
     return used
@@ -316,11 +311,6 @@ def _scatter(p: Problem, u: Array, gauge: tuple[float, float]) -> Noise:
     return within_readings(p, f, Noise(white=(parts[0], parts[1])), gauge)
 
 
-def _noise(numbers: Array) -> Noise:
-    a, b, share, c, d, pose_share = numbers.tolist()
-    return Noise((a, b), share, (c, d), pose_share)
-
-
 def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], robust: bool) -> str | None:
     """What is wrong with numbers that were kept, None if they are where the estimator comes to rest."""
     expected = {"u": (len(p.parameters),), "noise": (6,), "weight": (len(p),)}
@@ -328,7 +318,7 @@ def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], 
         return "arrays of other shapes"
     if not all(np.isfinite(a).all() for a in arrays.values()):
         return "numbers that are not finite"
-    moved, noise, weight = unrest(p, gauge, arrays["u"], _noise(arrays["noise"]), arrays["weight"], robust=robust)
+    moved, noise, weight = unrest(p, gauge, arrays["u"], Noise.of(arrays["noise"]), arrays["weight"], robust=robust)
     if moved <= KEPT_STILL and noise <= KEPT_WITHIN and weight <= KEPT_WITHIN:
         return None
     return (

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2, f
 
 from doe.estimation.estimate import OUTLIER, Estimate
+from doe.estimation.least_squares import spanning
 from robots.arrays import Array, Indices
 
 # Beyond this many standard deviations a reading is named as an outlier: one in 16 000 good ones is.
@@ -84,10 +85,7 @@ def lack_of_fit(e: Estimate) -> LackOfFit:
 def _free_directions(e: Estimate, w: Array) -> Array:
     """Orthonormal columns (m, r): what the parameters that are not at an end of their range can follow, weighted."""
     low, high = e.problem.bounds
-    A = (e.jacobian * w[:, None])[:, (e.u > low) & (e.u < high)]
-    norm = np.linalg.norm(A, axis=0)
-    U, s, _ = np.linalg.svd(A[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
-    return np.asarray(U[:, s > ROUNDING * s.max(initial=1e-300)])
+    return spanning((e.jacobian * w[:, None])[:, (e.u > low) & (e.u < high)], ROUNDING)
 
 
 def outliers(e: Estimate) -> Indices:

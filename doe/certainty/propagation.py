@@ -123,7 +123,7 @@ def propagate(
     V = uncertainty.widened if widened else uncertainty.covariance
     sd = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", G[:, :p], V, G[:, :p]), 0.0))
     rough = (sd > ROUGH) | _bent(bound, uncertainty, q, G)
-    return Propagated(C, G[:, :p], sd, bound.open_names, _open_share(bound, uncertainty, G), rough)
+    return Propagated(C, G[:, :p], sd, bound.open_names, np.abs(_open_change(bound, uncertainty, G)), rough)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +160,7 @@ def compliance_gradients(
     G = 0.5 * (G + G.swapaxes(2, 3))
     trace = np.trace(C, axis1=1, axis2=2)
     share = np.trace(G, axis1=2, axis2=3) / np.where(trace > 0.0, trace, np.inf)[:, None]
-    change = [G[:, p + k] * bound.sizes[p + k] for k in range(len(bound.names) - p)]
-    change += [np.einsum("p,npab->nab", way, G[:, :p]) for way in _ways(bound, uncertainty)]
-    opened = np.stack(change, axis=1) if change else np.zeros((len(q), 0, size, size))
+    opened = _open_change(bound, uncertainty, G)
     return ComplianceGradients(G[:, :p], bound.open_names, opened, _bent(bound, uncertainty, q, share))
 
 
@@ -266,25 +264,17 @@ def _derivatives(bound: Bound, at: LoadedPoses) -> tuple[Array, Array]:
     return value, out
 
 
-def _open_share(bound: Bound, uncertainty: ParameterUncertainty, G: Array) -> Array:
-    """Shares (n, m + d) of the compliance that open numbers and combinations may change it by."""
-    p = len(uncertainty.names)
-    alone = np.abs(G[:, p:]) * bound.sizes[p:]
-    together = [np.abs(G[:, :p] @ way) for way in _ways(bound, uncertainty)]
-    return np.column_stack([alone, *together]) if together else alone
+def _open_change(bound: Bound, uncertainty: ParameterUncertainty, G: Array) -> Array:
+    """By how much (n, m + d, ...) open numbers and combinations may change what has derivatives G (n, p + m, ...).
 
-
-def _ways(bound: Bound, uncertainty: ParameterUncertainty) -> list[Array]:
-    """How far (p,) the variables may go along each direction that no reading determines.
-
-    As far as the number that is the first to have changed by its own size.
+    Along a direction that no reading determines the variables may go as far as the number that is the first to have
+    changed by its own size.
     """
-    p = len(uncertainty.names)
-    out = []
-    for direction in uncertainty.directions:
-        taking = direction != 0.0
-        out.append(direction * float(np.min(bound.sizes[:p][taking] / np.abs(direction[taking]))))
-    return out
+    p, D = len(uncertainty.names), uncertainty.directions
+    way = np.divide(bound.sizes[:p], np.abs(D), out=np.full_like(D, np.inf), where=D != 0.0).min(axis=1, initial=np.inf)
+    alone = np.einsum("m,nm...->nm...", bound.sizes[p:], G[:, p:])
+    together = np.einsum("dp,np...->nd...", D * way[:, None], G[:, :p])
+    return np.concatenate([alone, together], axis=1)
 
 
 def _bent(bound: Bound, uncertainty: ParameterUncertainty, q: Array, G: Array) -> Bools:

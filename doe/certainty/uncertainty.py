@@ -17,7 +17,7 @@ from doe.estimation.problem import Problem
 from fem.free.parameters import FreeLaw, Parameter
 from robots import InputError
 from robots.arrays import Array, Bools, Indices, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 Status = Literal["determined", "one-sided", "at bound", "not identified"]
 
@@ -202,8 +202,7 @@ def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress:
         except InputError:
             continue
         out[i] = one.values
-        if progress is not None:
-            progress(i + 1, times)
+        report_progress(progress, i + 1, times)
     return out
 
 

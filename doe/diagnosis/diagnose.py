@@ -10,10 +10,9 @@ from doe.diagnosis.candidates import not_testable, twins
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
 from doe.diagnosis.known import Refit, accept, base_of, refit
-from doe.diagnosis.outset import replicate_weights
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import Setting, replicate_weights
 from doe.diagnosis.signatures import shape_count
 from doe.estimation.noise import Noise, within_readings
 from doe.plausibility.passive_arm import told_by
@@ -21,8 +20,6 @@ from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
 from robots.arrays import Array
 from robots.progress import Messages
-
-Verdict = Kind
 
 # Effects looked for one after the other.
 MOST = 3
@@ -81,7 +78,7 @@ class Diagnosis:
     odds of all effects taken up against something unknown.
     """
 
-    verdict: Verdict
+    verdict: Kind
     reason: str
     effects: tuple[Found, ...]
     provisional: tuple[Found, ...]
@@ -140,11 +137,11 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
     # Both models at the scatter that the better one leaves: by its own the poorer one would fit its springs loosely.
     noise = rankings[min(len(found), len(rankings) - 1)].of(NONE).noise
     before = state_of(s, noise, weight)
-    after = before
-    all_found: tuple[Found, ...] = ()
-    if found:
-        after = state_of(here, noise, weight)
-        all_found = tuple(_found(after.refit, len(s.accepted) + k, pick) for k, pick in enumerate(found))
+    after = state_of(here, noise, weight) if found else before
+    all_found = tuple(
+        Found(after.setting.accepted[k], after.refit.spread(k), pick.hypothesis.probability, pick.gain)
+        for k, pick in enumerate(found, start=len(s.accepted))
+    )
     odds = _odds_against_unknown(s, rankings, found, options)
     verdict, reason = _verdict(rankings, decisions, found, odds)
     certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
@@ -202,11 +199,6 @@ def state_of(s: Setting, noise: Noise, weight: Array) -> State:
     )
 
 
-def _found(fitted: Refit, number: int, pick: _Pick) -> Found:
-    placed = fitted.setting.accepted[number]
-    return Found(placed, fitted.spread(number), pick.hypothesis.probability, pick.gain)
-
-
 def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick], options: Options) -> float:
     """Log odds of the effects found, all together, against something unknown; NaN where none was found."""
     if not found:
@@ -220,9 +212,7 @@ def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick
     return known - rankings[0].of(UNKNOWN).log_evidence - prior[UNKNOWN]
 
 
-def _verdict(
-    rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float
-) -> tuple[Verdict, str]:
+def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float) -> tuple[Kind, str]:
     if not found:
         return decisions[0].kind, decisions[0].reason
     last = rankings[min(len(found), len(rankings) - 1)]

@@ -107,16 +107,6 @@ def _slope(s: Setting, number: int, k: int, step: float) -> Array:
     return s.slope(stepped, step)
 
 
-def errors_of(s: Setting) -> Array:
-    """Change of the readings (m, e) by one standard deviation of each error that every model has."""
-    columns = [np.zeros((len(s.data), 0))]
-    for effect in s.known.values():
-        if effect.usual > 0.0:
-            ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
-            columns.append(0.5 * (ends[0] - ends[1])[:, None])
-    return np.hstack(columns)
-
-
 @dataclass(frozen=True)
 class Refit:
     """A setting whose numbers fit best at a noise; ``inverse`` (b, b): covariance of springs, errors, effects."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -49,21 +50,12 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Expected log evidence by the new readings: for ``first`` if it is true, for ``second`` if that is true."""
-
-    first: str
-    second: str
-    log_evidence: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class NextReadings:
     """Set-ups to measure next, in the order of their choice.
 
     ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``protocol``: what is done in each; ``labels``
-    (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first; ``pairs``:
-    largest weight first. ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open;
+    (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first.
+    ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open;
     ``right_before``, ``right_after``: probability that the right family comes out on top.
     """
 
@@ -73,7 +65,6 @@ class NextReadings:
     labels: tuple[str, ...]
     first_step: int
     rivals: tuple[Rival, ...]
-    pairs: tuple[Pair, ...]
     information: float
     entropy: float
     right_before: float
@@ -143,11 +134,10 @@ def propose(
     after = right_names(p, choice.chosen.tolist(), family, rng)
     rivals = _rivals(question, expected, family, after)
     before, right = (sum(r.probability * getattr(r, f) for r in rivals) for f in ("right_before", "right_after"))
-    pairs = _pairs(rivals, expected)
     pose, way = np.divmod(choice.chosen, len(protocol.directions))
     return NextReadings(
         q[pose], protocol.directions[way], protocol, new_labels(poses, "next ", s.data.poses), len(s.data.free.at) + 1,
-        rivals, pairs, choice.information, choice.entropy, before, right, _words(rivals, pairs, before, right),
+        rivals, choice.information, choice.entropy, before, right, _words(rivals, expected, before, right),
     )  # fmt: skip
 
 
@@ -209,16 +199,9 @@ def _rivals(
     )
 
 
-def _pairs(rivals: tuple[Rival, ...], expected: dict[tuple[str, str], float]) -> tuple[Pair, ...]:
-    """Every pair of rivals, the more probable one first."""
-    return tuple(
-        Pair(a.code, b.code, (expected[a.code, b.code], expected[b.code, a.code]))
-        for i, a in enumerate(rivals)
-        for b in rivals[i + 1 :]
-    )
-
-
-def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, after: float) -> tuple[str, ...]:
+def _words(
+    rivals: tuple[Rival, ...], expected: dict[tuple[str, str], float], before: float, after: float
+) -> tuple[str, ...]:
     out = [f"probability of naming the right family: {100 * before:.0f} % now, {100 * after:.0f} % after, as foreseen"]
     hidden = [r for r in rivals if r.hidden]
     if hidden:
@@ -226,10 +209,10 @@ def _words(rivals: tuple[Rival, ...], pairs: tuple[Pair, ...], before: float, af
         names = f": {', '.join(seen)}" if seen else ""
         out.append(f"{len(hidden)} candidates are hidden so far; the new readings would show {len(seen)}{names}")
     # Of what stays hidden there is nothing to tell in pairs.
-    told = {r.code for r in rivals if r.code != UNKNOWN and not (r.hidden and r.against_none < SETTLED)}
-    for pair in [x for x in pairs if {x.first, x.second} <= told][:TOLD]:
-        least = min(pair.log_evidence)
+    told = [r.code for r in rivals if r.code != UNKNOWN and not (r.hidden and r.against_none < SETTLED)]
+    for pair in islice(combinations(told, 2), TOLD):
+        least = min(expected[pair], expected[pair[::-1]])
         what = "would settle it" if least >= SETTLED else "would not settle it"
-        first, second = ("nothing missing" if c == NONE else c for c in (pair.first, pair.second))
+        first, second = ("nothing missing" if c == NONE else c for c in pair)
         out.append(f"{first} or {second}: expected log evidence {least:.1f}, which {what}")
     return tuple(out)

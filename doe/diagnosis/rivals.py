@@ -17,9 +17,9 @@ from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import Predictions
 from doe.diagnosis.evidence import Base, Whitened, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options, Ranking, log_priors
-from doe.diagnosis.known import base_of, errors_of
+from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import covariance
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import Setting, errors_of
 from doe.diagnosis.signatures import shapes, signature
 from doe.diagnosis.weighing import discrepancies, extended
 from doe.estimation.blocks import Covariance

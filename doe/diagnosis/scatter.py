@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import FLOOR, Setting
 from doe.estimation.blocks import Covariance
+from doe.estimation.least_squares import spanning
 from doe.estimation.noise import Noise, fit_noise, rms_by_kind
 from robots.arrays import Array
 
@@ -19,8 +20,6 @@ SETUP = 0.008
 MOST = 0.3
 # Directions of columns (of norm one) weaker than this are others over again.
 SAME = 1e-5
-# Resolution below which no gauge is believed, m and rad.
-FLOOR = (5e-7, 5e-7)
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,8 @@ def fitted_noise(s: Setting, columns: Array, weight: Array, start: Noise | None 
     """Variances by restricted likelihood where the readings may follow ``columns`` (m, k)."""
     f = s.prediction
     begin = start or Noise(white=(max(1e-5, 0.01 * typical_size(s)[0]), max(1e-5, 0.01 * typical_size(s)[1])))
-    norm = np.linalg.norm(columns, axis=0)
-    U, sv, _ = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
     # Directions that only rounding tells apart would make the restricted likelihood hang on rounding.
-    basis = U[:, sv > SAME * sv.max(initial=1e-300)]
+    basis = spanning(columns, SAME)
     if basis.shape[1] >= len(f) - 1:
         return begin
     try:

@@ -1,4 +1,4 @@
-"""Readings, the model as far as it is known, and what the model predicts for them."""
+"""Where a diagnosis sets out: readings, a model whose springs are fitted to them, and what it predicts for them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
+from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
+from fem.effects.catalogue import Maker, catalogue
 from fem.effects.observed import observed
 from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
@@ -18,6 +21,13 @@ from fem.free.parameters import parameter
 from fem.model import ArmModel
 from robots import InputError, ModelDescription
 from robots.arrays import Array, Bools
+
+# Compliances, rad/(N m), to expect of joints of which nothing is known: axes 1 to 3, and the wrist's.
+ARM, WRIST = 1.0 / 1.2e6, 1.0 / 3e5
+# Resolution below which no gauge is believed, m and rad.
+FLOOR = (5e-7, 5e-7)
+# A replicate this many standard deviations from its group's median is an outlier.
+FAR = 6.0
 
 
 @dataclass(frozen=True)
@@ -161,3 +171,79 @@ def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
     if not seen.any():
         raise InputError("no reading sees a joint's spring", remedy="measure poses where the load has a lever")
     return tuple(name for name, visible in zip(wanted, seen, strict=True) if visible)
+
+
+def errors_of(s: Setting) -> Array:
+    """Change of the readings (m, e) by one standard deviation of each error that every model has."""
+    columns = [np.zeros((len(s.data), 0))]
+    for effect in s.known.values():
+        if effect.usual > 0.0:
+            ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
+            columns.append(0.5 * (ends[0] - ends[1])[:, None])
+    return np.hstack(columns)
+
+
+def setting_of(
+    description: ModelDescription,
+    model: ArmModel,
+    data: Measurements,
+    *,
+    accepted: Sequence[PlacedEffect] = (),
+    own: Sequence[Maker] = (),
+    free: Sequence[str] | None = None,
+    history: History | None = None,
+) -> Setting:
+    """A model's springs fitted to readings, ready to be asked what is missing.
+
+    ``history`` of the readings where these are part of a table; by default what they say themselves.
+
+    Raises
+    ------
+    InputError
+        No reading sees a joint's spring, or fewer readings than springs.
+    """
+    joints = tuple(free) if free is not None else free_springs(model, data)
+    p = problem(model, data, [parameter(model, f"{name}.stiffness") for name in joints])
+    found = estimate(p, FLOOR)
+    declared = np.array([own_compliance(model, name) for name in joints])
+    index = [model.robot.joint_names.index(name) for name in joints]
+    usual = np.array([ARM if k < 3 else WRIST for k in index])
+    typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
+    known = catalogue(model, description, own)
+    s = Setting(
+        description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
+        np.zeros((len(p), 0)), known, tuple(accepted),
+    )  # fmt: skip
+    return replace(s, errors=errors_of(s))
+
+
+def _history(data: Measurements, history: History | None) -> History:
+    """The readings' history; known as soon as some readings tell loading from unloading.
+
+    A sheet of such readings is what a diagnosis asks for where the first ones did not: these count as loadings from
+    zero beside it.
+    """
+    history = history or history_of(data)
+    if history.is_known:
+        return history
+    down = history.unloading(np.linalg.norm(data.wrench[:, :3], axis=1))
+    return replace(history, is_known=bool(down.any()))
+
+
+def replicate_weights(p: Problem) -> Array:
+    """Weights (m,) of readings: next to nothing for one that its own replicates contradict."""
+    weight = np.ones(len(p))
+    groups = int(p.replicate.max()) + 1
+    deviation, count = np.zeros(len(p)), np.bincount(p.replicate, minlength=groups)
+    for g in np.flatnonzero(count >= 3):
+        mine = p.replicate == g
+        deviation[mine] = p.value[mine] - np.median(p.value[mine])
+    size = np.abs(p.value) + 1e-6
+    tested = count[p.replicate] >= 3
+    if tested.sum() < 9:
+        return weight
+    relative = np.abs(deviation[tested]) / size[tested]
+    scale = 1.4826 * float(np.median(relative[relative > 0.0])) if (relative > 0.0).any() else np.inf
+    # The median of three lies on one of them: of the others the deviation is larger than one reading's own.
+    weight[np.flatnonzero(tested)[relative > FAR * 1.5 * scale]] = 1e-4
+    return weight

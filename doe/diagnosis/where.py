@@ -14,10 +14,9 @@ from doe.diagnosis.scatter import with_setup
 from doe.diagnosis.setting import Setting
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.problem import Problem, problem
-from doe.published.equations import COMPONENTS
 from doe.tables.checks import refuse_seen
-from doe.tables.load_history import history_of
-from doe.tables.loaded import rms_mm
+from doe.tables.columns import COMPONENTS
+from doe.tables.loaded import history_of, rms_mm
 from doe.tables.measurements import Measurements
 from robots.arrays import Array
 

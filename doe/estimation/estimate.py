@@ -171,7 +171,7 @@ def unrest(
     end at all.
     """
     low, high = p.bounds
-    given = np.array([*noise.white, noise.share, *noise.pose, noise.pose_share])
+    given = noise.numbers
     if (u < low).any() or (u > high).any() or (given < 0.0).any() or (weight <= 0.0).any() or (weight > 1.0).any():
         return np.inf, np.inf, np.inf
     f, J = p.evaluate(u)
@@ -231,13 +231,17 @@ def solve(p: Problem, noise: Noise, f: Array, weight: Array, start: Array, held:
     return minimise(p, noise.covariance(p, f, weight), start, held)[0]
 
 
+def unaided(p: Problem) -> list[str]:
+    """Names of the parameters that readings move with and that have no prior: it takes as many readings."""
+    seen = seen_columns(p, p.evaluate(p.free.start)[1])
+    return [q.name for q, visible in zip(p.parameters, seen, strict=True) if visible and q.prior is None]
+
+
 def check_enough(p: Problem) -> None:
     """Raise InputError where there are no readings, or fewer of them than parameters without a prior."""
     if len(p) == 0:
         raise InputError("no reading to calibrate on", remedy="select poses or loads that were measured")
-    _, J = p.evaluate(p.free.start)
-    seen = seen_columns(p, J)
-    free = [q.name for q, visible in zip(p.parameters, seen, strict=True) if visible and q.prior is None]
+    free = unaided(p)
     if len(free) > len(p):
         raise InputError(
             f"{len(p)} reading(s) cannot determine {len(free)} parameters ({', '.join(free)})",

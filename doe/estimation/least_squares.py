@@ -42,6 +42,13 @@ def prior_residual(p: Problem, u: Array) -> tuple[Array, Array]:
     return rows, slopes
 
 
+def spanning(A: Array, weak: float) -> Array:
+    """Orthonormal columns (m, r) with the span of A (m, p); directions below ``weak`` of the strongest are rounding."""
+    norm = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
+    return np.asarray(U[:, s > weak * s.max(initial=1e-300)])
+
+
 def is_convex(p: Problem) -> bool:
     """Whether the sum of squares is a parabola: all linear, and no prior."""
     return p.is_linear and all(q.prior is None for q in p.parameters)

@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from doe.estimation.blocks import Covariance
+from doe.estimation.least_squares import spanning
 from doe.estimation.problem import Problem
 from doe.estimation.restricted_likelihood import Known, Likelihood, Term, maximise
 from robots.arrays import Array
@@ -30,7 +31,7 @@ FEWEST_POSES, FEWEST_READINGS = 6, 16
 # Deflections must differ by this factor before a share can be told from a constant.
 SHARE_SPAN = 1.8
 WHITE = ("white0", "white1")
-OTHERS = ("share", "pose_share", "pose0", "pose1")
+NAMES = (*WHITE, "share", "pose0", "pose1", "pose_share")
 SHARES = ("share", "pose_share")
 # Scatter of more than this share of the deflection is no share of it: where hardly any deflection is predicted, any
 # residual is a large multiple of it, and what is predicted elsewhere would be given that multiple as its noise.
@@ -47,6 +48,17 @@ class Noise:
     share: float = 0.0
     pose: tuple[float, float] = (0.0, 0.0)
     pose_share: float = 0.0
+
+    @staticmethod
+    def of(numbers: Array) -> Noise:
+        """The noise with standard deviations and shares (6,) in the order of :data:`NAMES`."""
+        white0, white1, share, pose0, pose1, pose_share = numbers.tolist()
+        return Noise((white0, white1), share, (pose0, pose1), pose_share)
+
+    @property
+    def numbers(self) -> Array:
+        """Standard deviations and shares (6,) in the order of :data:`NAMES`."""
+        return np.array([*self.white, self.share, *self.pose, self.pose_share])
 
     def variance(self, p: Problem, f: Array) -> Array:
         """Variance (m,) of the white part at predictions f (m,)."""
@@ -79,22 +91,14 @@ class Noise:
         return bool(any(self.pose) or self.pose_share)
 
     def variances(self, names: tuple[str, ...]) -> Array:
-        """Squares (k,) of the standard deviations named (:data:`WHITE`, :data:`OTHERS`)."""
-        known = {
-            "white0": self.white[0], "white1": self.white[1], "share": self.share,
-            "pose0": self.pose[0], "pose1": self.pose[1], "pose_share": self.pose_share,
-        }  # fmt: skip
-        return np.array([known[name] for name in names]) ** 2
+        """Squares (k,) of the standard deviations named (:data:`NAMES`)."""
+        return self.numbers[[NAMES.index(name) for name in names]] ** 2
 
     def with_variances(self, names: tuple[str, ...], values: Array) -> Noise:
         """Copy with other variances."""
-        given = dict(zip(names, np.sqrt(values).tolist(), strict=True))
-        return Noise(
-            white=(given.get("white0", self.white[0]), given.get("white1", self.white[1])),
-            share=given.get("share", self.share),
-            pose=(given.get("pose0", self.pose[0]), given.get("pose1", self.pose[1])),
-            pose_share=given.get("pose_share", self.pose_share),
-        )
+        numbers = self.numbers
+        numbers[[NAMES.index(name) for name in names]] = np.sqrt(values)
+        return Noise.of(numbers)
 
 
 def at_least(sd: tuple[float, float], floor: tuple[float, float]) -> tuple[float, float]:
@@ -135,14 +139,9 @@ def within_readings(p: Problem, f: Array, noise: Noise, floor: tuple[float, floa
     for kind, mine in enumerate((p.component < 3, p.component >= 3)):
         held, found = float(np.sum(p.value[mine] ** 2)), float(np.sum(square[mine]))
         factor[kind] = np.sqrt(held / found) if found > held else 1.0
-    white, pose = factor * np.array(noise.white), factor * np.array(noise.pose)
-    least = float(factor.min())
-    return Noise(
-        at_least((float(white[0]), float(white[1])), floor),
-        least * noise.share,
-        (float(pose[0]), float(pose[1])),
-        least * noise.pose_share,
-    )
+    least = factor.min()
+    scaled = Noise.of(noise.numbers * [*factor, least, *factor, least])
+    return replace(scaled, white=at_least(scaled.white, floor))
 
 
 def own_residual(p: Problem, noise: Noise, f: Array, weight: Array, error: Array) -> Array:
@@ -223,5 +222,4 @@ def _independent(J: Array) -> Array:
     # Columns that are far from depending on one another are a basis as they are.
     if S.shape[0] > S.shape[1] > 0 and np.linalg.eigvalsh(S.T @ S)[0] > 1e-8:
         return np.asarray(S)
-    U, s, _ = np.linalg.svd(S, full_matrices=False)
-    return np.asarray(U[:, s > 1e-8 * s.max(initial=1e-300)])
+    return spanning(J, 1e-8)

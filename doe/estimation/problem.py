@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from doe.estimation.blocks import Blocks
-from doe.tables.load_history import history_of
-from doe.tables.loaded import loaded_points
+from doe.tables.loaded import history_of, loaded_points
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.effects.base import PlacedEffect

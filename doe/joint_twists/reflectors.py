@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from doe.joint_twists.columns import ARMS, LOADED, UNLOADED, Cells
-from doe.joint_twists.readings import TwistReadings
+from doe.joint_twists.readings import ARMS, LOADED, UNLOADED, Cells, TwistReadings
 from doe.tables import columns as mc
 from doe.tables.columns import Columns, RawTable
 from doe.tables.measurements import rows_of

@@ -18,7 +18,7 @@ from doe.joint_twists.cycles import carried
 from doe.joint_twists.identify import Identified
 from fem import ArmModel
 from fem.statics.transfers import joint_rows
-from robots import InputError, forward_kinematics, inverse_kinematics, why_no_closed_form
+from robots import InputError, forward_kinematics, inverse_kinematics, require_one_of, why_no_closed_form
 from robots.arrays import Array
 from robots.frames import framed
 
@@ -71,16 +71,19 @@ def loads_in(model: ArmModel, q: Array, directions: Array) -> Array:
 
 
 def stiffness_with(
-    model: ArmModel, compliances: Compliances, q: Array, directions: Array = XYZ, *, or_rigid: bool = False
+    model: ArmModel, compliances: Array, q: Array, directions: Array = XYZ, *, or_rigid: bool = False
 ) -> Array:
     """Directional stiffness |F| / |d . F/|F|| (n, k) N/m at the flange centre along ``directions`` (k, 3), flange axes.
+
+    ``compliances`` (n, dof, 6), or one row for all poses (dof, 6).
 
     Raises
     ------
     InputError
         A direction in which nothing gives way; with ``or_rigid`` the stiffness there is inf.
     """
-    moved = np.einsum("nkjr,njr->nk", loads_in(model, q, directions) ** 2, compliances(q))
+    s2 = loads_in(model, q, directions) ** 2
+    moved = np.einsum("nkjr,njr->nk", s2, np.broadcast_to(compliances, (len(q), *s2.shape[2:])))
     if not or_rigid and not (moved > 0.0).all():
         raise InputError("directional stiffness: nothing gives way in a direction", remedy="identify more stiffnesses")
     with np.errstate(divide="ignore"):
@@ -108,30 +111,18 @@ def compliances_of(found: Identified) -> Compliances:
     return lambda q: found.compliances(q)[0]
 
 
-def gear_only(six: Compliances) -> Compliances:
-    """The usual model (eq. 3 of the paper): the same stiffness about the gear axes, all else rigid."""
+def gear_refitted(model: ArmModel, six: Array, q: Array) -> Array:
+    """Compliances (dof,) rad/(N m) of the usual model as it is usually found: a constant a gear, fitted at the flange.
 
-    def law(q: Array) -> Array:
-        return np.asarray(six(q) * ABOUT_GEAR)
-
-    return law
-
-
-def gear_refitted(model: ArmModel, six: Compliances, q: Array) -> tuple[Compliances, Array]:
-    """The usual model as it is usually found: one constant a gear, fitted to deflections of the flange.
-
-    Least squares over the displacements under unit forces in flange X, Y and Z at poses q, compliances not negative:
-    the other directions of the joints end up in the gears' effective stiffnesses.
-
-    Returns
-    -------
-    the model, and the effective compliances (dof,) rad/(N m), zero for a gear that these forces never turn
+    Least squares over the displacements under unit forces in flange X, Y and Z at poses q, where all rows have the
+    compliances ``six`` (n, dof, 6); none below zero, and zero for a gear that these forces never turn. The other
+    directions of the joints end up in the gears' effective stiffnesses.
     """
     T, R = _rows(model, q)
     w = np.zeros((len(q), 3, 6))
     w[:, :, :3] = np.swapaxes(R, 1, 2)
     s = np.einsum("njra,nka->nkjr", T, w)
-    whole = np.einsum("njra,njr,nkjr->nka", T, six(q), s)[..., :3]
+    whole = np.einsum("njra,njr,nkjr->nka", T, six, s)[..., :3]
     of_gear = np.einsum("nja,nkj->nkaj", T[:, :, AXIS], s[..., AXIS])[..., :3, :]
     A = of_gear.reshape(-1, T.shape[1])
     size = np.linalg.norm(A, axis=0)
@@ -139,11 +130,7 @@ def gear_refitted(model: ArmModel, six: Compliances, q: Array) -> tuple[Complian
     moves = size > 1e-9 * size.max()
     effective = np.zeros(len(size))
     effective[moves] = nnls(A[:, moves] / size[moves], whole.ravel())[0] / size[moves]
-
-    def law(poses: Array) -> Array:
-        return np.tile(np.outer(effective, ABOUT_GEAR), (len(poses), 1, 1))
-
-    return law, effective
+    return effective
 
 
 def _rows(model: ArmModel, q: Array) -> tuple[Array, Array]:
@@ -202,15 +189,19 @@ def usual_models(
 ) -> tuple[Errors, Errors, Array]:  # fmt: skip
     """How wrong models of the gears alone are against six stiffnesses a joint, over random reachable poses.
 
+    The usual model (eq. 3 of the paper) has stiffness about the gear axes only, all else is rigid.
+
     Returns
     -------
     errors with the same torsional stiffness; errors refitted to flange deflections at other random poses; the
     effective compliances (dof,) of that fit
     """
-    refitted, effective = gear_refitted(model, six, reachable_poses(model, poses, rng))
-    q = reachable_poses(model, poses, rng)
-    reference = stiffness_with(model, six, q)
-    same, fitted = (stiffness_with(model, law, q, or_rigid=True) for law in (gear_only(six), refitted))
+    seen, q = (reachable_poses(model, poses, rng) for _ in range(2))
+    effective = gear_refitted(model, six(seen), seen)
+    c = six(q)
+    reference = stiffness_with(model, c, q)
+    gears = c * ABOUT_GEAR, np.outer(effective, ABOUT_GEAR)
+    same, fitted = (stiffness_with(model, gear, q, or_rigid=True) for gear in gears)
     return errors_of(same, reference), errors_of(fitted, reference), effective
 
 
@@ -253,8 +244,7 @@ def stiffness_window(
     InputError
         Unknown orientation; a robot without inverse kinematics in closed form; nothing in the window is reached.
     """
-    if orientation not in ORIENTATIONS:
-        raise InputError("orientation of the flange", value=orientation, allowed=", ".join(ORIENTATIONS))
+    require_one_of("orientation of the flange", orientation, ORIENTATIONS)
     robot = model.robot
     if (reason := why_no_closed_form(robot)) is not None:
         raise InputError(f"stiffness window of {robot.name}: {reason}", allowed="a robot with a spherical wrist")
@@ -281,5 +271,5 @@ def stiffness_window(
             remedy="move it with --window, or choose another --flange",
         )
     k = np.full((len(T), 3), np.nan)
-    k[reached] = stiffness_with(model, six, q[reached])
+    k[reached] = stiffness_with(model, six(q[reached]), q[reached])
     return Window(orientation, elbow, x, z, q.reshape(z.size, x.size, -1), k.reshape(z.size, x.size, 3))

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.joint_twists.columns import (
+from doe.joint_twists.readings import (
     SIGMAS,
     Cells,
+    TwistReadings,
     find_columns,
     is_reflector_table,
     read_cells,
 )
-from doe.joint_twists.readings import TwistReadings
 from doe.joint_twists.reflectors import assemble_reflectors
 from doe.tables import columns as mc
 from doe.tables.checks import check_limits
@@ -38,7 +38,7 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
     the arm behind the joint); an empty cell was not read. Optional: ``pose`` (label), ``repeat``, ``step``,
     ``sigma_mm``, ``sigma_twist_mrad``, ``origin`` ("synthetic" for made-up tables). Loads of zero may stand at the
     start and the end of a cycle.
-    One row a reflector: see :mod:`doe.joint_twists.reflector_table`.
+    One row a reflector: see :mod:`doe.joint_twists.reflectors`.
 
     Raises
     ------

@@ -16,9 +16,9 @@ from typing import Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 Criterion = Literal["D", "A", "I"]
 
@@ -68,8 +68,7 @@ def choose(
     InputError
         n out of range, unknown criterion, or information that is not positive definite.
     """
-    if criterion not in CRITERIA:
-        raise InputError("criterion of a plan", value=criterion, allowed=", ".join(CRITERIA))
+    require_one_of("criterion of a plan", criterion, CRITERIA)
     if not 0 < n <= len(experiments):
         raise InputError("experiments to choose", value=n, allowed=f"1 to {len(experiments)}, the number of candidates")
     W = np.eye(len(known)) if weight is None else weight
@@ -84,8 +83,7 @@ def choose(
     for start in range(starts if rng is not None else 1):
         first = rng.choice(len(experiments), n, replace=False).tolist() if start and rng is not None else []
         found.append(exchange(score, n, first))
-        if progress is not None:
-            progress(start + 1, starts)
+        report_progress(progress, start + 1, starts)
     best = max(found, key=lambda one: one[1])
     return judge(known, experiments, np.array(best[0]), criterion, W)
 

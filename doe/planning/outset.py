@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
-from doe.estimation.estimate import Estimate, estimate, prior_residual, seen_columns
+from doe.estimation.estimate import Estimate, estimate, prior_residual
 from doe.estimation.noise import Noise, Origin, origin
 from doe.estimation.problem import Problem
 from fem import ArmModel
@@ -97,13 +97,6 @@ def outset(e: Estimate, c: Certainty) -> Outset:
     u = design_point(e, c)
     return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u,
                    origin(e.problem, given=not e.estimated))  # fmt: skip
-
-
-def has_enough(p: Problem) -> bool:
-    """Whether there are as many readings as parameters that they move with and that have no prior."""
-    seen = seen_columns(p, p.evaluate(p.free.start)[1])
-    needed = sum(bool(visible) and q.prior is None for q, visible in zip(p.parameters, seen, strict=True))
-    return needed <= len(p)
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:

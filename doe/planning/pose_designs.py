@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import hadamard
 from scipy.stats import qmc
 
-from robots import InputError, Robot, forward_kinematics, tool_position
+from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
 from robots.arrays import Array, Bools
 
 Method = Literal["factorial", "fractional", "latin", "sobol"]
@@ -90,8 +90,7 @@ def pose_design(
     InputError
         Unknown method or coordinate, ranges in which hardly any pose can be taken, too many runs.
     """
-    if method not in METHODS:
-        raise InputError("design of poses", value=method, allowed=", ".join(METHODS))
+    require_one_of("design of poses", method, METHODS)
     names = robot.coordinates if coordinates is None else coordinates
     columns = [robot.coordinate_index(name) for name in names]
     base = np.clip(np.zeros(robot.dof), *robot.limits.T) if fixed is None else np.asarray(fixed, dtype=np.float64)

@@ -24,7 +24,7 @@ from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.least_squares import bounded_step
 from doe.estimation.problem import problem
-from doe.published.equations import equations
+from doe.tables.loaded import spring_parts
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.free.parameters import parameter
@@ -188,24 +188,24 @@ class Misfits:
 
 def misfits(model: ArmModel, data: Measurements, of: ArmClass, *, rotations: bool) -> Misfits | None:
     """The readings of one kind against springs of the class; None where none of that kind moves with a spring."""
-    e = equations(model, data)
-    e = e.take((e.component >= 3) == rotations)
     lever = max(reach_of(model.robot), SHORTEST)
-    load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / lever)[e.row]
-    keep = load > 0.0
-    e, load = e.take(keep), load[keep]
-    if not len(e) or not e.value.any():
+    load = np.hypot(data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1) / lever)
+    mine = data.used & (load > 0.0)[:, None] & ((np.arange(6) >= 3) == rotations)
+    influence, rest, value = (part[mine] for part in (*spring_parts(model, data), data.displacement))
+    if not value.any():
         return None
-    y = e.value / load
+    row, component = np.nonzero(mine)
+    load = load[row]
+    y = value / load
     size = np.hypot(y, SMALLEST * np.median(np.abs(y[y != 0.0]))) * load
-    direction = data.wrench[e.row] / load[:, None]
-    setups = len(np.unique(np.round(np.column_stack([e.q, direction, e.component]), 6), axis=0))
+    direction = data.wrench[row] / load[:, None]
+    setups = len(np.unique(np.round(np.column_stack([data.q[row], direction, component]), 6), axis=0))
     low, high = of.allowed
     # Joint 1 and wrist joints may be rigid: joint 1 gives nothing under a vertical load and is often left out of models
     # and of synthetic readings; a wrist's share is small, and many arms give way there too little to be read.
     joint = np.arange(model.robot.dof)
     soft, stiff = 1.0 / low, np.where((joint > 0) & (joint < MAIN_JOINTS), 1.0 / high, 0.0)
-    return Misfits(e.influence / size[:, None], e.rest / size, e.value / size, size / load, stiff, soft, setups)
+    return Misfits(influence / size[:, None], rest / size, value / size, size / load, stiff, soft, setups)
 
 
 def check_units(

@@ -1,4 +1,8 @@
-"""One parametric study: level grid over the springs of a stage, at one pose, refined and widened."""
+"""Parametric studies: the best of all combinations of levels, then of finer levels around it.
+
+Of the springs of a stage at one pose (:func:`fit_pose`: bounds are widened, the nearest of many matches is taken), and
+of any parameters on all readings of a stage (:func:`level_study`).
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,9 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, minimize
 
 from doe.estimation.campaign import FEWEST_LEVELS
+from doe.estimation.problem import Problem
 from doe.planning.designs import level_grid
-from doe.published.equations import Equations
+from doe.planning.screening import inner
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -26,6 +31,9 @@ TIE_WEIGHT = 100.0
 WIDER = np.array([[0.1], [10.0]])
 # Levels that differ by less than this (relative) cannot be told apart by any reading.
 SAME_LEVEL = 1e-6
+# Refinement of any parameters ends when levels are this close together: ratio of positive numbers, share of the range
+# of others.
+SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -52,9 +60,9 @@ class PoseFit:
 
 
 def fit_pose(
-    system: Equations,
-    fixed: Array,
-    columns: list[int],
+    pose: str,
+    A: Array,
+    base: Array,
     joints: tuple[str, ...],
     levels: int,
     bounds: tuple[float, float],
@@ -62,7 +70,7 @@ def fit_pose(
     start: float,
     spacing: str = "log",
 ) -> PoseFit:
-    """Level grid over the springs in ``columns`` at one pose, refined about the best level.
+    """Level grid over the springs of some joints at one pose, refined about the best level.
 
     A grid finds *a* match. Of several springs that match one reading in many ways, those nearest to
     ``start`` (least sum of squared logarithms of the ratios) are then taken, so that the answer does not
@@ -71,8 +79,8 @@ def fit_pose(
 
     Parameters
     ----------
-    system : equations of this pose only
-    fixed : (dof,) compliances of all springs; those in ``columns`` are overwritten
+    A : (m, k) displacement (m or rad) of what was read per unit compliance of each of the k springs
+    base : (m,) what all else gives, less what was read
     levels : levels of each spring in each round, at least FEWEST_LEVELS
     bounds : first lower and upper stiffness, N m/rad
     gauge_m : refinement ends when the RMS error is within this
@@ -85,9 +93,7 @@ def fit_pose(
         Too few levels, bounds out of order, or another spacing.
     """
     _check(levels, bounds, spacing)
-    base = system.rest + system.influence @ np.where(np.isin(np.arange(fixed.size), columns), 0.0, fixed) - system.value
-    A = system.influence[:, columns]
-    ends = np.tile(np.array(bounds)[:, None], len(columns))
+    ends = np.tile(np.array(bounds)[:, None], len(joints))
     bound, limit = ends.copy(), _widest(A, bounds, gauge_m)
     runs, first, best_k, best_error = 0, np.nan, np.sqrt(ends[0] * ends[1]), np.inf
     for round_number in range(1, MAX_ROUNDS + 1):
@@ -95,7 +101,7 @@ def fit_pose(
         k = level_grid(grids)
         error = np.sqrt(np.mean((base + (1.0 / k) @ A.T) ** 2, axis=1))
         score = (error / gauge_m) ** 2
-        if len(columns) > 1:
+        if len(joints) > 1:
             # All matches are equally good, and the nearest to the start is taken.
             tie = TIE_WEIGHT / 4.0**round_number * np.sum(np.log(k / start) ** 2, axis=1)
             score = np.maximum(score, 1.0) + tie
@@ -109,20 +115,20 @@ def fit_pose(
         ends = _refined(best_k, grids, bound, widened)
         if not widened.any() and np.all(ends[1] / ends[0] < 1.0 + SAME_LEVEL):
             break
-    if best_error > gauge_m and len(columns) > 1:
+    if best_error > gauge_m and len(joints) > 1:
         best_k, best_error = _least_squares(A, base, best_k, bound, limit)
     matched = best_error <= gauge_m
-    if matched and len(columns) > 1:
+    if matched and len(joints) > 1:
         best_k = _nearest_match(A, base, best_k, bound, gauge_m, start)
     left = base + A @ (1.0 / best_k)
     remarks = _bound_remarks(best_k, bounds, bound, joints)
     if not matched:
         remarks.append(_why_unmatched(left, A))
     return PoseFit(
-        pose=system.pose[0],
+        pose=pose,
         joints=joints,
         stiffness=best_k,
-        error_mm=float(left[0] if len(system) == 1 else np.sqrt(np.mean(left**2))) * 1e3,
+        error_mm=float(left[0] if len(left) == 1 else np.sqrt(np.mean(left**2))) * 1e3,
         first_error_mm=first * 1e3,
         runs=runs,
         rounds=round_number,
@@ -268,3 +274,56 @@ def _equivalent(A: Array, base: Array, tolerance: float, bounds: tuple[float, fl
             if found.x is not None:
                 out[i, side] = 1e6 / found.x[i]
     return out
+
+
+@dataclass(frozen=True)
+class LevelStudy:
+    """The best combination of levels.
+
+    ``u`` (p,): its estimator's variables; ``first`` (p,): the first round's best; ``rms``, ``first_rms``: of the
+    residuals (m or rad) with either; ``runs``: model evaluations; ``at_bound``: parameters whose best level is an end
+    of their range.
+    """
+
+    u: Array
+    first: Array
+    rms: float
+    first_rms: float
+    runs: int
+    rounds: int
+    at_bound: tuple[str, ...]
+
+
+def level_study(p: Problem, levels: int, *, refine: bool = True) -> LevelStudy:
+    """All combinations of ``levels`` of each parameter over its range (in the logarithm where positive).
+
+    With ``refine`` the range narrows to one level on either side of the best one until levels are 0.1 % apart. The
+    best is that with the smallest root mean square of residuals, all weighted alike, as in published studies.
+    """
+    k = len(p.parameters)
+    low, high = np.zeros(k), np.ones(k)
+    first: tuple[Array, float] | None = None
+    runs = rounds = 0
+    while True:
+        grid = level_grid([np.linspace(a, b, levels) for a, b in zip(low, high, strict=True)])
+        u = inner(p.parameters, grid)
+        error = np.array([_rms(p, one) for one in u])
+        best = int(np.argmin(error))
+        runs, rounds = runs + len(grid), rounds + 1
+        first = first or (u[best], float(error[best]))
+        step = (high - low) / (levels - 1)
+        if not refine or rounds == MAX_ROUNDS or np.all(_ratio(p, step) < SAME):
+            break
+        low, high = np.maximum(grid[best] - step, 0.0), np.minimum(grid[best] + step, 1.0)
+    ends = tuple(q.name for q, x in zip(p.parameters, grid[best], strict=True) if x in (0.0, 1.0))
+    return LevelStudy(u[best], first[0], float(error[best]), first[1], runs, rounds, ends)
+
+
+def _rms(p: Problem, u: Array) -> float:
+    return float(np.sqrt(np.mean((p.value - p.evaluate(u)[0]) ** 2)))
+
+
+def _ratio(p: Problem, step: Array) -> Array:
+    """How far two neighbouring levels are apart."""
+    span = [1.0 if q.scale == "linear" else float(np.log(q.upper / q.lower)) for q in p.parameters]
+    return np.asarray(step * np.array(span))

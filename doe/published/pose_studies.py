@@ -17,8 +17,8 @@ import numpy as np
 
 from doe.estimation.campaign import Campaign, Stage
 from doe.estimation.study_plan import RegressionChoice
-from doe.published.equations import Equations, equations, model_compliances
 from doe.published.parametric import PoseFit, fit_pose
+from doe.tables.loaded import select_poses, spring_parts
 from doe.tables.measurements import Measurements
 from fem import ArmModel
 from robots import InputError, Robot
@@ -137,40 +137,44 @@ def study_poses(
     joints = tuple(name.removesuffix(".law") for name in stage.parameters)
     choices = {law.joint: law for law in campaign.regressions}
     gauge, start = campaign.noise.gauge_mm * 1e-3, campaign.springs.start_Nm_per_rad
-    system = equations(model, data)
     columns = [model.robot.joint_names.index(joint) for joint in joints]
     fits = []
     for pose in stage.poses:
-        one = system.of_poses((pose,))
-        fixed = model_compliances(model, one.q[:1])[0]
+        one = select_poses(data, (pose,), f"stage {stage.name!r}")
+        influence, rest = (part[one.used] for part in spring_parts(model, one))
+        fixed = np.array([joint.axial.compliance(one.q[:1])[0] for joint in model.joints])
+        fixed[columns] = 0.0
+        base = rest + influence @ fixed - one.displacement[one.used]
         assert stage.levels is not None  # noqa: S101 - Campaign refuses such a stage
-        fits.append(fit_pose(one, fixed, columns, joints, stage.levels, campaign.springs.ends, gauge, start, spacing))
+        A = influence[:, columns]
+        fits.append(fit_pose(pose, A, base, joints, stage.levels, campaign.springs.ends, gauge, start, spacing))
         if progress is not None:
             progress(f"{stage.name}, pose {pose}: {fits[-1].runs} runs, {fits[-1].error_mm:+.3f} mm")
     points, laws = {}, {}
     source = " ".join(f"{campaign.title}: {stage.name}, poses {', '.join(stage.poses)} of {data.source}".split())
     for k, joint in enumerate(joints):
-        held = _held(system.of_poses(tuple(earlier)), columns[k], gauge, start)
-        points[joint] = _points(model, system, choices[joint], fits, k, held, start)
+        held = _held(model, select_poses(data, earlier, f"stage {stage.name!r}"), columns[k], gauge, start)
+        points[joint] = _points(model, data, choices[joint], fits, k, held, start)
         laws[joint] = fit_law(model.robot, points[joint], choices[joint].degree, source)
     return PoseStudies(stage, tuple(fits), points, laws)
 
 
-def _held(earlier: Equations, column: int, gauge_m: float, start: float) -> Array:
-    """Poses (m, dof) of earlier stages at which a spring's starting value took part in the match.
+def _held(model: ArmModel, earlier: Measurements, column: int, gauge_m: float, start: float) -> Array:
+    """Poses (m, dof) of earlier stages' readings at which a spring's starting value took part in the match.
 
     Where a spring's torque vanishes its value was never tested, and no point is claimed there.
     """
-    share = np.abs(earlier.influence[:, column]) / start
-    return np.unique(earlier.q[share > UNTESTED_SHARE_OF_GAUGE * gauge_m], axis=0)
+    share = np.abs(spring_parts(model, earlier)[0][:, :, column]) / start
+    tested = earlier.used & (share > UNTESTED_SHARE_OF_GAUGE * gauge_m)
+    return np.unique(earlier.q[tested.any(axis=1)], axis=0)
 
 
 def _points(
-    model: ArmModel, system: Equations, law: RegressionChoice, fits: Sequence[PoseFit], spring: int, held: Array,
+    model: ArmModel, data: Measurements, law: RegressionChoice, fits: Sequence[PoseFit], spring: int, held: Array,
     start: float,
 ) -> SpringPoints:  # fmt: skip
     columns = [model.robot.coordinate_index(name) for name in law.inputs]
-    calibrated = np.array([system.of_poses((fit.pose,)).q[0, columns] for fit in fits])
+    calibrated = np.array([data.q[data.pose.index(fit.pose), columns] for fit in fits])
     angles, stiffness = [calibrated], [np.array([fit.stiffness[spring] for fit in fits])]
     origin = ["calibrated"] * len(fits)
     if law.symmetric_in is not None:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.planning.designs import two_level_factorial
-from doe.published.equations import Equations
+from doe.tables.loaded import spring_parts
+from doe.tables.measurements import Measurements
+from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array
 
@@ -33,9 +35,9 @@ class PoseEffects:
 
 
 def sensitivity_study(
-    system: Equations, joints: tuple[str, ...], joint_names: tuple[str, ...], low: float, high: float
+    model: ArmModel, data: Measurements, joints: tuple[str, ...], low: float, high: float
 ) -> list[PoseEffects]:
-    """Two-level factorial of k_j in {low, high} N m/rad at every pose of ``system``, Z deflection.
+    """Two-level factorial of k_j in {low, high} N m/rad at every pose of ``data``, Z deflection.
 
     Springs that are not varied are rigid. Deflection is a sum over springs, so all interactions are
     exactly zero and the main effects tell everything. Several loads at a pose: the largest one counts.
@@ -43,24 +45,24 @@ def sensitivity_study(
     Raises
     ------
     InputError
-        Bounds out of order, an unknown joint, or a pose without a Z reading's equation.
+        Bounds out of order, an unknown joint, or a pose without a Z reading.
     """
     if not 0.0 < low < high:
         raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
     for joint in joints:
-        if joint not in joint_names:
-            raise InputError("joint of the sensitivity study", value=joint, allowed=", ".join(joint_names))
+        if joint not in model.robot.joint_names:
+            raise InputError("joint of the sensitivity study", value=joint, allowed=", ".join(model.robot.joint_names))
     design = two_level_factorial(len(joints))
-    columns = [joint_names.index(name) for name in joints]
+    columns = [model.robot.joint_names.index(name) for name in joints]
     compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)
+    influence, rest = spring_parts(model, data)
     out = []
-    for pose in dict.fromkeys(system.pose):
-        one = system.of_poses((pose,))
-        vertical = np.flatnonzero(one.component == 2)
+    for pose, rows in data.pose_groups().items():
+        vertical = rows[data.used[rows, 2]]
         if vertical.size == 0:
             raise InputError(f"pose {pose} has no Z reading", remedy="the sensitivity study needs dz_mm")
-        index = vertical[np.argmax(np.abs(one.value[vertical]))]
-        runs = (one.rest[index] + compliance @ one.influence[index, columns]) * 1e3
+        index = vertical[np.argmax(np.abs(data.displacement[vertical, 2]))]
+        runs = (rest[index, 2] + compliance @ influence[index, 2, columns]) * 1e3
         # Half the runs have a factor high, half low: the contrast over half their number is the effect.
         effect = design.T @ runs / (len(runs) / 2)
         total = np.abs(effect).sum()

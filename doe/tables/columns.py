@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 LOADS: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 DISPLACEMENTS: Final = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
+COMPONENTS: Final = tuple(name.rpartition("_")[0] for name in DISPLACEMENTS)
 POINT: Final = ("px_mm", "py_mm", "pz_mm")
 OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT)
 PHASES: Final = ("loading", "unloading")

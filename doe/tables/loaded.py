@@ -1,22 +1,104 @@
-"""Readings under their loads: at which points, which of them are used, and what a model says of each."""
+"""Readings under their loads: at which points, in which order, which are used, and what a model says of each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from doe.tables.load_history import history_of
-from doe.tables.measurements import Measurements
-from fem import ArmModel
+from doe.tables.measurements import Measurements, load_size
+from fem import ArmModel, spring_influence
 from fem.effects import History, PlacedEffect, observed
 from fem.statics.loads import as_loaded
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Indices, Integers
 
+# Decimals of a load's direction and relative size that count as the same: real weights hang a little off.
+SAME = 3
 # Whose point a reading was taken at: the model's tool point, or one of its own (px_mm, py_mm, pz_mm).
 PointOf = Literal["tool", "table"]
+
+
+def history_of(data: Measurements) -> History:
+    """Load cycles of a table, each from the unloaded arm: one for every pose, repeat, load direction and point.
+
+    Order within a cycle: by ``step`` where every reading of the cycle has one, not all the same under different loads;
+    else by ``phase``: loading by rising load, then unloading by falling load. With steps a load along the same line
+    may change its sign within a cycle. Where neither is given each reading is a loading of its own from zero, and the
+    history as a whole is not known. Clock: from ``step`` if no two cycles share one, else NaN.
+    """
+    cycle = np.empty(data.n, dtype=np.intp)
+    order = np.zeros(data.n, dtype=np.intp)
+    size = load_size(data.wrench)
+    count, known = 0, True
+    for rows in _groups(data, size):
+        ordered = _ranks(data, size, rows)
+        if ordered is None:
+            cycle[rows] = np.arange(count, count + len(rows))
+            count, known = count + len(rows), False
+        else:
+            cycle[rows], order[rows] = count, ordered
+            count += 1
+    return History(cycle, order, _clock(data, cycle), known and data.n > 0)
+
+
+def history_of_part(
+    data: Measurements, part: Callable[[Measurements], Measurements], history: History | None = None
+) -> History:
+    """History of the readings that ``part`` keeps of a table, at their places in the whole of it.
+
+    In a table of their own another clock would start, and other readings would be the first under load. ``history``
+    of all readings, by default what the table says.
+    """
+    rows = part(replace(data, row_numbers=tuple(range(data.n)))).row_numbers
+    return (history or history_of(data)).take(np.array(rows, dtype=np.intp))
+
+
+def _groups(data: Measurements, size: Array) -> list[Indices]:
+    """Rows of each cycle, in order of first appearance."""
+    unit = np.round(data.wrench / np.maximum(size, 1e-300)[:, None], SAME) + 0.0
+    point = np.round(np.nan_to_num(data.point, nan=1e9), 9) + 0.0
+    by_step = np.isfinite(data.step)
+    groups: dict[object, list[int]] = {}
+    for i in range(data.n):
+        way = tuple(unit[i].tolist())
+        if by_step[i]:
+            # One direction stands for a line: the first component that is not zero is positive.
+            first = next((v for v in way if v != 0.0), 1.0)
+            way = tuple(v * np.sign(first) + 0.0 for v in way)
+        groups.setdefault((data.pose[i], data.repeat[i], way, tuple(point[i].tolist())), []).append(i)
+    return [np.array(rows, dtype=np.intp) for rows in groups.values()]
+
+
+def _ranks(data: Measurements, size: Array, rows: Indices) -> Indices | None:
+    """Places (k,) of a cycle's readings in time, from 0, equal at one time; None where that is not known."""
+    step, load = data.step[rows], size[rows]
+    # Opposite loads of one size are different loads, as steps may lead from one to the other.
+    turned = data.wrench[rows] @ data.wrench[rows[0]] < 0.0
+    signed = np.where(turned, -load, load)
+    if np.isfinite(step).all():
+        _, place = np.unique(step, return_inverse=True)
+        if all(np.ptp(signed[place == k]) <= 10.0**-SAME * load.max() for k in range(int(place.max()) + 1)):
+            return place.astype(np.intp)
+    phases = [data.phase[i] for i in rows]
+    if any(phase is None for phase in phases) or turned.any():
+        return None
+    unloading = np.array([phase == "unloading" for phase in phases])
+    keys = np.column_stack([unloading, np.where(unloading, -load, load)])
+    return np.unique(np.round(keys, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
+
+
+def _clock(data: Measurements, cycle: Indices) -> Array:
+    unknown = np.full(data.n, np.nan)
+    if data.n < 2 or not np.isfinite(data.step).all():
+        return unknown
+    pairs = np.unique(np.column_stack([data.step, cycle]), axis=0)
+    span = float(np.ptp(data.step))
+    if span == 0.0 or len(np.unique(pairs[:, 0])) < len(pairs):
+        return unknown
+    return np.asarray((data.step - data.step.min()) / span)
 
 
 def loaded_points(model: ArmModel, data: Measurements) -> Array:
@@ -55,12 +137,32 @@ def select_loads(data: Measurements, loads_N: tuple[float, ...]) -> Measurements
     return data.select(keep)
 
 
-def check_poses(data: Measurements, poses: tuple[str, ...], where: str) -> None:
-    """Raise InputError if a pose label is not in the data."""
+def select_poses(data: Measurements, poses: Sequence[str], where: str) -> Measurements:
+    """Select the readings of some poses (labels); ``where`` names who asks.
+
+    Raises
+    ------
+    InputError
+        A pose label that is not in the data.
+    """
     known = list(dict.fromkeys(data.pose))
     for pose in poses:
         if pose not in known:
             raise InputError(f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}")
+    return data.select(np.isin(np.array(data.pose, dtype=str), poses))
+
+
+def spring_parts(model: ArmModel, data: Measurements) -> tuple[Array, Array]:
+    """What a model makes of every reading, linear in the compliances about the joints' axes.
+
+    Returns
+    -------
+    influence (n, 6, dof) : displacement (m or rad) per unit compliance of each joint, as fem.spring_influence
+    rest (n, 6) : displacement from all else
+    """
+    at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
+    influence, rest = spring_influence(model, at.q, at.wrench, at.point)
+    return np.swapaxes(influence, 1, 2), rest
 
 
 def rms_mm(error: Array, component: Integers) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain, compress
 from typing import Any, TypeVar
@@ -48,12 +48,8 @@ class Measurements:
     def __post_init__(self) -> None:
         if self.q.ndim != 2 or not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all()):
             raise InputError("measurements: q, wrench", allowed="finite numbers, (n, dof) and (n, 6)")
-        widths = {"q": self.q.shape[1:], "wrench": (6,), "displacement": (6,), "point": (3,)}
         own = {item.name: getattr(self, item.name) for item in fields(self)[2:-2]}
-        for name, column in {**self.extra, **own}.items():
-            shape, expected = np.shape(column), (self.n, *widths.get(name, ()))
-            if shape != expected:
-                raise InputError(f"measurements: {name}", value=f"shape {shape}", allowed=f"{expected}")
+        check_columns("measurements", {**self.extra, **own}, self.q, wrench=6, displacement=6, point=3)
 
     @property
     def n(self) -> int:
@@ -83,6 +79,12 @@ class Measurements:
         return rows_of(self.pose)
 
 
+def load_size(wrench: Array) -> Array:
+    """Size of loads (n,) from wrenches (n, 6): of the force, or of the moment where there is no force."""
+    force = np.linalg.norm(wrench[:, :3], axis=1)
+    return np.asarray(np.where(force > 0.0, force, np.linalg.norm(wrench[:, 3:], axis=1)))
+
+
 def rows_of(labels: Sequence[Label]) -> dict[Label, Indices]:
     """Rows of each label, labels in order of first appearance."""
     groups: dict[Label, list[int]] = {}
@@ -95,6 +97,15 @@ def columns_of(table: Any) -> dict[str, Array | tuple[Any, ...]]:
     """The columns of a table in memory, a dataclass: its arrays and tuples, but for its notes."""
     values = {item.name: getattr(table, item.name) for item in fields(table) if item.name != "notes"}
     return {name: value for name, value in values.items() if isinstance(value, np.ndarray | tuple)}
+
+
+def check_columns(what: str, columns: Mapping[str, Array | tuple[Any, ...]], q: Array, **widths: int) -> None:
+    """Raise InputError where a column has another length than ``q`` (n, dof), or another width than its own, if any."""
+    every = {"q": q.shape[1:]} | {name: (width,) for name, width in widths.items()}
+    for name, column in columns.items():
+        shape, expected = np.shape(column), (len(q), *every.get(name, ()))
+        if shape != expected:
+            raise InputError(f"{what}: {name}", value=f"shape {shape}", allowed=f"{expected}")
 
 
 def selected(table: Any, mask: Bools) -> dict[str, object]:

@@ -22,7 +22,7 @@ from doe.tables.checks import (
 )
 from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, RawTable
 from doe.tables.measurements import Measurements
-from robots import InputError, Robot
+from robots import InputError, Robot, require_one_of
 from robots.arrays import Array, Bools
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
@@ -179,6 +179,5 @@ def bundled_data(name: str) -> Path:
         No measurements are bundled for that name.
     """
     files = {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
-    if name not in files:
-        raise InputError("bundled measurements", value=name, allowed=", ".join(files))
+    require_one_of("bundled measurements", name, files)
     return Path(str(resources.files("doe").joinpath("data", files[name])))

@@ -19,9 +19,10 @@ from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
 from robots import InputError
 from robots.arrays import Array
+from robots.frames import unit_vector
 from robots.kept import once_for_each
 from robots.kinematics import as_poses
-from robots.threads import compiled_loops, in_shares
+from robots.threads import compiled_loops, in_shares, plain
 
 # None where numba is not there.
 kernels = partial(compiled_loops, "fem.compiled.kernels")
@@ -131,11 +132,8 @@ def directional_stiffness(
 
 def unit_force(direction: Array | None) -> Array:
     """Wrench (6,) of 1 N along a direction (3,), default -Z; InputError for one that is none."""
-    axis = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
-    norm = np.linalg.norm(axis)
-    if axis.shape != (3,) or not 0.0 < norm < np.inf:
-        raise InputError("load direction", value=axis.tolist(), allowed="three finite numbers, not all zero")
-    return np.concatenate([axis / norm, np.zeros(3)])
+    axis = unit_vector((0.0, 0.0, -1.0) if direction is None else direction, "load direction")
+    return np.concatenate([axis, np.zeros(3)])
 
 
 def _is_compiled(model: ArmModel, q: Array, threads: int | None, *, often: bool) -> bool:
@@ -154,8 +152,8 @@ def _solve(model: ArmModel, q: Array, wrench: Array, point: Array | None, thread
     arm = _plan(model)
 
     def share(rows: slice) -> int:
-        some = _plain(q[rows])
-        at, loads = (_plain(a[rows] if len(a) > 1 else a) for a in (points, wrench))
+        some = plain(q[rows])
+        at, loads = (plain(a[rows] if len(a) > 1 else a) for a in (points, wrench))
         axial, laws = arm.axial_compliance(some), arm.law_compliance(some)
         flat = int(compiled.deflections(arm.figures, some, axial, laws, at, loads, arm.work(), out[rows]))
         return rows.start + flat if flat >= 0 else len(q)
@@ -171,11 +169,6 @@ def _points(model: ArmModel, point: Array | None, n: int) -> Array:
     if point is None or points is None:
         return np.asarray(model.robot.T_flange_tool[None, :3, 3])
     return points[:1] if np.ndim(point) == 1 else points
-
-
-def _plain(a: Array) -> Array:
-    """Contiguous and writable: numba compiles anew for arrays that are not."""
-    return np.require(a, np.float64, ["C", "W"])
 
 
 # Maps ask for one block after the other of the same model, and models are immutable.

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fem.elements.couplings import rigid_motion
 from fem.model import ArmModel
 from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.transfers import FLAT_SINE
@@ -199,13 +200,14 @@ def _loop(model: ArmModel, turned: list[Array], into: list[Array], shift: Array,
     R = into[p.driven + 1]
     pin = R @ p.pin
     bearing = _turned(turned[p.driven + 1], model.joints[p.driven].bearing)
-    Y = np.vstack([np.eye(3), _cross_matrix(pin)])
+    # The wrench at the origin from a force at the pin.
+    Y = rigid_motion(pin[None])[0].T[:, :3]
     at_pin, own = np.zeros((6, 6)), np.zeros((6, 6))
     at_pin[:, :3], own[:3, :3] = bearing @ Y, Y.T @ bearing @ Y
     for link in model.links:
         if "pin" in link.element.interfaces:
             F, tip = link.element.flexibility, R @ link.element.points[1]
-            at_pin[:, :3] += _to_origin(tip).T @ np.kron(np.eye(2), R) @ F[:6, 6:9] @ R.T
+            at_pin[:, :3] += rigid_motion(-tip[None])[0] @ np.kron(np.eye(2), R) @ F[:6, 6:9] @ R.T
             own[:3, :3] += R @ F[6:9, 6:9] @ R.T
     if model.bar.crank is not None:
         own[:3, :3] += R @ model.bar.crank.element.flexibility[:3, :3] @ R.T
@@ -254,18 +256,6 @@ def _about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _cross_matrix(v: Array) -> Array:
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def _to_origin(t: Array) -> Array:
-    """X (6, 6): the wrench at t from that at the origin, same axes."""
-    X = np.eye(6)
-    X[3:, :3] = -_cross_matrix(t)
-    return X
-
-
 def _turned(R: Array, C: Array) -> Array:
     """A compliance (6, 6) in other axes, R from its own to those."""
     both = np.kron(np.eye(2), R)
@@ -274,5 +264,5 @@ def _turned(R: Array, C: Array) -> Array:
 
 def _moved(R: Array, t: Array, C: Array) -> Array:
     """A compliance at t, in its own axes; R turns them to those of t, about whose origin the result is."""
-    X = _to_origin(t)
-    return np.asarray(X.T @ _turned(R, C) @ X)
+    motion = rigid_motion(-t[None])[0]
+    return np.asarray(motion @ _turned(R, C) @ motion.T)

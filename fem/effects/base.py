@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.schema.units import DIMENSIONS, factor
 
@@ -62,10 +62,7 @@ class EffectParameter:
     meaning: str = ""
 
     def __post_init__(self) -> None:
-        if self.dimension not in DIMENSIONS:
-            raise InputError(
-                f"effect parameter {self.name}: dimension", value=self.dimension, allowed=", ".join(DIMENSIONS)
-            )
+        require_one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS)
         try:
             factor(self.dimension, self.unit)
         except ValueError as error:
@@ -146,8 +143,7 @@ class Effect:
     usual: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.stage not in STAGES:
-            raise InputError(f"effect {self.code}: stage", value=self.stage, allowed=", ".join(STAGES))
+        require_one_of(f"effect {self.code}: stage", self.stage, STAGES)
         names = [p.name for p in self.parameters]
         if len(set(names)) < len(names):
             raise InputError(f"effect {self.code}: parameters", value=", ".join(names), allowed="each name once")

@@ -20,7 +20,7 @@ from fem.effects.situation import plain_history
 from fem.effects.structure import link_flexibility, load_path, structure, wrist_coupling
 from fem.model import ArmModel, build_model
 from fem.statics.loads import LoadedPoses
-from robots import InputError, ModelDescription
+from robots import InputError, ModelDescription, require_one_of
 
 # A user's own effects: for a model, the effects that it can have.
 Maker = Callable[[ArmModel], Iterable[Effect]]
@@ -126,8 +126,7 @@ def effect_of(
 ) -> Effect:
     """One effect by its code; raises InputError where the model cannot have it."""
     known = catalogue(model, description, own)
-    if code not in known:
-        raise InputError("effect", value=code, allowed=", ".join(known))
+    require_one_of("effect", code, known)
     return known[code]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robots.arrays import Array
+from robots.arrays import Array, in_blocks
 
 # Elements worked on at a time: their arrays stay in the processor's cache.
 BATCH = 2048
@@ -30,8 +30,7 @@ def corner_motions(axes: Array) -> tuple[Array, Array]:
 def stiffness_from(rows: Callable[[slice], Array], count: int, size: int) -> Array:
     """Stiffness ``S^T S`` (count, size, size) from the weighted strains S (e, s, size) of some elements at a time."""
     K = np.empty((count, size, size))
-    for first in range(0, count, BATCH):
-        part = slice(first, first + BATCH)
+    for part in in_blocks(count, BATCH):
         S = rows(part)
         np.matmul(np.swapaxes(S, 1, 2), S, out=K[part])
     return K

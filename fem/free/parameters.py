@@ -31,7 +31,7 @@ from fem.free.kinds import KINDS, LAW, of_effect
 from fem.model import ArmModel
 from fem.springs import Basis, FourierBasis, LawSpring, PolynomialBasis, TableBasis
 from fem.statics.ports import ROWS
-from robots import InputError, ModelDescription
+from robots import InputError, ModelDescription, require_one_of
 from robots.arrays import Array, Indices
 
 __all__ = [
@@ -99,8 +99,7 @@ def law_parameters(model: ArmModel, joint: str, basis: Basis, spread: float = 1.
     ``spread``: standard deviation of the prior of every coefficient but those of the mean: laws that the data
     do not ask for stay flat. ``row`` as in :class:`FreeLaw`: of a bearing law they are ``JOINT.ROW.law[0]`` onwards.
     """
-    if joint not in model.robot.joint_names:
-        raise InputError("joint of a law", value=joint, allowed=", ".join(model.robot.joint_names))
+    require_one_of("joint of a law", joint, model.robot.joint_names)
     compliance = float(law_compliance(model, FreeLaw(joint, basis, 0, row), np.zeros((1, model.robot.dof)))[0])
     softest, stiffest = SHIFT if row < 3 else TURN
     level = -np.log(compliance) if compliance > 0.0 else np.log(stiffest)

@@ -7,7 +7,6 @@ force as an unknown (so a rigid bar is exact too). Rigid connections are elimina
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise, product
 
@@ -18,7 +17,7 @@ from fem.model import ArmModel, LinkPart
 from fem.reference.chain import Node, Unknowns, build_chain
 from fem.statics.loads import as_points, as_wrenches
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, in_blocks
 from robots.kinematics import as_poses, forward_kinematics, tool_position
 
 # Systems solved at once; measured best among 16 to 1024 (benchmarks/statics/fast_path.py), and 1e5 of them would
@@ -95,7 +94,7 @@ def compliance(model: ArmModel, q: Array, point: Array | None = None, *, condens
     q = as_poses(model.robot, q)
     points = as_points(point, len(q))
     out = np.empty((len(q), 6, 6))
-    for rows in _batches(len(q)):
+    for rows in in_blocks(len(q), CHUNK):
         K, G = assemble(model, q[rows], None if points is None else points[rows], condensed=condensed)
         out[rows] = G @ np.linalg.solve(K, np.swapaxes(G, 1, 2))
     return out
@@ -109,16 +108,11 @@ def deflection(model: ArmModel, q: Array, wrench: Array, point: Array | None = N
     q = as_poses(model.robot, q)
     points, loads = as_points(point, len(q)), as_wrenches(wrench, len(q))
     out = np.empty((len(q), 6))
-    for rows in _batches(len(q)):
+    for rows in in_blocks(len(q), CHUNK):
         K, G = assemble(model, q[rows], None if points is None else points[rows])
         load = np.swapaxes(G, 1, 2) @ loads[rows, :, None]
         out[rows] = (G @ np.linalg.solve(K, load))[:, :, 0]
     return out
-
-
-def _batches(n: int) -> Iterator[slice]:
-    for start in range(0, n, CHUNK):
-        yield slice(start, min(start + CHUNK, n))
 
 
 def assemble(model: ArmModel, q: Array, point: Array | None = None, *, condensed: bool = True) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from fem.model import ArmModel
 from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers, transfers
 from fem.statics.vectors import poses_last
-from robots.arrays import Array
+from robots.arrays import Array, in_blocks
 from robots.kinematics import BodyFrames, as_poses, forward_kinematics, tool_position
 
 # Poses worked on at once: few enough that the intermediate arrays stay in cache. Not a power of two:
@@ -94,7 +94,6 @@ def batches(
 ) -> Iterator[tuple[slice, BodyFrames, Array]]:
     """Batches of poses: their rows, frames, and tool points (base frame)."""
     points = as_points(point, len(q))
-    for start in range(0, len(q), size):
-        rows = slice(start, min(start + size, len(q)))
+    for rows in in_blocks(len(q), size):
         frames = forward_kinematics(model.robot, q[rows])
         yield rows, frames, tool_position(model.robot, frames, None if points is None else points[rows])

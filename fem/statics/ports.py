@@ -20,7 +20,7 @@ from fem.model import ArmModel
 from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import Moved, joint_rows, transfers
 from fem.statics.vectors import poses_last
-from robots import InputError
+from robots import require_one_of
 from robots.arrays import Array, Indices
 from robots.kinematics import as_poses, forward_kinematics, tool_position
 
@@ -117,8 +117,7 @@ def _places(
 
 def port_of(places: dict[str, Port], name: str) -> Port:
     """One port by name; raises InputError if the arm has none of that name."""
-    if name not in places:
-        raise InputError("place of a compliance", value=name, allowed=", ".join(places))
+    require_one_of("place of a compliance", name, places)
     return places[name]
 
 

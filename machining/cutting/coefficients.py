@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 
 NAMES: Final = ("K_tc", "K_te", "K_rc", "K_re", "K_ac", "K_ae")
@@ -90,6 +90,5 @@ def published(name: str) -> CuttingCoefficients:
     InputError
         No such set.
     """
-    if name not in PUBLISHED:
-        raise InputError("cutting coefficients", value=name, allowed=", ".join(PUBLISHED))
+    require_one_of("cutting coefficients", name, PUBLISHED)
     return PUBLISHED[name]

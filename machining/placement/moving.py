@@ -24,7 +24,7 @@ from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.inverse.solutions import why_no_closed_form
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 # Knots, and the most that an axis moves from one to the next (share of its range); the next where one leads nowhere.
 TRIALS = ((40, 0.15), (80, 0.05), (120, 0.02))
@@ -121,8 +121,7 @@ def _once(
     turn = 0.5 * (problem.gamma.upper - problem.gamma.lower) / ANGLES if isinstance(problem.gamma, GammaRange) else 0.0
 
     def said(done: int) -> None:
-        if progress is not None:
-            progress(done, 2 * PASSES)
+        report_progress(progress, done, 2 * PASSES)
 
     for done in range(PASSES):
         said(done)

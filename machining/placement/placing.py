@@ -17,7 +17,7 @@ from machining.placement.steps import Cut, check_cuts, find_steps
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 from robots.progress import Progress
 
@@ -51,8 +51,7 @@ class How:
     course: bool = False
 
     def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise InputError("mode of the placement", value=self.mode, allowed=", ".join(MODES))
+        require_one_of("mode of the placement", self.mode, MODES)
         if self.steps < 2:
             raise InputError("steps of the base", value=self.steps, allowed="2 or more", remedy="or mode fixed")
         if not (np.isfinite(self.cost) and self.cost >= 0.0):

@@ -20,7 +20,7 @@ from machining.posture.points import GammaRange
 from machining.stiffness.criterion import N_PER_MM, Criterion
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Bools, Integers
 
 Aim = Literal["ksf", "mean", "worst", "error"]
@@ -56,8 +56,7 @@ class Goal:
     by_length: bool = False
 
     def __post_init__(self) -> None:
-        if self.aim not in AIMS:
-            raise InputError("aim of the placement", value=self.aim, allowed=", ".join(AIMS))
+        require_one_of("aim of the placement", self.aim, AIMS)
 
     @property
     def minimised(self) -> bool:

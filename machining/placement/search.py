@@ -30,7 +30,7 @@ from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 # Points of the path that positions are compared on: on the coarse grid, and while refining.
 COARSE_ROWS, FINE_ROWS = 24, 60
@@ -182,8 +182,7 @@ def find_fixed(problem: Problem, surveyed: Survey | None = None, progress: Progr
     ]
     basins = sorted(late, key=lambda look: look.rank, reverse=True) + basins[(BASINS + 1) // 2 :]
     found = _driven(looker, basins)
-    if progress is not None:
-        progress(looker.total, looker.total)
+    report_progress(progress, looker.total, looker.total)
     return found
 
 

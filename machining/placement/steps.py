@@ -19,7 +19,7 @@ from machining.placement.sweeping import Sites, check_reached, in_the_way, sweep
 from machining.posture.courses import summed
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 # Points of the path that the programme runs over, and positions of its grid by the number of coordinates.
 ROWS = 120
@@ -226,8 +226,7 @@ def _solved(
     share, n, worst = problem.share_of(rows), problem.path.n, problem.goal.aim == "worst"
     checked: set[int] = set()
     for trial in range(TRIALS):
-        if progress is not None:
-            progress(min(trial, 9), 10)
+        report_progress(progress, min(trial, 9), 10)
 
         def by(slope: float) -> list[Pieces | None]:
             gain = problem.goal.gains(value, n, slope) * (1.0 if worst else share)

@@ -24,7 +24,7 @@ from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 # Knots at first; enough that a smooth surface's gamma is found, few enough for a second's search.
 KNOTS = 300
@@ -77,8 +77,7 @@ def optimise_long_path(
         chosen = np.union1d(chosen, _ends(free))
     rate = _first_rate(chosen, drive.gamma_step, gammas.cell)
     for trial in range(TRIALS):
-        if progress is not None:
-            progress(trial, TRIALS)
+        report_progress(progress, trial, TRIALS)
         try:
             found, error = search.course(chosen, rate)
         except InputError:
@@ -88,8 +87,7 @@ def optimise_long_path(
             rate = np.full(task.path.n - 1, drive.gamma_step)
             continue
         if isinstance(error, Course):
-            if progress is not None:
-                progress(TRIALS, TRIALS)
+            report_progress(progress, TRIALS, TRIALS)
             return LongCourse(error, chosen)
         more = _tighter(chosen, rate, found.gamma, error.points, gammas.cell)
         if (len(more) == len(chosen) == task.path.n) or trial == TRIALS - 1:

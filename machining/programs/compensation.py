@@ -33,7 +33,7 @@ ALONG_AXIS = 0.999
 
 @dataclass(frozen=True, eq=False)
 class Compensated:
-    """A compensated program beside the ``nominal`` one.
+    """A compensated program.
 
     ``error``: the deflection that is compensated, at the path's points, with its uncertainty; ``deflection`` (n, 3) m
     at all moves, part axes; ``moved`` (n, 3) m: what was taken off the path; ``capped`` (n,) moves at which the cap was
@@ -41,7 +41,6 @@ class Compensated:
     """
 
     posted: Posted
-    nominal: Posted
     error: SurfaceError
     deflection: Array
     moved: Array
@@ -90,19 +89,19 @@ def compensate(
     if not (np.isfinite(cap) and cap > 0.0):
         raise InputError("cap of the compensation", value=cap, allowed="more than 0 m")
     wanted = nominal.program.motions.points
-    task, kept, place = nominal.task()
+    task, (kept, place) = nominal.state.task, nominal.state.places
     acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
     posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
     change = np.inf
     for rounds in range(1, ROUNDS + 1):
-        here = posted.task()[0] if rounds > 1 else task
+        here = posted.state.task
         q = posted.program.q[kept]
         deflection = (cutting_deflection(model, here, q, acting.found.force, tool) @ task.T_base_part[:3, :3])[place]
         change = float(np.abs(deflection - last).max(initial=0.0))
         length = np.linalg.norm(deflection, axis=1)
         if change < AT_REST:
             error = surface_error(model, here, q, acting, stiffness=stiffness, tool=tool)
-            return Compensated(posted, nominal, error, deflection, moved, length > cap, rounds)
+            return Compensated(posted, error, deflection, moved, length > cap, rounds)
         last = deflection
         moved = deflection * np.minimum(1.0, cap / np.maximum(length, 1e-30))[:, None]
         posted = repost(model, posted, wanted - moved)

@@ -20,7 +20,7 @@ from machining.programs.job import Kind, external_count
 from machining.programs.neutral import SCHEMA
 from machining.programs.program import JointProgram
 from machining.programs.write_options import NAME_KEYS, WriteOptions
-from robots import InputError, Robot
+from robots import InputError, Robot, require_one_of
 from robots.files.reading import parse_json, parse_toml, read_text
 from robots.files.validated import tuples, validated
 
@@ -36,8 +36,7 @@ NEUTRAL: dict[str, Neutral] = {f".{f.name}": f for f in FORMATS.values() if isin
 
 def format_of(name: str, kind: str) -> Format:
     """The format of a name. Raises InputError for an unknown name, or a kind that it does not write."""
-    if name not in FORMATS:
-        raise InputError("format of programs", value=name, allowed=", ".join(FORMATS))
+    require_one_of("format of programs", name, FORMATS)
     FORMATS[name].check_kind(kind)
     return FORMATS[name]
 

@@ -21,13 +21,12 @@ from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course, course_at
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.refining import PostState, pieces_for, places, refined, source_line, task_of, tool_frames
+from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective
-from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array
 from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
@@ -76,21 +75,15 @@ class PostSettings:
 class Posted:
     """A program and how it was made.
 
-    ``settings``: with the direction that gamma counts from; ``course``: the postures at all moves; ``bend`` (n,) m: how
-    far each move of the joint program leaves the straight line half-way.
+    ``state``: the path that was followed, its task, and which moves lead to which of its points; ``course``: the
+    postures at all moves; ``bend`` (n,) m: how far each move of the joint program leaves the straight line half-way.
     """
 
     program: JointProgram
     settings: PostSettings
+    state: PostState
     course: Course
     bend: Array
-
-    def task(self) -> tuple[Task, Integers, Integers]:
-        """The path as a task, the moves (k,) that lead to its points, and the point (n,) of each move."""
-        p = self.program
-        state = PostState(p.motions, p.travel, p.inserted, p.gamma)
-        task, place = task_of(p.cell, state, self.settings.table, self.settings.reference)
-        return task, places(p.motions)[0], place
 
 
 def post(
@@ -110,7 +103,6 @@ def post(
     """
     settings = settings or PostSettings()
     _one_tool(motions)
-    settings = _with_reference(motions, settings)
     travel = _travel(cell, settings, motions.n)
     split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
@@ -119,9 +111,12 @@ def post(
     chosen = isinstance(given, GammaRange) or np.ndim(given) == 0
     gamma = None if chosen else _at_each_move("gamma", np.asarray(given, dtype=np.float64), (n,))
     near = None if settings.near is None else _at_each_move("postures", settings.near, (n, model.robot.dof))
-    state = refined(PostState(motions, travel, np.zeros(n, dtype=np.bool_), gamma, near), pieces)
+    inserted = np.zeros(n, dtype=np.bool_)
+    state = PostState(cell, motions, travel, settings.table, settings.reference, inserted, gamma, near)
+    # Once for all: points put in later could make it another direction.
+    state = replace(state, reference=state.task.reference).refined(pieces)
     for _ in range(ROUNDS):
-        posted = _posted(model, cell, state, settings, progress)
+        posted = _posted(model, state, settings, progress)
         progress = None
         state = replace(state, gamma=posted.course.gamma)
         may = np.ones(state.motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~state.motions.rapid
@@ -130,7 +125,7 @@ def post(
         if not coarse.any():
             return posted
         more = np.where(coarse, np.ceil(np.sqrt(1.1 * bend / settings.tolerance)), 1.0).astype(np.int64)
-        state = refined(state, np.minimum(more, 64))
+        state = state.refined(np.minimum(more, 64))
     worst = int(np.argmax(np.where(may, bend, 0.0)))
     raise InputError(
         f"line {int(state.motions.line[worst])}: joint motion leaves the straight line",
@@ -148,10 +143,10 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     InputError
         Shape, or a moved path that cannot be driven.
     """
-    program, cell, settings = posted.program, posted.program.cell, posted.settings
+    program = posted.program
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
-    state = PostState(motions, program.travel, program.inserted, program.gamma, program.q)
-    return _posted(model, cell, state, settings, None)
+    state = replace(posted.state, motions=motions, gamma=program.gamma, near=program.q)
+    return _posted(model, state, posted.settings, None)
 
 
 def _at_each_move(what: str, values: Array, shape: tuple[int, ...]) -> Array:
@@ -159,16 +154,6 @@ def _at_each_move(what: str, values: Array, shape: tuple[int, ...]) -> Array:
     if values.shape != shape or not np.isfinite(values).all():
         raise InputError(f"{what} at each move", value=f"shape {values.shape}", allowed=f"finite {shape} rad")
     return values
-
-
-def _with_reference(motions: Motions, settings: PostSettings) -> PostSettings:
-    """The direction that gamma counts from, once for all: points put in later could make it another one."""
-    if settings.reference is not None:
-        return settings
-    n = motions.n
-    distinct = np.arange(n, dtype=np.float64)[:, None] * np.array([1.0, 0.0, 0.0])
-    path = ToolPath(distinct, motions.axes, motions.axes, np.full(n, np.nan))
-    return replace(settings, reference=Task(path, np.eye(4), np.eye(4)).reference)
 
 
 def _one_tool(motions: Motions) -> None:
@@ -204,40 +189,32 @@ def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
     return rows
 
 
-def _posted(
-    model: fem.ArmModel, cell: Cell, state: PostState, settings: PostSettings, progress: Progress | None
-) -> Posted:
+def _posted(model: fem.ArmModel, state: PostState, settings: PostSettings, progress: Progress | None) -> Posted:
     """The program of moves. Raises PathError, with the line, where they cannot be driven."""
     try:
-        course = _course(model, cell, state, settings, progress)
+        course = _course(model, state, settings, progress)
     except PathError as error:
-        raise error.at(error.point, f"line {source_line(state, error.point)}") from None
+        first = state.places[0][error.point]
+        raise error.at(error.point, f"line {int(state.motions.line[first])}") from None
     program = JointProgram(
         robot=model.robot,
-        cell=cell,
+        cell=state.cell,
         motions=state.motions,
-        T_part_tool=tool_frames(cell, state, settings.table, settings.reference, course.gamma),
+        T_part_tool=state.tool_frames(course.gamma),
         q=course.q,
         travel=state.travel,
-        table=np.full(state.motions.n, settings.table),
+        table=np.full(state.motions.n, state.table),
         gamma=course.gamma,
         branch=course.branch,
         names=course.names,
         inserted=state.inserted,
     )
-    return Posted(program, settings, course, _bend(program))
+    return Posted(program, settings, state, course, _bend(program))
 
 
-def _course(
-    model: fem.ArmModel,
-    cell: Cell,
-    state: PostState,
-    settings: PostSettings,
-    progress: Progress | None,
-) -> Course:
+def _course(model: fem.ArmModel, state: PostState, settings: PostSettings, progress: Progress | None) -> Course:
     """Postures at every move; points that repeat the one before share its posture."""
-    task, place = task_of(cell, state, settings.table, settings.reference)
-    first = places(state.motions)[0]
+    task, (first, place) = state.task, state.places
     free = np.asarray(state.motions.rapid[first][1:]) if settings.rapid == "joint" else None
     drive, clear = settings.drive, settings.clearance
     if clear is not None:

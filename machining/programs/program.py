@@ -74,10 +74,6 @@ class JointProgram:
         """Tool frames (n, 4, 4) in the part frame that the joint coordinates give, by forward kinematics."""
         return tool_in_part(self.robot, self.cell, self.q, self.travel, self.table)
 
-    def deviation(self) -> tuple[Array, Array]:
-        """Distance (n,) m of the tip and angle (n,) rad of the tool frame from joint to Cartesian coordinates."""
-        return frame_distance(self.reached(), self.T_part_tool)
-
 
 def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array) -> Array:
     """Tool frames (n, 4, 4) in the part frame at joint angles q (n, dof) rad, travels (n, k) m and table (n,) rad."""

@@ -6,6 +6,7 @@ Points are put in so that straight joint motion stays on straight tool motion.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,65 +19,66 @@ from robots.arrays import Array, Bools, Integers
 
 @dataclass(frozen=True, eq=False)
 class PostState:
-    """Moves with points put in, their travels (n, k), gamma (n,) once it is chosen, and postures (n, dof) wanted."""
+    """Moves of a cell with points put in, and where its axes stand.
 
+    ``travel`` (n, k) m of the linear axes, ``table`` rad; ``reference`` (3,) as in :class:`machining.Task`;
+    ``inserted`` (n,); ``gamma`` (n,) rad once it is chosen; ``near`` (n, dof) rad, postures wanted.
+    """
+
+    cell: Cell
     motions: Motions
     travel: Array
+    table: float
+    reference: Array | None
     inserted: Bools
     gamma: Array | None
     near: Array | None = None
 
+    @cached_property
+    def places(self) -> tuple[Integers, Integers]:
+        """Moves (k,) that lead elsewhere, and the path point (n,) that each move leads to."""
+        motions = self.motions
+        still = np.zeros(motions.n, dtype=np.bool_)
+        still[1:] = (np.linalg.norm(np.diff(motions.points, axis=0), axis=1) < REPEATED) & (
+            np.linalg.norm(np.diff(motions.axes, axis=0), axis=1) < REPEATED
+        )
+        return np.flatnonzero(~still), np.cumsum(~still) - 1
 
-def refined(state: PostState, pieces: Integers) -> PostState:
-    """Split move i into ``pieces[i]`` equal ones; travel and gamma go evenly."""
-    motions, inserted, move, share = subdivided(state.motions, pieces)
-    before = np.maximum(move - 1, 0)
+    @cached_property
+    def task(self) -> Task:
+        """The path as a task of the robot."""
+        motions, (kept, _) = self.motions, self.places
+        # Linear axes shift the part against the base; they do not turn it.
+        T = self.cell.T_base_part(self.travel[kept], np.full(len(kept), self.table))
+        path = ToolPath(motions.points[kept], motions.axes[kept], motions.axes[kept], motions.feed[kept])
+        shift = T[:, :3, 3] - T[0, :3, 3]
+        return Task(path, self.cell.tool.T_flange_tool, T[0], self.reference, shift if shift.any() else None)
 
-    def between(values: Array) -> Array:
-        share_ = share if values.ndim == 1 else share[:, None]
-        return np.asarray(values[before] + share_ * (values[move] - values[before]))
+    def tool_frames(self, gamma: Array) -> Array:
+        """Tool frames (n, 4, 4) in the part frame at gamma (n,) rad."""
+        kept, place = self.places
+        in_part = Task(self.task.path, self.task.T_flange_tool, np.eye(4), self.task.reference)
+        T = in_part.tool_frames(gamma[kept][:, None])[place, 0]
+        T[:, :3, 3] = self.motions.points
+        return np.asarray(T)
 
-    gamma = None if state.gamma is None else between(np.unwrap(state.gamma))
-    near = None if state.near is None else between(state.near)
-    return PostState(motions, between(state.travel), inserted | state.inserted[move], gamma, near)
+    def refined(self, pieces: Integers) -> PostState:
+        """Split move i into ``pieces[i]`` equal ones; travel, gamma and postures go evenly."""
+        motions, inserted, move, share = subdivided(self.motions, pieces)
+        before = np.maximum(move - 1, 0)
 
+        def between(values: Array) -> Array:
+            share_ = share if values.ndim == 1 else share[:, None]
+            return np.asarray(values[before] + share_ * (values[move] - values[before]))
 
-def places(motions: Motions) -> tuple[Integers, Integers]:
-    """Moves (k,) that lead elsewhere, and the path point (n,) that each move leads to."""
-    still = np.zeros(motions.n, dtype=np.bool_)
-    still[1:] = (np.linalg.norm(np.diff(motions.points, axis=0), axis=1) < REPEATED) & (
-        np.linalg.norm(np.diff(motions.axes, axis=0), axis=1) < REPEATED
-    )
-    return np.flatnonzero(~still), np.cumsum(~still) - 1
-
-
-def task_of(cell: Cell, state: PostState, table: float, reference: Array | None) -> tuple[Task, Integers]:
-    """The path as a task of the robot, and the path point (n,) of each move."""
-    motions = state.motions
-    kept, place = places(motions)
-    # Linear axes shift the part against the base; they do not turn it.
-    T = cell.T_base_part(state.travel[kept], np.full(len(kept), table))
-    path = ToolPath(motions.points[kept], motions.axes[kept], motions.axes[kept], motions.feed[kept])
-    shift = T[:, :3, 3] - T[0, :3, 3]
-    task = Task(path, cell.tool.T_flange_tool, T[0], reference, shift if shift.any() else None)
-    return task, place
-
-
-def source_line(state: PostState, point: int) -> int:
-    """Source line of a path point."""
-    _, place = places(state.motions)
-    return int(state.motions.line[np.searchsorted(place, point)])
-
-
-def tool_frames(cell: Cell, state: PostState, table: float, reference: Array | None, gamma: Array) -> Array:
-    """Tool frames (n, 4, 4) in the part frame."""
-    motions = state.motions
-    task, place = task_of(cell, state, table, reference)
-    first = places(motions)[0]
-    in_part = Task(task.path, cell.tool.T_flange_tool, np.eye(4), task.reference)
-    T = in_part.tool_frames(gamma[first][:, None])[place, 0]
-    T[:, :3, 3] = motions.points
-    return np.asarray(T)
+        return replace(
+            self,
+            motions=motions,
+            travel=between(self.travel),
+            inserted=inserted | self.inserted[move],
+            gamma=None if self.gamma is None else between(np.unwrap(self.gamma)),
+            near=None if self.near is None else between(self.near),
+        )
 
 
 def subdivided(motions: Motions, pieces: Integers) -> tuple[Motions, Bools, Integers, Array]:

@@ -62,10 +62,10 @@ class PostRequest:
 
 @dataclass(frozen=True, eq=False)
 class PostRun:
-    """What came of it; ``written`` and ``trips`` by target; ``flexible``: whether the model has any stiffness.
+    """What came of it; ``written`` and ``trips`` by target.
 
-    ``stiffness``: how uncertain the arm is; ``drawn``: what the course was judged by at some of its moves (``judged``),
-    for arms drawn from that; both None where nothing gives way.
+    ``stiffness``: how uncertain the arm is; ``drawn``: what the course was judged by at some of its moves, for arms
+    drawn from that; both None where nothing gives way.
     """
 
     request: PostRequest
@@ -74,7 +74,6 @@ class PostRun:
     compensated: Compensated | None
     written: dict[Target, Written] = field(default_factory=dict)
     trips: dict[Target, RoundTrip] = field(default_factory=dict)
-    flexible: bool = True
     stiffness: StiffnessUncertainty | None = None
     drawn: Drawn | None = None
 
@@ -109,7 +108,7 @@ def run_post(
     program = (posted if found is None else found.posted).program
     stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
     drawn = None if stiffness is None else _drawn(model, posted, stiffness)
-    run = PostRun(request, model, posted, found, flexible=flexible, stiffness=stiffness, drawn=drawn)
+    run = PostRun(request, model, posted, found, stiffness=stiffness, drawn=drawn)
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
         texts = _save(written, target, place_of)
@@ -128,7 +127,7 @@ def run_post(
 
 def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty) -> Drawn:
     """The objective at moves spread evenly along the program, its worst one among them."""
-    task, kept, _ = posted.task()
+    task, (kept, _) = posted.state.task, posted.state.places
     objective, value = posted.settings.objective, posted.course.value[kept]
     worst = int(np.argmin(objective.sign * value))
     rows = np.union1d(np.linspace(0, len(kept) - 1, min(JUDGED, len(kept))).astype(np.int64), [worst])

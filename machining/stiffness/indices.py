@@ -22,7 +22,7 @@ import fem
 from machining.inputs import as_compliances, as_units, as_vectors
 from machining.stiffness.cartesian import inverse
 from machining.stiffness.ellipsoid import ellipsoid_radius, reciprocal, stiffness_ellipsoid
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 
 Change = Literal[
@@ -253,8 +253,7 @@ def evaluate(name: str, C_tt: ArrayLike, normal: ArrayLike | None = None, force:
     InputError
         No such index, or the normal or force that it needs is missing; else as the index's own function.
     """
-    if name not in INDICES:
-        raise InputError("stiffness index", value=name, allowed=", ".join(INDICES))
+    require_one_of("stiffness index", name, INDICES)
     index, C = INDICES[name], as_compliances(C_tt)
     given = {"normal": normal, "force": force}
     for need in index.uses:

@@ -13,7 +13,7 @@ from machining.inputs import as_vectors
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.task import Task
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 
 DISPLACEMENTS = ("displacement", "normal displacement")
@@ -38,8 +38,7 @@ class Objective:
     aim: Literal["mean", "worst"] = "mean"
 
     def __post_init__(self) -> None:
-        if self.quantity not in (*INDICES, *DISPLACEMENTS):
-            raise InputError("objective", value=self.quantity, allowed=", ".join((*INDICES, *DISPLACEMENTS)))
+        require_one_of("objective", self.quantity, (*INDICES, *DISPLACEMENTS))
         if self.aim not in ("mean", "worst"):
             raise InputError("aim of the objective", value=self.aim, allowed="mean, worst")
         if self.force is None and (self.minimised or "force" in INDICES[self.quantity].uses):

@@ -119,9 +119,7 @@ class Courses:
         Straight moves start Newton's method from the joints moved evenly, so they stay on the branch of the two
         ends. Where it does not converge the joints moved evenly are given.
         """
-        before = np.maximum(move - 1, 0)
-        a, b = self.points[before], self.points[move]
-        values = a + share[:, None] * (b - a)
+        values = self.even(move, share)
         followed = np.ones(len(move), dtype=np.bool_)
         rows = np.flatnonzero(self.straight[move] & (share > 0.0) & (share < 1.0))
         if len(rows):
@@ -129,9 +127,13 @@ class Courses:
             q, met = refine(self.program.robot, values[rows, : self.axes.dof], targets)
             values[rows[met], : self.axes.dof] = q[met]
             followed[rows] = met
-        # The last digit of a + 1 (b - a) is not that of b.
-        values[share == 1.0] = b[share == 1.0]
         return values, followed
+
+    def even(self, move: Integers, share: Array) -> Array:
+        """Coordinates (m, a) after ``share`` (m,), 0 to 1, of moves (m,) if all axes move evenly."""
+        a, b = self.points[np.maximum(move - 1, 0)], self.points[move]
+        # The last digit of a + 1 (b - a) is not that of b.
+        return np.where(share[:, None] == 1.0, b, a + share[:, None] * (b - a))
 
     def sampled(self, moves: Integers, pieces: int = PIECES) -> tuple[Array, Bools]:
         """Coordinates (m, pieces + 1, a) of moves at even shares from 0 to 1, and whether they could be followed."""

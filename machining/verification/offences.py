@@ -267,22 +267,23 @@ def _looked_at(courses: Courses) -> Iterator[tuple[int, float, Array]]:
             yield int(straight[row]), piece / PIECES, values[row, piece]
 
 
+def _bounded(courses: Courses, values: Array) -> list[tuple[str, Array, float, float, str]]:
+    """What has limits at coordinates (m, a): name, values (m,), least, most, unit; axes first, then couplings."""
+    axes = courses.axes
+    out = [(axes.names[i], values[:, i], axes.lower[i], axes.upper[i], axes.unit(i)) for i in range(axes.count)]
+    for c in courses.program.robot.couplings:
+        out.append((c.name, c.offset + values[:, : axes.dof] @ c.factors, c.lower, c.upper, "rad"))
+    return out
+
+
 def _beyond(courses: Courses, values: Array) -> Array:
     """How far (m,) coordinates (m, a) are beyond the worst limit, less the tolerance; rad or m."""
-    axes = courses.axes
-    out = np.maximum(axes.lower - values, values - axes.upper).max(axis=1)
-    for c in courses.program.robot.couplings:
-        v = c.offset + values[:, : axes.dof] @ c.factors
-        out = np.maximum(out, np.maximum(c.lower - v, v - c.upper))
-    return np.asarray(out - LIMIT_TOLERANCE)
+    beyond = [np.maximum(lower - v, v - upper) for _, v, lower, upper, _ in _bounded(courses, values)]
+    return np.asarray(np.max(beyond, axis=0) - LIMIT_TOLERANCE)
 
 
 def _limits(reported: Reported, move: int, at: float, values: Array) -> Iterator[Offence]:
-    axes = reported.courses.axes
-    checked = [(axes.names[i], values[i], axes.lower[i], axes.upper[i], axes.unit(i)) for i in range(axes.count)]
-    for c in reported.courses.program.robot.couplings:
-        checked.append((c.name, c.offset + float(c.factors @ values[: axes.dof]), c.lower, c.upper, "rad"))
-    for name, value, lower, upper, unit in checked:
+    for name, (value,), lower, upper, unit in _bounded(reported.courses, values[None]):
         if value < lower - LIMIT_TOLERANCE or value > upper + LIMIT_TOLERANCE:
             limit = lower if value < lower else upper
             yield reported.offence(Kind.LIMIT, move, at, value, limit, unit, axis=name)

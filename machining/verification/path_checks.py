@@ -54,7 +54,7 @@ def path_checks(courses: Courses, demands: Demands) -> PathChecks:
     """Look at all moves; interior figures come from even samples, eight pieces a move."""
     program = courses.program
     n, dof = program.n, courses.axes.dof
-    point, point_turn = program.deviation()
+    point, point_turn = frame_distance(courses.reached, program.T_part_tool)
     line, line_turn, run_line = (np.full(n, np.nan) for _ in range(3))
     singular = singular_distance(program.robot, program.q)
     singular_at = np.ones(n)
@@ -97,11 +97,7 @@ def _off_the_line(courses: Courses, moves: Integers, *, even: bool) -> tuple[Arr
     wanted = courses.program.T_part_tool
     share = np.linspace(0.0, 1.0, PIECES + 1)[1:-1]
     move, s = np.repeat(moves, len(share)), np.tile(share, len(moves))
-    if even:
-        values = courses.points[move - 1] + s[:, None] * (courses.points[move] - courses.points[move - 1])
-    else:
-        values, _ = courses.at(move, s)
-    frames = courses.frames(values)
+    frames = courses.frames(courses.even(move, s) if even else courses.at(move, s)[0])
     start, way = wanted[move - 1, :3, 3], wanted[move, :3, 3] - wanted[move - 1, :3, 3]
     length = np.einsum("ni,ni->n", way, way)
     r = frames[:, :3, 3] - start

@@ -18,7 +18,7 @@ from machining.cell.scene import Pair
 from machining.verification.courses import Courses, MovingAxes
 from robots import forward_kinematics
 from robots.arrays import Array, Bools, Integers
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 
 # Added to distances from axes, m: they are differences of squares.
 ROUNDING = 1e-6
@@ -216,8 +216,7 @@ def sweep(
     bound = motion_bound(scene, courses.axes)
     for start in range(0, len(wanted), CHUNK):
         _sweep_some(courses, bound, wanted[start : start + CHUNK], resolution, found)
-        if progress is not None:
-            progress(min(start + CHUNK, len(wanted)), len(wanted))
+        report_progress(progress, min(start + CHUNK, len(wanted)), len(wanted))
     found.proven = np.minimum(found.proven, found.distance)
     return found
 

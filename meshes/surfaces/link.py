@@ -15,7 +15,7 @@ from meshes.surfaces.checks import SurfaceFault, census
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring
 from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 
 REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
@@ -138,8 +138,7 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
     for what, value in sizes.items():
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(what, value=value, allowed="greater than 0")
-    if settings.repair not in REPAIRS:
-        raise InputError("repair", value=settings.repair, allowed=", ".join(REPAIRS))
+    require_one_of("repair", settings.repair, REPAIRS)
     if not interfaces:
         raise InputError("no interface points", remedy="name one point or more, the root first")
     for name, one in interfaces.items():

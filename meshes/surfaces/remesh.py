@@ -15,7 +15,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from meshes.shell_mesh import sides
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools, Integers, in_blocks
 
 # Has no type hints.
 _triangles: Any = trimesh.triangles
@@ -333,10 +333,10 @@ class NearestOn:
         # Contours have edges of no length, where they pass through a grid point.
         squared = np.maximum((way**2).sum(axis=1), 1e-300)
         found = np.empty_like(points)
-        for i in range(0, len(points), 256):  # keeps the table of points and segments small
-            p = points[i : i + 256, None]
+        for some in in_blocks(len(points), 256):  # keeps the table of points and segments small
+            p = points[some, None]
             share = np.clip(((p - start) * way).sum(axis=2) / squared, 0.0, 1.0)
-            found[i : i + 256] = _nearest_of(p[:, 0], start + share[..., None] * way)
+            found[some] = _nearest_of(p[:, 0], start + share[..., None] * way)
         far = np.linalg.norm(found - points, axis=1) > 0.5 * self._size
         found[far] = self.nearest(points[far])
         return found

@@ -23,7 +23,7 @@ from scipy.spatial import KDTree
 
 from meshes.surfaces.checks import SECOND_BODY, SurfaceFault
 from meshes.surfaces.distance_grid import Grid, bodies, contour, distance, enclosed, grid_around, sample, signed_volume
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 from robots.files.written import tidied_by
 
@@ -69,8 +69,7 @@ class Wrap:
 
 def check_method(method: str) -> None:
     """Raise InputError where there is no such way to wrap, or its package is missing."""
-    if method not in METHODS:
-        raise InputError("wrap method", value=method, allowed=", ".join(METHODS))
+    require_one_of("wrap method", method, METHODS)
     if method == "alpha" and importlib.util.find_spec("pymeshlab") is None:
         raise InputError(
             "alpha wrap needs the package pymeshlab (GPL-3.0)",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, in_blocks
 from robots.inverse.branches import Reason
 from robots.inverse.spherical_wrist import SphericalWristArm
 from robots.inverse.wrist import BOUNDARY, FORK, SINGULAR, root, solve_wrist
@@ -60,8 +60,7 @@ def closed_form(arm: SphericalWristArm, T_base_flange: Array, near: Array) -> Cl
     q = np.empty((2, 2, 2, 6, n))
     reason = np.zeros((2, 2, 2, n), dtype=np.int8)
     singular = np.zeros((2, 2, 2, 3, n), dtype=np.bool_)
-    for start in range(0, n, CHUNK):
-        part = slice(start, start + CHUNK)
+    for part in in_blocks(n, CHUNK):
         T = np.ascontiguousarray(np.moveaxis(T_base_flange[part], 0, -1))
         _solve(arm, T, near[part].T, q[..., part], reason[..., part], singular[..., part])
     return ClosedForm.of(q.reshape(8, 6, n), reason.reshape(8, n), singular.reshape(8, 3, n))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robots import InputError
+from robots import require_one_of
 from robots.arrays import Array
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
@@ -39,8 +39,7 @@ class Indices(Shown):
 
     def __getitem__(self, name: str) -> Array:
         """An index (n,) by its name, in SI: N/m or a pure number."""
-        if name not in self.found.values:
-            raise InputError("index", value=name, allowed=", ".join(self.found.values))
+        require_one_of("index", name, self.found.values)
         return self.found.values[name]
 
     def plot(self, file: str | Path | None = None) -> Picture:

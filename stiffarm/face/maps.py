@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 from stiffarm.face.arms import DOWN, Arm, Picture
 from stiffarm.face.calls import called
@@ -64,8 +64,7 @@ class Map(Shown):
 
     def __getitem__(self, name: str) -> Array:
         """A quantity (n,) by its name, NaN where there is no pose."""
-        if name not in self.data.fields:
-            raise InputError("quantity", value=name, allowed=", ".join(self.data.fields))
+        require_one_of("quantity", name, self.data.fields)
         return np.asarray(self.data.fields[name].values)
 
     def save(self, file: str | Path) -> Path:

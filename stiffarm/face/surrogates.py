@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import require_one_of
 from stiffarm.face.arms import DOWN, Arm
 from stiffarm.face.calls import called, in_order
 from stiffarm.face.shown import Shown, frame
@@ -155,8 +155,7 @@ def fit(
 
     names = default_inputs(arm.model) if inputs is None else tuple(inputs)
     for name in names:
-        if name not in arm.coordinates:
-            raise InputError("inputs", value=name, allowed=", ".join(arm.coordinates))
+        require_one_of("inputs", name, arm.coordinates)
     along = tuple(float(v) for v in np.array(direction, dtype=np.float64) / np.linalg.norm(direction))
     rng = np.random.default_rng(seed)
     with called():

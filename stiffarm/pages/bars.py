@@ -82,13 +82,11 @@ def bars_figure(
             ax.axhline(value, color=INK, linewidth=1.2, linestyle=style, label=name)
         named_columns(ax, labels)
         if log:
-            ax.set_yscale("log")
-            ax.set_ylim(0.5 * known.min(), 2.0 * known.max())
+            ax.set(yscale="log", ylim=(0.5 * known.min(), 2.0 * known.max()))
             log_ticks(ax.yaxis, lambda v: f"{v:g}")
         else:
             ax.set_ylim(0.0, 1.14 * max([top, *(lines or {}).values()]))
-        ax.set_xlabel(below)
-        ax.set_ylabel(what + "\n↑ leaves the axis" * bool((known > top).any()))
+        ax.set(xlabel=below, ylabel=what + "\n↑ leaves the axis" * bool((known > top).any()))
         above(ax, ax.get_legend_handles_labels()[0], 4)
     return figure
 
@@ -102,12 +100,16 @@ def _value(ax: Axes, x: float, height: float, top: float, bars: int, digits: str
     note(ax, text, (x, end), (0, 2), va="bottom", rotation=90 if bars > _BARS_UPRIGHT else 0)
 
 
-def part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, str]:
-    """Joints in their colours of the other figures; structure in greys that get lighter along the chain."""
+def part_colours(parts: Sequence[str], kinds: Sequence[PartKind], apart: Sequence[str] = ()) -> dict[str, str]:
+    """Joints in their colours of the other figures, a joint's bearing paler; structure in colours of its own.
+
+    These are ``apart``, in turn; without any, greys that get lighter along the chain.
+    """
     structure = [name for name, kind in zip(parts, kinds, strict=True) if kind != "joint"]
     dark, light = (np.array(to_rgb(grey)) for grey in _GREYS)
     steps = np.linspace(0.0, 1.0, max(len(structure), 2))
-    out = {name: to_hex(tuple(dark + t * (light - dark))) for name, t in zip(structure, steps, strict=False)}
+    own = apart or [to_hex(tuple(dark + t * (light - dark))) for t in steps]
+    out = {name: own[i % len(own)] for i, name in enumerate(structure)}
     joints = [name for name, kind in zip(parts, kinds, strict=True) if kind == "joint"]
     for position, name in enumerate(joints):
         colour = joint_colour(name.split(" ")[0], position)
@@ -143,8 +145,7 @@ def share_bands(ax: Axes, edges: Array, share: Array, parts: Sequence[str], kind
     for at, (middle, name) in zip(_apart([m for m, _ in right], 4.6), right, strict=True):
         ax.plot([end, end + 0.035 * span], [middle, at], color="#777777", linewidth=0.7, clip_on=False)
         ax.annotate(name, (end + 0.045 * span, at), va="center", size=9.5, annotation_clip=False)
-    ax.set_xlim(edges[0], end)
-    ax.set_ylim(0.0, 100.0)
+    ax.set(xlim=(edges[0], end), ylim=(0.0, 100.0))
     ax.grid(visible=False)
 
 

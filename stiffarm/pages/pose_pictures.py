@@ -11,7 +11,7 @@ import numpy as np
 from robots import ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from stiffarm.pages import style
 from stiffarm.pages.robot_drawing import draw_robot
 from stiffarm.pages.scenes import Scene, Window, z_buffer_image
@@ -40,8 +40,7 @@ def pose_pictures(
     out = []
     for scene, arrow in zip(scenes, arrows, strict=True):
         out.append(_drawn(scene, arrow, extent))
-        if progress is not None:
-            progress(len(out), len(scenes))
+        report_progress(progress, len(out), len(scenes))
     return out
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -18,11 +18,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.written import written_whole
 
@@ -116,8 +117,7 @@ def new_figure(
     figure, and its axes row by row
     """
     if isinstance(size, str):
-        if size not in SIZES_IN:
-            raise InputError("figure size", value=size, allowed=", ".join(SIZES_IN))
+        require_one_of("figure size", size, SIZES_IN)
         size = SIZES_IN[size]
     with house_style():
         figure = Figure(figsize=size, dpi=DPI, layout="constrained" if rows > 0 else None)
@@ -221,19 +221,37 @@ def _log_ticks(low: float, high: float, *, exact: bool) -> Array:
     return np.array([low, *inner, high])
 
 
-def colour_bar(figure: Figure, colours: Colormap, norm: Normalize, ticks: Array, values: Array, label: str) -> None:
-    """Draw the colour bar of a picture at its right; ends that cut values off say so ("≥ 700")."""
-    cut = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
-    extend: Any = {(True, False): "min", (False, True): "max", (True, True): "both"}.get(cut, "neither")
-    axes = figure.add_axes((0.872, 0.20, 0.022, 0.56))
-    bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, extend=extend, ticks=ticks)
-    labels = [f"{t:.6g}" for t in ticks]
-    labels[0] = "≤ " * cut[0] + labels[0]
-    labels[-1] = "≥ " * cut[1] + labels[-1]
+Extend = Literal["neither", "min", "max", "both"]
+
+
+def ends_cut(values: Array, ticks: Array) -> Extend:
+    """Which ends of a scale, from the first tick to the last, cut values (n,) off."""
+    below, above = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
+    if below:
+        return "both" if above else "min"
+    return "max" if above else "neither"
+
+
+def colour_bar(
+    figure: Figure, colours: Colormap, norm: Normalize, ticks: Array, extend: Extend, place: Mapping[str, Any]
+) -> Colorbar:
+    """A colour bar without a label; ends that cut values off say so ("≥ 700"). ``place``: ``cax``, or ``ax`` and more.
+
+    Beside a picture in the picture plane it stands at :func:`beside_picture`.
+    """
+    bar = figure.colorbar(ScalarMappable(norm, colours), extend=extend, ticks=ticks, **place)
+    labels = [f"{t:.6g}".replace("-", "−") for t in ticks]
+    labels[0] = "≤ " * (extend in ("min", "both")) + labels[0]
+    labels[-1] = "≥ " * (extend in ("max", "both")) + labels[-1]
     bar.ax.minorticks_off()
     bar.ax.set_yticklabels(labels)
     bar.outline.set_linewidth(0.6)
-    bar.set_label(label + ", log scale" * isinstance(norm, LogNorm), size=11, labelpad=10)
+    return bar
+
+
+def beside_picture(figure: Figure) -> Axes:
+    """Axes at the right of a picture, for a colour bar."""
+    return figure.add_axes((0.872, 0.20, 0.022, 0.56))
 
 
 def box_ticks(points: Array) -> list[Array]:

@@ -6,16 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe import (
-    Equations,
-    Measurements,
-    PoseEffects,
-    bundled_data,
-    equations,
-    factorial_poses,
-    sensitivity_study,
-)
+from doe import Measurements, PoseEffects, bundled_data, factorial_poses, sensitivity_study
 from doe.estimation.study_plan import Factorial
+from doe.tables.loaded import select_poses, spring_parts
 from fem import ArmModel, LinkKind, directional_stiffness
 from fem.arm import Arm
 from robots import InputError
@@ -43,24 +36,24 @@ class RigidJoints:
         return self.measured_mm / self.simulated_mm
 
 
-def readings_with_rigid_joints(given: Arm, data: Measurements) -> Equations:
-    """The readings as equations of the arm with rigid joints: ``rest`` is what links, bar and crank alone give."""
-    return equations(given.model.with_rigid_joints(), data)
+def links_alone(given: Arm, data: Measurements) -> Array:
+    """Displacements (n, 6), m and rad, that links, bar and crank alone give, the joints rigid."""
+    return spring_parts(given.model.with_rigid_joints(), data)[1]
 
 
 def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
     """Simulate the vertical readings with rigid joints, to see how much the links alone give."""
-    system = readings_with_rigid_joints(given, data)
-    system = system.take(system.component == 2)
-    if not len(system):
+    data = data.select(data.used[:, 2])
+    if not data.n:
         raise InputError(
             f"{data.source}: no vertical deflection was read",
             allowed="readings in the column dz_mm",
             remedy="`stiffarm calibrate --scheme global` takes readings in any direction",
         )
     if poses is not None:
-        system = system.of_poses(poses)
-    return RigidJoints(given.model.link_kind, system.pose, system.value * 1e3, system.rest * 1e3)
+        data = select_poses(data, poses, "rigid joints")
+    both = data.displacement[:, 2] * 1e3, links_alone(given, data)[:, 2] * 1e3
+    return RigidJoints(given.model.link_kind, data.pose, *both)
 
 
 def sensitivity(
@@ -72,8 +65,7 @@ def sensitivity(
     high: float,
 ) -> list[PoseEffects]:
     """Two-level factorial of the springs at the poses."""
-    system = equations(given.model, data).of_poses(poses)
-    return sensitivity_study(system, joints, given.robot.joint_names, low, high)
+    return sensitivity_study(given.model, select_poses(data, poses, "sensitivities"), joints, low, high)
 
 
 def bundled_sha256(robot: str) -> str | None:
@@ -86,8 +78,7 @@ def bundled_sha256(robot: str) -> str | None:
 
 def springs_seen(given: Arm, data: Measurements) -> tuple[str, ...]:
     """Joints whose spring at least one reading moves with."""
-    system = equations(given.model, data)
-    size = np.abs(system.influence).max(axis=0)
+    size = np.abs(spring_parts(given.model, data)[0][data.used]).max(axis=0)
     return tuple(n for n, s in zip(given.robot.joint_names, size, strict=True) if s > 1e-9 * size.max())
 
 

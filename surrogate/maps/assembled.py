@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.arrays import Array, Integers
-from robots.progress import Progress
+from robots.arrays import Array, Integers, in_blocks
+from robots.progress import Progress, report_progress
 from surrogate.maps.blocks import Engine
 from surrogate.maps.columns import row_blocks
 from surrogate.maps.data import Field, MapData
@@ -22,11 +22,10 @@ def computed_map(
     engine: Engine, metadata: Mapping[str, str] | None = None, progress: Progress | None = None
 ) -> MapData:
     """The map of an engine, worked out here and now and held in memory. Errors as :meth:`Engine.block`."""
-    blocks, n, size = [], engine.grid.n, engine.points_a_block
-    for start in range(0, n, size):
-        blocks.append(engine.block(slice(start, min(start + size, n))))
-        if progress is not None:
-            progress(min(start + size, n), n)
+    blocks, n = [], engine.grid.n
+    for rows in in_blocks(n, engine.points_a_block):
+        blocks.append(engine.block(rows))
+        report_progress(progress, rows.stop, n)
     return map_data(engine, {name: np.concatenate([b[name] for b in blocks]) for name in engine.columns}, metadata)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import forward_kinematics, tool_position
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from surrogate.maps.candidates import Arm
 from surrogate.maps.data import Layout
 from surrogate.maps.layouts import points_of, poses_of
@@ -96,5 +96,4 @@ def run_blocks(engine: Engine, store: MapStore, progress: Progress | None = None
     """Evaluate the blocks that a store lacks, one after the other. Errors as :meth:`Engine.block`."""
     for number in store.missing():
         store.write(number, engine.block(store.rows(number)))
-        if progress is not None:
-            progress(store.points_done, store.n)
+        report_progress(progress, store.points_done, store.n)

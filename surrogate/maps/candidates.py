@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robots import Robot, forward_kinematics, inverse_kinematics
-from robots.arrays import Array, Bools, Indices
+from robots.arrays import Array, Bools, Indices, in_blocks
 from robots.frames import framed
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.orientation import tool_rotations
@@ -154,7 +154,7 @@ def best_of_sample(
     )
     near, lost = np.flatnonzero(within_length(arm, points)), list[tuple[Indices, Array]]()
     size = max(1, TARGETS // r)
-    for rows in (near[i : i + size] for i in range(0, len(near), size)):
+    for rows in (near[part] for part in in_blocks(len(near), size)):
         k = len(rows)
         q, merit, sure = arm.poses(np.repeat(points[rows], r, axis=0), np.tile(R, (k, 1, 1)), generator, sign)
         b = merit.shape[1]
@@ -198,9 +198,8 @@ def _rescue(arm: Arm, points: Array, sign: float, rows: Indices, q: Array, out: 
     At the rim of reach few orientations are left, and a sample meets none of them.
     """
     at, start = np.nonzero(np.isfinite(q).all(axis=2))
-    size = max(1, TARGETS // 4)
-    for i in range(0, len(at), size):
-        which, column = at[i : i + size], start[i : i + size]
+    for part in in_blocks(len(at), TARGETS // 4):
+        which, column = at[part], start[part]
         found, merit = arm.brought(q[which, column], points[rows[which]], sign, FAR_CORRECTIONS)
         kept = merit > -np.inf
         place = rows[which[kept]], column[kept]

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import InputError
-from robots.progress import Progress
+from robots.lazily import optional
+from robots.progress import Progress, report_progress
 from surrogate.maps.store import MapStore
 
 Answer = Mapping[str, Any]
@@ -48,7 +49,7 @@ def run_on(address: str, work: Work, request: str, store: MapStore, progress: Pr
         Dask is missing, nobody answers at the address, there are no workers, or a worker refuses the request (another
         version, another model) or cannot do it.
     """
-    distributed = _library()
+    distributed = optional("distributed", "maps on a cluster", "dask")
     client = _client(distributed, address)
     try:
         _workers(client, address)
@@ -84,8 +85,7 @@ def _run(distributed: Any, client: Any, work: Work, request: str, store: MapStor
                     continue
                 store.write(number, _arrays(future, number))
                 future.release()
-                if progress is not None:
-                    progress(store.points_done, store.n)
+                report_progress(progress, store.points_done, store.n)
             if time.monotonic() - seen > PATIENCE_s:
                 raise InputError(
                     "Dask cluster",
@@ -156,13 +156,3 @@ def _workers(client: Any, address: str) -> None:
                 remedy=f"start some: `dask worker {address}` where stiffarm is installed",
             )
         time.sleep(0.2)
-
-
-def _library() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise InputError(
-            "maps on a cluster need the package distributed", remedy="pip install 'stiffarm[dask]'"
-        ) from None
-    return distributed

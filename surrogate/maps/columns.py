@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.arrays import Array
+from robots.arrays import Array, in_blocks
 from robots.constants import M_TO_MM
 from robots.errors import InputError
 from surrogate.maps.data import Field, MapData
@@ -46,9 +46,7 @@ class Column:
 
 def row_blocks(n: int, rows: int | None = None) -> Iterator[slice]:
     """Consecutive slices that cover 0 to n, of ``rows`` (by default ROWS_A_BLOCK) each."""
-    rows = rows or ROWS_A_BLOCK
-    for start in range(0, n, rows):
-        yield slice(start, min(start + rows, n))
+    return in_blocks(n, rows or ROWS_A_BLOCK)
 
 
 def map_columns(data: MapData) -> tuple[Column, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots import InputError, Robot, forward_kinematics, tool_position
+from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
 from robots.arrays import Array
 from surrogate.maps.data import Axis, Layout
 
@@ -107,8 +107,7 @@ def slice_layout(
     InputError
         No such plane, or values that do not ascend in even steps.
     """
-    if plane not in PLANES:
-        raise InputError("plane of a slice", value=plane, allowed=", ".join(PLANES))
+    require_one_of("plane of a slice", plane, PLANES)
     slow, fast, third = PLANES[plane]
     axes = (Axis(slow, "mm", _even(slow, up_mm)), Axis(fast, "mm", _even(fast, across_mm)))
     return _checked(Layout("slice", axes, held={third: float(_finite(third, [at_mm])[0])}, frame=frame))

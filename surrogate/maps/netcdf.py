@@ -8,7 +8,6 @@ the plane of a slice) are auxiliary coordinates. Source: CF conventions 1.11, se
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from robots.constants import M_TO_MM
-from robots.errors import InputError
+from robots.lazily import optional
 from surrogate.maps.columns import (
     NO_CATEGORY,
     REACHED_ARRAY,
@@ -57,7 +56,8 @@ def write_netcdf(data: MapData, path: Path, *, single: bool = False) -> None:
         h5netcdf or h5py is not installed, an array name is used twice, or the file cannot be written (see
         ``whole_file``).
     """
-    library = _library()
+    optional("h5py", "netCDF files", "netcdf")
+    library = optional("h5netcdf", "netCDF files", "netcdf")
     axes = [_axis_name(axis) for axis in data.layout.axes]
     points = {name: i for i, name in enumerate(("x_mm", "y_mm", "z_mm")) if name not in axes}
     columns: dict[str, Column] = {}
@@ -78,16 +78,6 @@ def write_netcdf(data: MapData, path: Path, *, single: bool = False) -> None:
                 _fill(variables, data, columns, points)
         except RuntimeError as error:  # how HDF5 reports most failures, a full disk on closing among them
             raise OSError(str(error)) from error
-
-
-def _library() -> Any:
-    try:
-        importlib.import_module("h5py")
-        return importlib.import_module("h5netcdf")
-    except ImportError as error:
-        raise InputError(
-            f"netCDF needs a package that is not installed ({error.name})", remedy="pip install 'stiffarm[netcdf]'"
-        ) from error
 
 
 def _define(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from robots.arrays import Array
-from surrogate.scope import unit_vector
+from robots.frames import unit_vector
 
 # Cosine between reference direction and tool axis above which the next base axis is taken.
 NEAR = 0.966

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
 from robots.arrays import Array
+from robots.frames import unit_vector
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.candidates import (
     Arm,
@@ -29,7 +30,6 @@ from surrogate.maps.candidates import (
 )
 from surrogate.maps.orientation import spread_rotations, tool_rotations
 from surrogate.maps.self_motion import NEARLY_THERE, THERE, brought_back
-from surrogate.scope import unit_vector
 
 # Orientations nearer to each other than this many spacings of the sample lie on one peak, but not beyond WIDEST rad.
 APART = 2.0

@@ -17,9 +17,9 @@ from fem.statics.budget import whole_joints
 from robots import InputError, singularity_distance
 from robots.arrays import Array
 from robots.constants import N_PER_M_TO_N_PER_MM
+from robots.frames import unit_vector
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import middle_pose
-from surrogate.scope import unit_vector
 
 # Share of a pose's whole compliance below which that along the load is rounding.
 RIGID = 1e-14

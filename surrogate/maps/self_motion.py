@@ -17,7 +17,7 @@ from robots import Robot
 from robots.arrays import Array, Bools
 from robots.inverse.axis_lines import axis_lines
 from robots.kinematics import forward_kinematics, tool_position
-from robots.threads import compiled_loops
+from robots.threads import compiled_loops, plain
 from surrogate.maps.orientation import pattern
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def self_motions(robot: Robot, q: Array, point: Array, hold_last: bool = False) 
     compiled, free = loops(), robot.dof - hold_last
     if compiled is not None and free > 3:
         out = np.empty((len(q), free - 3, robot.dof))
-        compiled.self_motions(_limbs(compiled, robot, point, hold_last), _plain(q), out)
+        compiled.self_motions(_limbs(compiled, robot, point, hold_last), plain(q), out)
         return out
     _, J = _tip_and_jacobian(robot, q, point)
     _, _, Vt = np.linalg.svd(J[:, :, :free])
@@ -131,14 +131,9 @@ def brought_back(
     else:
         q, found = np.array(q, dtype=np.float64), np.zeros(len(q))
         arm = _limbs(compiled, robot, point, hold_last)
-        compiled.brought_back(arm, q, _plain(target), corrections, near, DAMPING, LONGEST, found)
+        compiled.brought_back(arm, q, plain(target), corrections, near, DAMPING, LONGEST, found)
         there = found > 0.0
     return q, there & robot.reachable(q)
-
-
-def _plain(a: Array) -> Array:
-    """Contiguous and writable: numba compiles anew for arrays that are not."""
-    return np.require(a, np.float64, ["C", "W"])
 
 
 def _limbs(compiled: ModuleType, robot: Robot, point: Array, hold_last: bool) -> Limbs:
@@ -153,11 +148,11 @@ def _limbs(compiled: ModuleType, robot: Robot, point: Array, hold_last: bool) ->
     ends = np.array([(c.offset, c.lower, c.upper) for c in robot.couplings], dtype=np.float64)
     limbs: Limbs = compiled.Limbs(
         chain=chain,
-        sign=_plain(robot.sign),
-        offset=_plain(robot.offset),
-        low=_plain(low),
-        high=_plain(high),
-        factors=_plain(np.array([c.factors for c in robot.couplings]).reshape(-1, robot.dof)),
+        sign=plain(robot.sign),
+        offset=plain(robot.offset),
+        low=plain(low),
+        high=plain(high),
+        factors=plain(np.array([c.factors for c in robot.couplings]).reshape(-1, robot.dof)),
         ends=ends.reshape(-1, 3),
         free=robot.dof - hold_last,
         length=axis_lines(robot).length,

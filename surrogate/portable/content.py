@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from robots.arrays import Array, Integers
-from robots.errors import InputError
+from robots.errors import InputError, require_one_of
 from robots.robot import LIMIT_TOLERANCE_RAD
 from surrogate.expansion import Expansion
 from surrogate.model import Factor
@@ -76,8 +76,7 @@ class Portable(Scope):
     def __post_init__(self) -> None:
         super().__post_init__()
         k = len(self.inputs)
-        if self.link not in LINKS:
-            raise InputError("portable surrogate: link", value=self.link, allowed=", ".join(LINKS))
+        require_one_of("portable surrogate: link", self.link, LINKS)
         if any(part.n_inputs != k for part in self.sums):
             raise InputError("portable surrogate: expansions", allowed=f"functions of the {k} inputs")
         if (self.link in ROWS) != (self.factor is not None):

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.arrays import Array
-from robots.errors import InputError
 from robots.files.written import write_whole
+from robots.lazily import optional
 from surrogate.expansion import TURN, Expansion, Family
 from surrogate.portable.content import SCHEMA, Portable, Status, content_hash
 from surrogate.portable.words import identifier, provenance, with_unit
@@ -35,7 +35,7 @@ def onnx_model(portable: Portable) -> ModelProto:
     InputError
         The package onnx is missing.
     """
-    onnx = _onnx()
+    onnx = optional("onnx", "ONNX files", "onnx")
     graph = _Graph(onnx)
     p = portable
     y = _link(graph, p)
@@ -211,16 +211,3 @@ def _status(graph: _Graph, p: Portable, y: str) -> str:
 
 def _bound(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _onnx() -> Any:
-    try:
-        import onnx
-        import onnx.checker
-        import onnx.helper
-        import onnx.numpy_helper
-    except ImportError as error:
-        raise InputError(
-            f"ONNX files need the package onnx ({error})", remedy="install it: pip install 'stiffarm[onnx]'"
-        ) from error
-    return onnx

@@ -12,8 +12,7 @@ import numpy as np
 from doe import Measurements
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import problem
-from doe.tables.load_history import history_of
-from doe.tables.loaded import simulate
+from doe.tables.loaded import history_of, simulate
 from fem.arm import Arm
 from fem.effects import LOAD_PATH, PlacedEffect, build_plain, catalogue, described_effects, with_effects
 from fem.elements.walls import wall_flexibilities

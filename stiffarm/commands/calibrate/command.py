@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from doe.tables.load_history import history_of
+from doe.tables.loaded import history_of
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables

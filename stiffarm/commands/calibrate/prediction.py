@@ -11,8 +11,7 @@ from doe import Measurements
 from doe.calibration.run import Calibration, run_campaign, undetermined
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import Problem, problem
-from doe.tables.load_history import history_of
-from doe.tables.loaded import rms_mm
+from doe.tables.loaded import history_of, rms_mm
 from fem import ArmModel
 from fem.effects import History, Maker, PlacedEffect
 from robots import InputError, ModelDescription

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from doe import equations
 from doe.certainty.identifiability import correlations
 from doe.certainty.lack_of_fit import outliers
 from doe.estimation.estimate import prior_residual, step_sizes
+from doe.tables.loaded import spring_parts
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.figures.identifiability import determination_figure, intervals_figure
 from stiffarm.commands.calibrate.figures.laws import laws_figure
@@ -112,7 +112,7 @@ def _held(c: Calibrated) -> list[str]:
     """Joint springs that were not set free in any stage, and whether readings would have moved with them."""
     free = {e.parameter.place for s in c.found.stages for e in s.certainty.estimates
             if e.parameter.kind.of_law or e.parameter.spring_of is not None}  # fmt: skip
-    influence = np.abs(equations(c.found.model, c.data).influence).max(axis=0)
+    influence = np.abs(spring_parts(c.found.model, c.data)[0][c.data.used]).max(axis=0)
     out = []
     for what, mine in (
         ("no reading moves with them", influence <= _BLIND * influence.max()),

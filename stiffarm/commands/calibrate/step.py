@@ -24,8 +24,7 @@ from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
 from doe.tables.checks import refuse_seen
 from doe.tables.joined import files_of
-from doe.tables.load_history import history_of_part
-from doe.tables.loaded import points_of, rms_mm
+from doe.tables.loaded import history_of_part, points_of, rms_mm
 from fem import ArmModel
 from fem.arm import Arm
 from fem.effects import build_plain

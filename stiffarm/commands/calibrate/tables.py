@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from doe.certainty.lack_of_fit import outliers
-from doe.published.equations import COMPONENTS
 from doe.published.parametric import PoseFit
+from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import rms_mm
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout

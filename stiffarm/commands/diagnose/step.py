@@ -13,14 +13,13 @@ from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.next_readings import NextReadings, propose
-from doe.diagnosis.outset import setting_of
 from doe.diagnosis.scatter import SETUP, NoisePrior
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
 from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
-from doe.tables.load_history import history_of, history_of_part
+from doe.tables.loaded import history_of, history_of_part
 from fem.arm import Arm
 from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
 from robots import InputError

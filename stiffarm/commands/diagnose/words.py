@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from doe.diagnosis.diagnose import Found, Verdict
-from doe.diagnosis.hypotheses import NONE, UNKNOWN
+from doe.diagnosis.diagnose import Found
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
@@ -22,7 +22,7 @@ LARGE = 0.15
 HALF = 0.5
 NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
-NEXT: dict[Verdict, str] = {
+NEXT: dict[Kind, str] = {
     "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
     "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "

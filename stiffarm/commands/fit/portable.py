@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
@@ -28,8 +28,7 @@ def parse_formats(text: str | None) -> tuple[str, ...]:
     """
     names = () if text is None else tuple(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
-        if name not in FORMATS:
-            raise InputError("--format", value=name, allowed=", ".join(FORMATS), remedy="separate them by commas")
+        require_one_of("--format", name, FORMATS, remedy="separate them by commas")
     # Before the fit, which takes a while.
     if "onnx" in names and importlib.util.find_spec("onnx") is None:
         raise InputError("--format onnx: the package onnx is missing", remedy="pip install 'stiffarm[onnx]'")

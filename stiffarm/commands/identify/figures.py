@@ -51,8 +51,7 @@ def loops_figure(found: Identified, made_up: str = "") -> Figure:
                     top = np.flatnonzero(mine & data.is_loading)
                     rows_ = np.append(rows_, top[np.argmax(torque[top])])
                 ax.plot(torque[rows_], turn[rows_], marker + "-", color=colour, linewidth=1.2, markersize=5, label=word)
-            ax.set_xlabel("torque about the gear axis (N m)")
-            ax.set_ylabel("twist (µrad)")
+            ax.set(xlabel="torque about the gear axis (N m)", ylabel="twist (µrad)")
             ax.set_title(name, loc="left", weight="bold")
         axes[0].legend(loc="upper left")
     return figure
@@ -99,8 +98,7 @@ def _law_panel(ax: Axes, d: Direction) -> None:
             if np.isfinite(low[0]):
                 words += f"\nat least {low[0] / 1e6:.3g}"
         ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", size=9, color="#666666")
-        ax.set_xticks([])
-        ax.set_yticks([])
+        ax.set(xticks=[], yticks=[])
         return
     angle = np.linspace(d.angle.min(), d.angle.max(), 61) if len(d.angle) > 1 else d.angle
     k, low, high = (v / 1e6 for v in d.stiffness(angle))
@@ -158,8 +156,7 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
             if row not in handles:
                 bar.set_label(_WORDS[row])
                 handles[row] = bar
-    ax.set_xlim(-0.6, len(found.names) - 0.4)
-    ax.set_ylim(bottom, top)
+    ax.set(xlim=(-0.6, len(found.names) - 0.4), ylim=(bottom, top))
     log_ticks(ax.yaxis, lambda v: f"{v:g}")
     return list(handles.values())
 
@@ -201,8 +198,7 @@ def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
         bar.outline.set_linewidth(0.6)
         ax.set_aspect("equal")
         ax.grid(visible=False)
-        ax.set_xlabel("X (mm)")
-        ax.set_ylabel("Z (mm)")
+        ax.set(xlabel="X (mm)", ylabel="Z (mm)")
         words = {"base": "flange axes as the base's", "forward": "flange forward", "down": "flange down"}
         ax.set_title(f"plane Y = 0, {words[w.orientation]}, elbow {w.elbow}", loc="left", size=9.5)
     return figure

@@ -55,13 +55,12 @@ class Request:
 class HeldOut:
     """Directional stiffness (n,) N/m at flange deflections that nothing was identified from.
 
-    ``measured``; ``predicted`` with ``low`` and ``high``; ``labels``, ``force_N`` (n,) and ``way`` (n, 3) flange axes.
+    ``measured``; ``predicted`` with ``low`` and ``high``; ``labels`` and ``force_N`` (n,).
     """
 
     source: str
     labels: tuple[str, ...]
     force_N: Array  # noqa: N815 - the unit's letter
-    way: Array
     measured: Array
     predicted: Array
     low: Array
@@ -176,16 +175,16 @@ def _why_no_flange(given: Arm, found: Identified, q: Array) -> str:
 
 def _rigid_way(given: Arm, found: Identified, q: Array) -> str:
     """What is rigid at the flange, where readings left every stiffness that a force loads without a number."""
-    moved = np.einsum("nkjr,njr->nk", loads_in(given.model, q, np.eye(3)) ** 2, compliances_of(found)(q))
-    ways = [f"flange {axis}" for axis, least in zip("XYZ", moved.min(axis=0), strict=True) if not least > 0.0]
+    stiffest = stiffness_with(given.model, found.compliances(q)[0], q, or_rigid=True).max(axis=0)
+    ways = [f"flange {axis}" for axis, most in zip("XYZ", stiffest, strict=True) if np.isinf(most)]
     return f"nothing is said of the flange, for nothing identified gives way along {', '.join(ways)}" if ways else ""
 
 
 def _at_flange(given: Arm, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:
     model, six = given.model, compliances_of(found)
     same, refitted, effective = usual_models(model, six, poses=POSES, rng=rng)
-    reference = stiffness_with(model, six, q)
-    of_file = errors_of(stiffness_with(model, lambda p: constant_compliances(found, p), q), reference)
+    reference = stiffness_with(model, six(q), q)
+    of_file = errors_of(stiffness_with(model, constant_compliances(found, q), q), reference)
     p = predict(model, found, q)
     spread = np.median((p.high - p.low) / (2.0 * p.value), axis=0)
     return AtFlange(same, refitted, effective, of_file, np.asarray(spread))
@@ -219,13 +218,5 @@ def _held_out(given: Arm, found: Identified, data: Measurements) -> HeldOut:
     way = np.einsum("nji,nj->ni", R, F[rows]) / size[rows, None]
     parts = [predict(given.model, found, data.q[i : i + 1], way[k : k + 1]) for k, i in enumerate(rows)]
     value, low, high = (np.array([getattr(p, name)[0, 0] for p in parts]) for name in ("value", "low", "high"))
-    return HeldOut(
-        data.source,
-        tuple(data.pose[i] for i in rows),
-        size[rows],
-        way,
-        size[rows] / np.abs(along[rows]),
-        value,
-        low,
-        high,
-    )
+    labels = tuple(data.pose[i] for i in rows)
+    return HeldOut(data.source, labels, size[rows], size[rows] / np.abs(along[rows]), value, low, high)

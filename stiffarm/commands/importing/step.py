@@ -16,9 +16,9 @@ from meshes.surfaces.bodies import BodySurface, body_surface, link_interfaces, s
 from meshes.surfaces.link import ImportedLink, prepare_link
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings, Repair
-from robots import InputError, InputErrors, ModelDescription, Robot
+from robots import InputError, InputErrors, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
-from robots.progress import Progress
+from robots.progress import Progress, report_progress
 from robots.robot import robot_from
 from robots.schema.description import Link, Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
@@ -104,8 +104,7 @@ def material_of(
     InputError
         Unknown name, or figures out of range.
     """
-    if name not in MATERIALS:
-        raise InputError("--material", value=name, allowed=", ".join(MATERIALS), remedy="choose the nearest of them")
+    require_one_of("--material", name, MATERIALS, remedy="choose the nearest of them")
     given = (youngs_modulus_GPa, poissons_ratio, density)
     limits = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
     for (option, low, high), value in zip(limits, given, strict=True):
@@ -149,8 +148,7 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     jobs, rigid = _sorted_out(robot, names, surfaces, options)
     parts: list[ImportedPart] = []
     for i, body in enumerate(jobs):
-        if progress is not None:
-            progress(i, len(jobs))
+        report_progress(progress, i, len(jobs))
         try:
             parts.append(_part(robot, body, names[body], surfaces, urdf.masses.get(body), options))
         except InputError as error:

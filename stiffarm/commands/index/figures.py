@@ -74,7 +74,9 @@ def _cut(ax: Axes, C: Array, plane: tuple[str, str], normal: Array, top: float) 
         ax.annotate("", tip, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0})
     ax.plot(0.0, 0.0, "+", color=INK, markersize=7)
     ax.set_aspect("equal", adjustable="box")
-    ax.set_xlim(-1.08 * top, 1.08 * top)
-    ax.set_ylim(-1.08 * top, 1.08 * top)
-    ax.set_xlabel(f"{plane[0].upper()}, N/mm")
-    ax.set_ylabel(f"{plane[1].upper()}, N/mm")
+    ax.set(
+        xlim=(-1.08 * top, 1.08 * top),
+        ylim=(-1.08 * top, 1.08 * top),
+        xlabel=f"{plane[0].upper()}, N/mm",
+        ylabel=f"{plane[1].upper()}, N/mm",
+    )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fem.arm import Arm
-from robots.arrays import Array
+from robots.arrays import Array, in_blocks
 from robots.files.csv_text import write_rows
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps import netcdf, vtk_stream
@@ -96,8 +96,7 @@ def write_table(data: MapData, path: Path) -> None:
     columns = ["x_mm", "y_mm", "z_mm", *data.coordinates, *data.fields]
     with path.open("w", encoding="utf-8", newline="") as file:
         write_rows(file, [columns], "\r\n")
-        for start in range(0, data.layout.n, ROWS):
-            rows = slice(start, start + ROWS)
+        for rows in in_blocks(data.layout.n, ROWS):
             numbers = [1e3 * np.asarray(data.points[rows]), np.degrees(np.asarray(data.q[rows]))]
             cells = [_cells(column) for block in numbers for column in block.T]
             cells += [_cells(np.asarray(f.values[rows]), f.categories) for f in data.fields.values()]

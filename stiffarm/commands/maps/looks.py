@@ -9,7 +9,6 @@ from typing import Any, Final, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import (
     BoundaryNorm,
     Colormap,
@@ -24,7 +23,7 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, colour_scale
+from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, Extend, colour_bar, colour_scale, ends_cut
 from surrogate.maps.data import Field
 
 Kind = Literal["stiff", "soft", "error", "other", "angle", "category"]
@@ -72,7 +71,7 @@ class Look:
     colours: Colormap
     norm: Normalize
     ticks: Array
-    extend: Literal["neither", "min", "max", "both"] = "neither"
+    extend: Extend = "neither"
     names: tuple[tuple[int, str, str], ...] = ()
     rest: tuple[int, ...] = ()
 
@@ -144,10 +143,8 @@ def look_of(name: str, field: Field) -> Look:
         norm, ticks = Normalize(low, high), np.array([low, float(values.mean()), high])
     else:
         norm, ticks = colour_scale(values, None)
-    cut = bool((values < ticks[0]).any()), bool((values > ticks[-1]).any())
-    extend: Any = {(True, False): "min", (False, True): "max", (True, True): "both"}.get(cut, "neither")
     unit = _PLAIN_UNITS.get(field.unit, field.unit)
-    return Look(name, field.label, unit, kind, COLOURS[kind], norm, ticks, extend)
+    return Look(name, field.label, unit, kind, COLOURS[kind], norm, ticks, ends_cut(values, ticks))
 
 
 def _categories(name: str, field: Field, values: Array) -> Look:
@@ -178,13 +175,7 @@ def category_patches(look: Look) -> list[Patch]:
 def look_bar(figure: Figure, look: Look, *, axes: Any = None, cax: Axes | None = None, levels: Any = ()) -> None:
     """Colour bar of a quantity with its unit; ends that cut values off say so; ``levels`` are marked on it."""
     place: dict[str, Any] = {"cax": cax} if cax is not None else {"ax": axes, "pad": 0.02, "aspect": 30}
-    bar = figure.colorbar(ScalarMappable(look.norm, look.colours), extend=look.extend, ticks=look.ticks, **place)
-    labels = [f"{t:.6g}".replace("-", "−") for t in look.ticks]
-    labels[0] = ("≤ " if look.extend in ("min", "both") else "") + labels[0]
-    labels[-1] = ("≥ " if look.extend in ("max", "both") else "") + labels[-1]
-    bar.ax.minorticks_off()
-    bar.ax.set_yticklabels(labels)
-    bar.outline.set_linewidth(0.6)
+    bar = colour_bar(figure, look.colours, look.norm, look.ticks, look.extend, place)
     bar.set_label(look.axis_label)
     for level in levels:
         bar.ax.axhline(level, color=look.level_ink(level), linewidth=2.0)

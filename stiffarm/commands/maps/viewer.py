@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import ArmModel, PartKind
+from fem import ArmModel
 from fem.statics.budget import part_kinds
 from robots import InputError, ModelDescription, content_hash, singularity_distance
 from robots.arrays import Array, Bools, Integers
@@ -16,7 +15,7 @@ from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot, middle_pose
 from stiffarm import __version__
-from stiffarm.pages.figure_parts import joint_colour, paler
+from stiffarm.pages.bars import part_colours
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_drawing import ROBOT_COLOURS, framed_bodies
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
@@ -98,7 +97,7 @@ def viewer_data(
     q = np.asarray(data.q[rows])
     shown = _shown_parts(data, rows)
     kinds = part_kinds(model, data.parts)
-    colours = _part_colours(data.parts, kinds)
+    colours = part_colours(data.parts, kinds, _STRUCTURE_COLOURS)
     uncertainty = data.fields.get("uncertainty_percent")
     return {
         "robot": {"name": description.name, "title": description.title},
@@ -227,16 +226,6 @@ def _field(name: str, f: Field, rows: Integers | slice, colours: dict[str, str])
         "stiff": 1 if f.unit.startswith(("N/", "kN/", "N m/")) else -1 if f.unit.endswith(("/N", "/kN", "/N m")) else 0,
         "values": column(np.where(values < 0.0, np.nan, values) if f.categories else values),
     }
-
-
-def _part_colours(parts: Sequence[str], kinds: Sequence[PartKind]) -> dict[str, str]:
-    """Joints in their colours of the figures, a joint's bearing paler; the rest in colours of its own."""
-    out: dict[str, str] = {}
-    structure = [name for name, kind in zip(parts, kinds, strict=True) if kind != "joint"]
-    for position, name in enumerate(n for n in parts if n not in structure):
-        colour = joint_colour(name.split(" ")[0], position)
-        out[name] = paler(colour) if " " in name else colour
-    return out | {name: _STRUCTURE_COLOURS[i % len(_STRUCTURE_COLOURS)] for i, name in enumerate(structure)}
 
 
 def _shown_parts(data: MapData, rows: Integers | slice) -> list[int]:

@@ -58,8 +58,7 @@ def curve_figure(
             ax.axvline(at, color="white", linewidth=5.0, zorder=4)
             colour, style = (SERIES[1], "-") if k == 0 else (INK, ":")
             ax.axvline(at, color=colour, linestyle=style, linewidth=2.0, zorder=5, label=name)
-        ax.set_xlabel(axis)
-        ax.set_ylabel(label)
+        ax.set(xlabel=axis, ylabel=label)
         title(figure, f"{label.split(',')[0]} over the base's position")
         _legend(figure, ax, why)
     return figure
@@ -97,8 +96,7 @@ def map_figure(
         for k, (name, spot) in enumerate(marks.items()):
             ax.plot(*spot, linestyle="", marker="*" if k == 0 else "o", markersize=15 if k == 0 else 8, label=name,
                     markerfacecolor="white", markeredgecolor=INK, zorder=5)  # fmt: skip
-        ax.set_xlabel(names[0])
-        ax.set_ylabel(names[1])
+        ax.set(xlabel=names[0], ylabel=names[1])
         bar = figure.colorbar(mesh, ax=ax, label=label)
         bar.outline.set_visible(False)
         title(figure, f"{label.split(',')[0]} over the base's position")

@@ -68,8 +68,7 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
             color=_AFTER if f.seen else INK,
         )
     ax.axvline(1.0, color="#888888", linewidth=0.9, zorder=1.5)
-    ax.set_xscale("log")
-    ax.set_xlim(1.0 / _WIDEST, _WIDEST)
+    ax.set(xscale="log", xlim=(1.0 / _WIDEST, _WIDEST))
     log_ticks(ax.xaxis, lambda v: f"{v:g}")
     ax.xaxis.set_minor_locator(NullLocator())
     named_rows(ax, [_name(f, len(rows) >= _MANY) for f, _ in rows])
@@ -147,8 +146,7 @@ def _against_chance(ax: Axes, made: MeasurementPlan) -> None:
         "I": "standard deviation of a predicted deflection (mm)",
     }[made.criterion])  # fmt: skip
     if len(made.foresight) >= _MANY:
-        ax.set_box_aspect(1.0)
-        ax.set_anchor("N")
+        ax.set(box_aspect=1.0, anchor="N")
     handles = [
         Line2D([], [], color=_AFTER, marker="o", linestyle="", markersize=8, label="this plan"),
         Line2D([], [], color=_RANDOM, label="random, median and 80 %"),

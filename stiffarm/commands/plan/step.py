@@ -9,17 +9,18 @@ import numpy as np
 from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.campaign import NoiseChoice, campaign_of
+from doe.estimation.estimate import unaided
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
-from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.optimal_choice import Criterion
-from doe.planning.outset import Outset, check_plannable, first_outset, has_enough, helped_outset, outset
+from doe.planning.outset import Outset, check_plannable, first_outset, helped_outset, outset
 from doe.planning.plan import (
     Foresight,
     MeasurementPlan,
     expected,
     experiments,
     foresee,
+    idle_coordinates,
     plan,
     seen_by,
 )
@@ -185,7 +186,7 @@ def _outset(
     if data is None:
         return first_outset(given.model, free, Noise(white=gauge)), None
     p = problem(given.model, data, free)
-    if not has_enough(p):
+    if len(unaided(p)) > len(p):
         refuse_useless(given, data, data)
         return helped_outset(p, gauge), None
     noise = NoiseChoice(gauge_mm=1e3 * gauge[0], gauge_mrad=1e3 * gauge[1])

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from machining import Drive, GammaRange, Objective
+from machining import Drive, Objective
 from machining.cell import Cell
 from machining.cutting import stiffness_uncertainty
 from machining.placement import Placement, read_placement
@@ -147,21 +148,29 @@ def post(
             )
         motions = read_toolpath(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
         say_notes(motions.notes, path)
-        place = _place(setup.cell, placement, motions, travel, table, gamma)
+        alone = {"--travel": travel, "--gamma": gamma}
+        followed = None if placement is None else _followed(placement, setup.cell, motions, alone)
         written = WriteOptions() if options is None else read_options(options)
         settings = PostSettings(
-            gamma=place.gamma,
+            gamma=parse_gammas("0" if gamma is None else gamma),
             objective=Objective(),
             drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), clear=False),
-            travel=place.travel,
-            table=place.table,
+            travel=_travel(setup.cell, travel),
+            table=float(np.radians(table)),
             tolerance=tolerance * 1e-6,
             rapid=parse_word(rapid, ("linear", "joint"), "--rapid"),
-            near=place.near,
             reference=parse_reference(reference),
             seed=seed,
-            clearance=setup.clearance(place.table),
         )
+        if followed is not None:
+            settings = replace(
+                settings,
+                gamma=followed.gamma_at_moves(),
+                travel=followed.at_moves(),
+                table=followed.table,
+                near=followed.joints_at_moves(),
+            )
+        settings = replace(settings, clearance=setup.clearance(settings.table))
         request = PostRequest(
             motions,
             setup,
@@ -177,56 +186,17 @@ def post(
         with frame.folder() as folder:
             with progress("posture along the path") as bar:
                 run = run_post(given.model, request, folder.path, bar)
-            if place.found is not None:
-                place.check(run.posted.program)
+            if followed is not None:
+                _check(run.posted.program, followed)
             content = post_report.payload(run) | {"effects_left_out": effects_left_out(given)}
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder)
         frame.answer(content, lambda: _show(run))
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """Where external axes stand, and gamma; ``found``: the placement file that says so."""
-
-    travel: Array | None
-    table: float
-    gamma: float | Array | GammaRange
-    found: Placement | None = None
-
-    @property
-    def near(self) -> Array | None:
-        """Postures at each move whose branch and turns are meant."""
-        return None if self.found is None else self.found.joints_at_moves()
-
-    def check(self, program: JointProgram) -> None:
-        """Raise InputError unless the placement's tool frames are the program's; say where its branches are not."""
-        if self.found is None:
-            return
-        given = np.flatnonzero(~program.inserted)[self.found.moves]
-        wanted = tool_in_part(program.robot, program.cell, self.found.q, self.found.travel, program.table[given])
-        away, turned = frame_distance(wanted, program.T_part_tool[given])
-        if max(away.max(), turned.max()) > SAME_FRAME:
-            raise InputError(
-                "--placement: its postures are not those of this path in this cell",
-                value=f"tool {away.max() * 1e3:.3g} mm and {np.degrees(turned.max()):.3g} deg away",
-                allowed=f"{SAME_FRAME * 1e3:g} mm, {np.degrees(SAME_FRAME):.2g} deg",
-                remedy="run `stiffarm place` again with this path, cell and tool",
-            )
-        other = int((np.abs(program.q[given] - self.found.q).max(axis=1) > SAME_POSTURE).sum())
-        if other:
-            say(
-                f"note: {other} of {len(given)} points take another branch or turn than the placement, which jumps on "
-                "a rapid move; with --rapid joint its own are taken"
-            )
-
-
-def _place(
-    cell: Cell, file: Path | None, motions: Motions, travel: str | None, table: float, gamma: str | None
-) -> _Place:
-    if file is None:
-        return _Place(_travel(cell, travel), float(np.radians(table)), parse_gammas("0" if gamma is None else gamma))
-    for option, value in (("--travel", travel), ("--gamma", gamma)):
+def _followed(file: Path, cell: Cell, motions: Motions, options: Mapping[str, str | None]) -> Placement:
+    """The placement of a file for this cell and path, which leaves nothing for some ``options`` to say."""
+    for option, value in options.items():
         if value is not None:
             raise InputError(f"{option} with --placement", value=value, remedy="the placement says it; leave one out")
     found = read_placement(file)
@@ -238,7 +208,27 @@ def _place(
             allowed=f"axes {', '.join(names)}, {motions.n} moves: those of this cell and path",
             remedy="run `stiffarm place` again with this path and cell",
         )
-    return _Place(found.at_moves(), found.table, found.gamma_at_moves(), found)
+    return found
+
+
+def _check(program: JointProgram, followed: Placement) -> None:
+    """Raise InputError unless the placement's tool frames are the program's; say where its branches are not."""
+    given = np.flatnonzero(~program.inserted)[followed.moves]
+    wanted = tool_in_part(program.robot, program.cell, followed.q, followed.travel, program.table[given])
+    away, turned = frame_distance(wanted, program.T_part_tool[given])
+    if max(away.max(), turned.max()) > SAME_FRAME:
+        raise InputError(
+            "--placement: its postures are not those of this path in this cell",
+            value=f"tool {away.max() * 1e3:.3g} mm and {np.degrees(turned.max()):.3g} deg away",
+            allowed=f"{SAME_FRAME * 1e3:g} mm, {np.degrees(SAME_FRAME):.2g} deg",
+            remedy="run `stiffarm place` again with this path, cell and tool",
+        )
+    other = int((np.abs(program.q[given] - followed.q).max(axis=1) > SAME_POSTURE).sum())
+    if other:
+        say(
+            f"note: {other} of {len(given)} points take another branch or turn than the placement, which jumps on "
+            "a rapid move; with --rapid joint its own are taken"
+        )
 
 
 def _travel(cell: Cell, text: str | None) -> Array | None:

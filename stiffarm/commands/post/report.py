@@ -17,9 +17,8 @@ from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.figure_parts import SERIES, title
+from stiffarm.pages.figure_parts import SERIES, drawing
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
-from stiffarm.pages.style import house_style, new_figure
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 
@@ -31,7 +30,7 @@ def payload(run: PostRun) -> dict[str, Any]:
     """Figures of the run, keys with units."""
     program, request = run.posted.program, run.request
     objective = shown(request.settings.objective.quantity)
-    value = run.posted.course.value * objective.factor
+    course = run.posted.course
     out: dict[str, Any] = {
         "schema": SCHEMA,
         "robot": run.model.robot.name,
@@ -41,11 +40,11 @@ def payload(run: PostRun) -> dict[str, Any]:
         "inserted": int(program.inserted.sum()),
         "tolerance_um": number(request.settings.tolerance * 1e6),
         "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
-        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.settings.reference)],
+        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
-        f"mean_{objective.column}": number(float(value.mean())) if run.flexible else None,
-        f"worst_{objective.column}": number(float(_worst(run, value))) if run.flexible else None,
+        f"mean_{objective.column}": number(course.mean * objective.factor) if run.drawn else None,
+        f"worst_{objective.column}": number(course.worst * objective.factor) if run.drawn else None,
         **_uncertain(run, objective.column, objective.factor),
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
         "reading_notes": [str(note) for note in program.motions.notes],
@@ -83,10 +82,6 @@ def uncertainty_words(run: PostRun) -> list[str]:
     error = [] if run.compensated is None else arm_uncertainty.error_remarks(run.compensated.error)
     what = f"the mean {run.request.settings.objective.quantity}"
     return [arm_uncertainty.sentence(run.stiffness), *arm_uncertainty.share_remarks(run.drawn.matters, what), *error]
-
-
-def _worst(run: PostRun, value: Array) -> float:
-    return float(value.max() if run.request.settings.objective.minimised else value.min())
 
 
 def _compensation(found: Compensated) -> dict[str, Any]:
@@ -133,7 +128,7 @@ def _key(run: PostRun) -> list[KeyFigure]:
     return [
         KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),
         KeyFigure(f"{run.posted.bend.max(initial=0.0) * 1e6:.3g} um", "joint motion off the straight line, at most"),
-        *(stiffness if run.flexible else []),
+        *(stiffness if run.drawn else []),
     ]
 
 
@@ -163,7 +158,7 @@ def _programs(run: PostRun) -> Section:
 def _posture(run: PostRun, pictures: Pictures) -> Section:
     program, robot = run.posted.program, run.model.robot
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1))]) * 1e3
-    reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.settings.reference))
+    reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.state.reference))
     blocks: list[Text | Picture] = [
         Text(
             f"Gamma (counted from the part's direction {reference}) from {np.degrees(program.gamma.min()):.4g} to "
@@ -183,13 +178,11 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
 
 def _lines(x: Array, lines: Mapping[str, Array], labels: tuple[str, str], text: str) -> Figure:
     """Lines over one another along the program; ``labels`` of the axes."""
-    with house_style():
-        figure, axes = new_figure((10.0, 3.3))
+    with drawing(text, (10.0, 3.3)) as (figure, (ax,)):
         for k, (name, values) in enumerate(lines.items()):
-            axes[0].plot(x, values, color=SERIES[k % len(SERIES)], linewidth=1.2, label=name)
-        axes[0].set(xlabel=labels[0], ylabel=labels[1])
-        axes[0].legend(loc="upper right", ncols=3)
-        title(figure, text)
+            ax.plot(x, values, color=SERIES[k % len(SERIES)], linewidth=1.2, label=name)
+        ax.set(xlabel=labels[0], ylabel=labels[1])
+        ax.legend(loc="upper right", ncols=3)
     return figure
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from machining.programs.format import BOTH
 from machining.programs.formats import FORMATS
 from machining.programs.run import Target
-from robots import InputError
+from robots import InputError, require_one_of
 
 
 def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
@@ -21,8 +21,7 @@ def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
         raise InputError("--coordinates", value=kind, allowed="cartesian, joint, both", remedy="choose one of them")
     names = [part.strip() for part in text.split(",") if part.strip()]
     for name in names:
-        if name not in FORMATS:
-            raise InputError("--format", value=name, allowed=", ".join(FORMATS), remedy="choose from these")
+        require_one_of("--format", name, FORMATS, remedy="choose from these")
     if not names or len(set(names)) != len(names):
         raise InputError("--format", value=text, allowed=", ".join(FORMATS), remedy="name each once, with commas")
     out: list[Target] = []

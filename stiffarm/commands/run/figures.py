@@ -106,9 +106,11 @@ def data_figure(
         ax.set_xticks(places.ravel(), poses * len(loads), size=8.5, rotation=90 if upright else 0)
         ax.tick_params(axis="x", length=0, pad=2)
         ax.grid(visible=False, axis="x")
-        ax.set_xlim(-1.2, places[-1, -1] + 1.2)
-        ax.set_ylim(0.0, (1.08 if bars <= _BARS_UPRIGHT else 1.14) * float(np.nanmax(dz)))
-        ax.set_ylabel("measured deflection |dz| (mm)")
+        ax.set(
+            xlim=(-1.2, places[-1, -1] + 1.2),
+            ylim=(0.0, (1.08 if bars <= _BARS_UPRIGHT else 1.14) * float(np.nanmax(dz))),
+            ylabel="measured deflection |dz| (mm)",
+        )
         ax.set_xlabel("pose number, grouped by load (N)", labelpad=28.0 + (2.0 * longest if upright else 0.0))
         if len(names) > 1:
             above(ax, [Patch(facecolor=c, label=name) for c, name in zip(SERIES, names, strict=False)], 4)

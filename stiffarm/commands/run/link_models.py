@@ -147,7 +147,7 @@ def calibrate(
     alone: dict[LoadPath, Array] = {}
     for path, one in models.items():
         made = tuple(calibrating.calibrate(one, table, request, holdout=holdout) for request in requests)
-        alone[path] = steps.readings_with_rigid_joints(one, used).rest * 1e3
+        alone[path] = steps.links_alone(one, used)[used.used] * 1e3
         variants += made
         if report is not None:
             for variant in made:

@@ -16,7 +16,7 @@ from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel
 from fem.free.parameters import FreeLaw, Parameter, parameter
 from fem.statics.loads import as_loaded
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import spoken_unit
 from stiffarm.session.direction_words import direction_words
@@ -73,8 +73,7 @@ def study(
     InputError
         Unknown numbers or component, no number at all, samples that are no power of two.
     """
-    if component not in COMPONENTS:
-        raise InputError("--component", value=component, allowed=", ".join(COMPONENTS), remedy="choose one of them")
+    require_one_of("--component", component, COMPONENTS, remedy="choose one of them")
     parameters, laws = _free(given, numbers, springs)
     if isinstance(numbers, Campaign) and numbers.robot != given.robot.name:
         raise InputError("calibration file is for robot", value=numbers.robot, allowed=given.robot.name)

@@ -17,7 +17,7 @@ from matplotlib.patheffects import withStroke
 
 from fem import ArmFields
 from fem.elements.couplings import distributing_coupling
-from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
+from robots import ModelDescription, Robot, forward_kinematics, require_one_of, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
 from stiffarm.commands.simulate.budgets import PoseBudget
@@ -94,8 +94,7 @@ def render_field(
     InputError
         Unknown view, a folder that does not exist, or pyvista asked for where it cannot draw.
     """
-    if view not in VIEWS:
-        raise InputError("view of the deformed arm", value=view, allowed=", ".join(VIEWS))
+    require_one_of("view of the deformed arm", view, VIEWS)
     works, message = chosen(renderer)
     style.require_folder(path)
     unloaded, loaded = _scene(arm, VIEWS[view], 0.0), _scene(arm, VIEWS[view], arm.scale)
@@ -116,7 +115,9 @@ def render_field(
         _share_labels(axes, loaded.camera, arm, loaded.bodies, taken)
         _draw_load(axes, loaded.camera, arrows)
         style.headings(figure, heading, subtitle)
-        style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, arm.grid.density, "strain energy density (J/m³)")
+        cut, place = style.ends_cut(arm.grid.density, ticks), {"cax": style.beside_picture(figure)}
+        bar = style.colour_bar(figure, ENERGY_COLOURS, norm, ticks, cut, place)
+        bar.set_label("strain energy density (J/m³), log scale", size=11, labelpad=10)
     style.save_png(figure, path)
     return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
 

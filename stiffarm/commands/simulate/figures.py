@@ -98,8 +98,7 @@ def workspace_budget_figure(found: WorkspaceBudget, heading: str, subtitle: str 
     with drawing("", size, 1, 2, width_ratios=[1.0, 1.25]) as (figure, (left, right)):
         _spreads(left, levels[:, order], [budget.parts[i] for i in order], [colours[budget.parts[i]] for i in order])
         share_bands(right, edges, mean, budget.parts, budget.kinds)
-        right.set_xlabel("horizontal reach of the tool (mm)")
-        right.set_ylabel("mean share in the strain energy (%)")
+        right.set(xlabel="horizontal reach of the tool (mm)", ylabel="mean share in the strain energy (%)")
         _headed(figure, heading, subtitle)
     return figure
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from doe import Measurements
-from doe.tables.load_history import history_of
-from doe.tables.loaded import simulate
+from doe.tables.loaded import history_of, simulate
 from fem.arm import Arm
 from robots.arrays import Array
 from stiffarm.commands.simulate.step import head

@@ -14,6 +14,7 @@ from machining.verification import Demands, Verification, verify
 from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
 from stiffarm.commands.verify.payload import (
+    distance_words,
     move_columns,
     offence_rows,
     offence_words,
@@ -124,11 +125,7 @@ def _write(folder: OutputFolder, found: Verification, title: str, content: dict[
 
 
 def _show(found: Verification) -> None:
-    least = float(found.swept.distance.min())
-    near = "bodies overlap" if least < 0.0 else f"least distance {least * 1e3:.3g} mm"
-    if least >= found.swept.within:
-        near = f"all bodies over {found.swept.within * 1e3:g} mm apart"
-    say(f"{found.program.n} moves, {len(found.errors)} offences; {near}")
+    say(f"{found.program.n} moves, {len(found.errors)} offences; least distance of bodies: {distance_words(found)}")
     if found.offences:
         rows = [
             [str(o.line), str(o.moves), f"{o.kind} ({o.severity})", offence_words(o), value_words(o)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,11 +50,8 @@ def clearance_figure(found: Verification) -> Figure:
             handles.append(
                 Line2D([], [], color=BAD, linestyle=":", label=f"safety distance, {found.safety * 1e3:g} mm")
             )
-        hits = [o for o in found.offences if o.kind is Kind.COLLISION]
-        for offence in hits:
-            ax.axvspan(offence.move - 0.5, offence.last + 0.5, color=BAD, alpha=0.25, linewidth=0.0)
-            ax.axvspan(offence.move - 0.5, offence.last + 0.5, ymax=0.03, color=BAD, linewidth=0.0)
-        if hits:
+        if _mark(ax, found, Kind.COLLISION, alpha=0.25):
+            _mark(ax, found, Kind.COLLISION, ymax=0.03)
             handles.append(Patch(color=BAD, label="overlap"))
         ax.set(ylim=(0.0, within * 1.03), ylabel=f"distance (mm), up to {within:g}")
         _moves(ax, n)
@@ -82,7 +79,7 @@ def speeds_figure(found: Verification) -> Figure | None:
         # Far below the limit the limit is left out, so that the curves can be told apart.
         high = 1.25 * top if top < 25.0 else max(110.0, 1.05 * min(top, 400.0))
         ax.set(ylim=(0.0, high if high > 0.0 else 1.0), ylabel="speed asked over the greatest (%)")
-        _mark(ax, found, Kind.SPEED)
+        _mark(ax, found, Kind.SPEED, alpha=0.18)
         _moves(ax, found.program.n)
         above(ax, ax.get_legend_handles_labels()[0], min(len(shown), 9))
     return figure
@@ -104,7 +101,7 @@ def straightness_figure(found: Verification) -> Figure | None:
         ax.set_ylim(0.5 * low, 3.0 * max(float(np.nanmax(worst)), limit))
         log_ticks(ax.yaxis)
         ax.set_ylabel("distance from the line (mm)")
-        _mark(ax, found, Kind.DEVIATION)
+        _mark(ax, found, Kind.DEVIATION, alpha=0.18)
         _moves(ax, found.program.n)
         handles: Sequence[Line2D] = [
             Line2D([], [], color=SEEN, label="axes moved evenly between points"),
@@ -114,11 +111,12 @@ def straightness_figure(found: Verification) -> Figure | None:
     return figure
 
 
-def _mark(ax: Axes, found: Verification, kind: Kind) -> None:
-    """Shade the moves of a kind of offence."""
-    for offence in found.errors:
-        if offence.kind is kind:
-            ax.axvspan(offence.move - 0.5, offence.last + 0.5, color=BAD, alpha=0.18, linewidth=0.0)
+def _mark(ax: Axes, found: Verification, kind: Kind, **look: Any) -> bool:
+    """Shade the moves of a kind of offence; whether there are any."""
+    marked = [o for o in found.errors if o.kind is kind]
+    for offence in marked:
+        ax.axvspan(offence.move - 0.5, offence.last + 0.5, color=BAD, linewidth=0.0, **look)
+    return bool(marked)
 
 
 def _moves(ax: Axes, n: int) -> None:

@@ -6,10 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from doe.diagnosis.outset import setting_of
-from doe.diagnosis.setting import Setting
-from doe.tables.load_history import history_of
-from doe.tables.loaded import loaded_points
+from doe.diagnosis.setting import Setting, setting_of
+from doe.tables.loaded import history_of, loaded_points
 from doe.tables.measurements import Measurements
 from fem import ArmModel, build_model
 from fem.effects.base import PlacedEffect

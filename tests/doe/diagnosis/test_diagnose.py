@@ -10,8 +10,8 @@ from made_up import read, setting
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import NONE, Options
-from doe.diagnosis.outset import replicate_weights
 from doe.diagnosis.ranking import rank
+from doe.diagnosis.setting import replicate_weights
 
 BACKLASH = {"gap": 8e-4, "crossing": 20.0, "preload": 0.0}
 FRICTION = {"share": 0.9, "friction": 120.0}

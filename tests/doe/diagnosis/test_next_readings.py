@@ -15,7 +15,6 @@ from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.discrimination import Predictions, choose, divergence, information, joint, right_names
 from doe.diagnosis.evidence import Base
 from doe.diagnosis.next_readings import NextReadings, propose
-from doe.diagnosis.outset import setting_of
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.rivals import (
     Question,
@@ -26,12 +25,12 @@ from doe.diagnosis.rivals import (
     truncated,
     with_candidates,
 )
-from doe.diagnosis.setting import Setting
+from doe.diagnosis.setting import Setting, setting_of
 from doe.estimation.noise import Noise
 from doe.planning.pose_designs import Zone
 from doe.planning.protocol import Protocol
 from doe.tables.joined import join
-from doe.tables.load_history import history_of
+from doe.tables.loaded import history_of
 from fem import ArmModel, build_model, deflection
 from fem.effects.catalogue import catalogue
 from fem.statics.loads import LoadedPoses

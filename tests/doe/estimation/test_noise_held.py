@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from table_cases import THREE_WAYS, Arm, campaign, plain_arm, spoilt
 
 from doe.diagnosis.diagnose import state_of
-from doe.diagnosis.outset import setting_of
+from doe.diagnosis.setting import setting_of
 from doe.diagnosis.where import spread
 from doe.estimation.estimate import Estimate, estimate
 from doe.estimation.noise import MOST_SHARE, Noise, origin, within_readings

@@ -238,7 +238,7 @@ def coverage(law: LawKind | None, repeats: int) -> tuple[float, np.ndarray]:
             _, low, high = d.stiffness(d.angle)
             held += int(np.sum((low <= true) & (true <= high)))
             asked += len(at)
-        off.append(predict(tx200(), found, q).value / stiffness_with(tx200(), of.compliances, q) - 1.0)
+        off.append(predict(tx200(), found, q).value / stiffness_with(tx200(), of.compliances(q), q) - 1.0)
     return held / asked, np.abs(np.concatenate(off))
 
 

@@ -16,8 +16,8 @@ from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
 from doe.joint_twists.identify import Identified
 from doe.joint_twists.model_file import constant_compliances, held_constant, with_six_springs
 from doe.joint_twists.substitute import (
+    ABOUT_GEAR,
     compliances_of,
-    gear_only,
     gear_refitted,
     predict,
     reachable_poses,
@@ -43,7 +43,7 @@ def some() -> np.ndarray:
 
 def test_directional_stiffness_is_that_of_the_mechanics(some: np.ndarray) -> None:
     """An arm with the same springs in `fem`, pose by pose, for laws do not fit into one arm."""
-    k = stiffness_with(tx200(), truth().compliances, some[:4])
+    k = stiffness_with(tx200(), truth().compliances(some[:4]), some[:4])
     for i, q in enumerate(some[:4, None]):
         c = truth().compliances(q)[0]
         parts = tuple(
@@ -62,13 +62,14 @@ def test_gears_alone_are_equation_3_of_the_paper(some: np.ndarray) -> None:
     J = jacobian(tx200().robot, some, np.zeros(3))
     e = forward_kinematics(tx200().robot, some).R_flange[:, :, 1]
     t = np.einsum("ni,nij->nj", e, J[:, :3])
-    k = stiffness_with(tx200(), gear_only(truth().compliances), some, np.array([[0.0, 2.0, 0.0]]))[:, 0]
+    gears = truth().compliances(some) * ABOUT_GEAR
+    k = stiffness_with(tx200(), gears, some, np.array([[0.0, 2.0, 0.0]]))[:, 0]
     assert_allclose(k, 1.0 / (c * t**2).sum(axis=1), rtol=1e-9)
 
 
 def test_a_refit_of_an_arm_with_gears_alone_finds_them(some: np.ndarray) -> None:
-    six = gear_only(lambda q: np.tile(truth().compliances(np.zeros((1, 6))), (len(q), 1, 1)))
-    _, effective = gear_refitted(tx200(), six, some)
+    gears = np.tile(truth().compliances(np.zeros((1, 6))) * ABOUT_GEAR, (len(some), 1, 1))
+    effective = gear_refitted(tx200(), gears, some)
     # Forces at the flange's centre never turn the last gear.
     assert effective[5] == 0.0
     assert_allclose(effective[:5], truth().compliances(np.zeros((1, 6)))[0, :5, 5], rtol=1e-9)
@@ -89,7 +90,7 @@ def test_intervals_of_predictions_follow_from_those_of_compliances(some: np.ndar
     p = predict(tx200(), found, some)
     rng = np.random.default_rng(0)
     c, sd = found.compliances(some)
-    drawn = [stiffness_with(tx200(), lambda q: c + sd * rng.standard_normal(c.shape[1:]), some) for _ in range(400)]
+    drawn = [stiffness_with(tx200(), c + sd * rng.standard_normal(c.shape[1:]), some) for _ in range(400)]
     spread = np.std(drawn, axis=0)
     quantile = next(iter(found.directions.values())).quantile
     # 400 draws: 3.5 % standard error of a standard deviation, the largest of 120; and the second order.
@@ -151,7 +152,8 @@ def test_the_map_keeps_flange_and_place(exact: Identified, orientation: str) -> 
     assert_allclose(frames.p_flange, np.stack([x, 0.0 * x, z], axis=2)[reached], atol=1e-9)
     ways = {"forward": [1.0, 0.0, 0.0], "down": [0.0, 0.0, -1.0]}
     assert_allclose(frames.R_flange[:, :, 2], np.tile(ways[orientation], (len(frames.p_flange), 1)), atol=1e-9)
-    assert_allclose(w.mean[reached], stiffness_with(tx200(), compliances_of(exact), w.q[reached]).mean(axis=1))
+    expected = stiffness_with(tx200(), exact.compliances(w.q[reached])[0], w.q[reached])
+    assert_allclose(w.mean[reached], expected.mean(axis=1))
     assert (w.x[0], w.z[0]) == (1.344, 0.550)
 
 
@@ -169,10 +171,10 @@ def test_the_model_file_gives_what_it_says(exact: Identified, some: np.ndarray, 
     R = forward_kinematics(arm.robot, some).R_flange
     C = compliance(arm, some)[:, :3, :3]
     k = 1.0 / np.einsum("nia,nij,nja->na", R, C, R)
-    expected = stiffness_with(tx200(), lambda q: constant_compliances(exact, q), some)
+    expected = stiffness_with(tx200(), constant_compliances(exact, some), some)
     # The same sums, in another order.
     assert_allclose(k, expected, rtol=1e-9)
-    laws = stiffness_with(tx200(), compliances_of(exact), some)
+    laws = stiffness_with(tx200(), exact.compliances(some)[0], some)
     if held_constant(exact):
         # Constants across the axes: 8 % at worst in docs/validation/tx200_stiffness.md.
         assert 0.001 < np.abs(k / laws - 1.0).max() < 0.15

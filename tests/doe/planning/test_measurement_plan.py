@@ -12,7 +12,6 @@ from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem, problem
-from doe.planning.idle_coordinates import idle_coordinates
 from doe.planning.outset import (
     VAGUE,
     Outset,
@@ -23,7 +22,7 @@ from doe.planning.outset import (
     known_information,
     outset,
 )
-from doe.planning.plan import expected, experiments, foresee, plan
+from doe.planning.plan import expected, experiments, foresee, idle_coordinates, plan
 from doe.planning.pose_designs import pose_design
 from doe.planning.protocol import Protocol, every_load
 from fem import ArmModel, build_model, deflection

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from doe import Equations, Measurements, PoseFit, equations, fit_pose
+from doe import Measurements, PoseFit, fit_pose
 from doe.published.parametric import MAX_ROUNDS, _refined
+from doe.tables.loaded import select_poses, spring_parts
 from fem import ArmModel
 from robots import InputError
+from robots.arrays import Array
 
 Arm = Callable[..., ArmModel]
 GAUGE_M = 1e-5
@@ -20,17 +21,17 @@ BOUNDS = (1e5, 1e6)
 A1, A2 = -650.0, -650.0 * 1.5**2
 
 
-def one_reading(value: float, influence: tuple[float, ...] = (A1,), rest: float = -5e-4) -> Equations:
-    return Equations(
-        influence=np.array([influence]), rest=np.array([rest]), value=np.array([value]),
-        row=np.array([0]), component=np.array([2]), q=np.zeros((1, len(influence))), pose=("7",),
-    )  # fmt: skip
+# Influences (m, k) and what all else gives less what was read (m,).
+System = tuple[Array, Array]
 
 
-def fit(system: Equations, levels: int = 10, spacing: str = "log", start: float = 1e6) -> PoseFit:
-    k = system.influence.shape[1]
-    joints = tuple(f"j{i + 1}" for i in range(k))
-    return fit_pose(system, np.zeros(k), list(range(k)), joints, levels, BOUNDS, GAUGE_M, start, spacing)
+def one_reading(value: float, influence: tuple[float, ...] = (A1,), rest: float = -5e-4) -> System:
+    return np.array([influence]), np.array([rest - value])
+
+
+def fit(system: System, levels: int = 10, spacing: str = "log", start: float = 1e6) -> PoseFit:
+    joints = tuple(f"j{i + 1}" for i in range(system[0].shape[1]))
+    return fit_pose("7", *system, joints, levels, BOUNDS, GAUGE_M, start, spacing)
 
 
 def reading_of(*springs: float) -> float:
@@ -196,11 +197,7 @@ def test_a_round_takes_levels_to_the_power_of_springs_runs(springs: int, runs: i
 def test_several_readings_at_a_pose_are_matched_together() -> None:
     influence = np.array([[A1, A2], [A1 / 2, A2], [A1, A2 / 3]])
     value = -5e-4 + influence @ (1.0 / np.array([4e5, 7e5]))
-    system = replace(
-        one_reading(0.0, (A1, A2)), influence=influence, rest=np.full(3, -5e-4), value=value,
-        row=np.arange(3), component=np.full(3, 2), q=np.zeros((3, 2)), pose=("7",) * 3,
-    )  # fmt: skip
-    found = fit(system)
+    found = fit((influence, -5e-4 - value))
     assert found.matched
     assert found.error_mm >= 0.0
     # Three readings of two springs leave no valley: within what the gauge allows, some 0.02 mm of 1.6 mm.
@@ -214,12 +211,7 @@ def test_springs_of_a_slanting_valley_are_found_where_levels_along_the_axes_stic
         springs, readings = rng.integers(2, 4, size=2)
         influence = A1 * rng.uniform(0.0, 2.0, (readings, springs)) ** 2
         value = -5e-4 + influence @ 10.0 ** -rng.uniform(4.0, 7.0, springs)
-        system = Equations(
-            influence=influence, rest=np.full(readings, -5e-4), value=value,
-            row=np.arange(readings), component=np.full(readings, 2), q=np.zeros((readings, springs)),
-            pose=("7",) * int(readings),
-        )  # fmt: skip
-        found = fit(system, levels=5)
+        found = fit((influence, -5e-4 - value), levels=5)
         # The readings were made by such springs, so a match exists and must not be denied.
         assert found.matched
         left = influence @ (1.0 / found.stiffness) - 5e-4 - value
@@ -227,11 +219,7 @@ def test_springs_of_a_slanting_valley_are_found_where_levels_along_the_axes_stic
 
 
 def test_readings_that_contradict_each_other_are_told() -> None:
-    system = replace(
-        one_reading(0.0), influence=np.array([[A1], [A1]]), rest=np.zeros(2), value=np.array([-1e-3, -2e-3]),
-        row=np.arange(2), component=np.full(2, 2), q=np.zeros((2, 1)), pose=("7", "7"),
-    )  # fmt: skip
-    found = fit(system)
+    found = fit((np.array([[A1], [A1]]), np.array([1e-3, 2e-3])))
     assert not found.matched
     # Least squares stands in the middle, 0.5 mm from each.
     assert found.error_mm == pytest.approx(0.5, rel=1e-9)  # flat about the optimum: refinement of 1e-6, squared
@@ -242,13 +230,15 @@ def test_readings_that_contradict_each_other_are_told() -> None:
 def test_the_measured_pose_4_is_within_reach_of_the_paper_scheme(arm: Arm, measured: Measurements) -> None:
     # On the real system: the fit's own error is the model's error at that pose.
     model = arm()
-    one = equations(model, measured).of_poses(("4",))
-    fixed = np.array([0.0, 1e-6, 1e-6, 1e-6, 1e-6, 0.0])
-    found = fit_pose(one, fixed, [4], ("j5",), 10, BOUNDS, GAUGE_M, 1e6)
+    one = select_poses(measured, ("4",), "test")
+    influence, rest = (part[one.used] for part in spring_parts(model, one))
+    value = one.displacement[one.used]
+    fixed = np.array([0.0, 1e-6, 1e-6, 1e-6, 0.0, 0.0])
+    found = fit_pose("4", influence[:, [4]], rest + influence @ fixed - value, ("j5",), 10, BOUNDS, GAUGE_M, 1e6)
     fixed[4] = 1.0 / found.stiffness[0]
-    simulated = (one.rest + one.influence @ fixed)[0]
+    simulated = (rest + influence @ fixed)[0]
     # The same sum in another order: round-off on 1.5 mm.
-    assert found.error_mm == pytest.approx((simulated - one.value[0]) * 1e3, abs=1e-12)
+    assert found.error_mm == pytest.approx((simulated - value[0]) * 1e3, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -262,4 +252,4 @@ def test_the_measured_pose_4_is_within_reach_of_the_paper_scheme(arm: Arm, measu
 )
 def test_bad_input_is_named(levels: int, bounds: tuple[float, float], spacing: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        fit_pose(one_reading(-1e-3), np.zeros(1), [0], ("j1",), levels, bounds, GAUGE_M, 1e6, spacing)
+        fit_pose("7", *one_reading(-1e-3), ("j1",), levels, bounds, GAUGE_M, 1e6, spacing)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from doe import Campaign, Measurements, SpringPoints, model_compliances
+from doe import Campaign, Measurements, SpringPoints
 from doe.calibration.run import Calibration, run_campaign
 from doe.estimation.campaign import Stage
 from doe.published.parametric import PoseFit
@@ -226,7 +226,7 @@ def test_the_spacing_of_the_levels_does_not_choose_the_springs_of_step_1(
 
 def test_the_springs_are_those_of_the_model_at_the_poses(real: Calibration) -> None:
     p = real.overall
-    c = model_compliances(real.model, p.free.at.q)
+    c = np.stack([joint.axial.compliance(p.free.at.q) for joint in real.model.joints], axis=1)
     names = real.model.robot.joint_names
     for fits in fits_of(real).values():
         for fit in fits:

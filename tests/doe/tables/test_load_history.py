@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from doe import Measurements
-from doe.tables.load_history import history_of
+from doe.tables.loaded import history_of
 
 NAN = float("nan")
 Row = tuple[str, int | None, float, str | None, float]

@@ -13,6 +13,7 @@ import fem
 from machining.cutting import ConstantForce, ToolBending
 from machining.programs.compensation import compensate, cuts_of, milling_force
 from machining.programs.posting import Posted, PostSettings, post
+from machining.programs.program import frame_distance
 from machining.task import Task, ToolPath
 from robots import InputError
 from robots.arrays import Array
@@ -43,7 +44,7 @@ def test_the_loaded_tool_ends_up_on_the_wanted_path(kr60: fem.ArmModel, posted: 
     assert off_after[1:].max() < 2e-8
     assert not found.capped.any()
     assert np.abs(found.left[1:]).max() < 2e-8
-    away, turned = found.posted.program.deviation()
+    away, turned = frame_distance(found.posted.program.reached(), found.posted.program.T_part_tool)
     assert max(away.max(), turned.max()) < 1e-12
     np.testing.assert_array_equal(found.posted.program.gamma, posted.program.gamma)
 
@@ -91,7 +92,7 @@ def test_rapid_moves_plunges_and_their_like_carry_no_force(kr60: fem.ArmModel) -
     path = ToolPath(points, axes, axes, np.where(rapid, np.nan, 0.01))
     motions = motions_of(path, rapid=rapid, feed=path.feed)
     posted = post(kr60, cell_of(), motions, PostSettings(gamma=-2.0, tolerance=1e-3))
-    task, kept, _ = posted.task()
+    task, (kept, _) = posted.state.task, posted.state.places
     cutting = posted.program.motions.cutting[kept]
     cuts = cuts_of(task, cutting)
     assert len(cuts) == 1
@@ -124,7 +125,7 @@ def test_each_cut_has_its_own_feed_direction(kr60: fem.ArmModel) -> None:
 def test_bad_caps_and_paths_that_mill_nothing_are_refused(kr60: fem.ArmModel, posted: Posted) -> None:
     with pytest.raises(InputError, match="cap of the compensation"):
         compensate(kr60, posted, ConstantForce([0.0, 0.0, 50.0]), cap=0.0)
-    task, kept, _ = posted.task()
+    task, (kept, _) = posted.state.task, posted.state.places
     with pytest.raises(InputError, match="no move mills"):
         milling_force(ConstantForce([0.0, 0.0, 50.0]), task, np.zeros(len(kept), dtype=np.bool_))
     with pytest.raises(InputError, match="beyond small displacements"):
@@ -138,6 +139,6 @@ def test_the_uncertainty_is_that_of_the_deflection(kr60: fem.ArmModel, posted: P
     part = found.error
     assert (part.sd[1:] > 0.0).all()
     assert (part.sd[1:] < 0.15 * np.abs(part.normal[1:]) * 1.0001).all()
-    assert posted.settings.reference is not None
+    assert posted.state.reference is not None
     again = replace(force, relative_sd=0.1)
     assert (compensate(kr60, posted, again).error.sd[1:] > part.sd[1:]).all()

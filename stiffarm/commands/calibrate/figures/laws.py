@@ -80,8 +80,7 @@ def _curve(ax: Axes, curve: LawCurve) -> None:
         look: dict[str, Any] = {"color": INK, "label": "not determined", "transform": ax.get_xaxis_transform()}
         ax.plot(unknown, np.full(len(unknown), 0.03), "x", **look)
     _limits(ax, np.concatenate([within, read.low, read.stiffness, read.high]))
-    ax.set_xlabel(angle_label(curve.inputs[0]))
-    ax.set_ylabel("stiffness (N m/rad)")
+    ax.set(xlabel=angle_label(curve.inputs[0]), ylabel="stiffness (N m/rad)")
     also = "" if len(angle) else f", also over {', '.join(n.removesuffix('_deg') for n in curve.inputs[1:])}"
     ax.set_title(f"{curve.joint}: {curve.kind}{also}", loc="left", weight="bold")
 

@@ -43,8 +43,7 @@ def residuals_figure(
             if sd is not None:
                 reach = 2.0 * float(np.median(sd))
                 ax.axhspan(-reach, reach, color=FAINT, alpha=0.25, linewidth=0, zorder=0.2)
-            ax.set_xlabel(f"by {name}")
-            ax.set_ylabel(f"residual ({unit})")
+            ax.set(xlabel=f"by {name}", ylabel=f"residual ({unit})")
     return figure
 
 

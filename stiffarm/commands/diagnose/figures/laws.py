@@ -241,11 +241,9 @@ def law_figure(curve: LawCurve, heading: str) -> Figure:
                 ax.scatter(curve.read_x[side], curve.read_y[side], color=colour, label=name, **look)
         _limits(ax, curve)
         if curve.axis == "torque":
-            ax.set_xlabel(f"torque about {curve.joint} under the load (N m)")
-            ax.set_ylabel(f"turn of {curve.joint} (mrad)")
+            ax.set(xlabel=f"torque about {curve.joint} under the load (N m)", ylabel=f"turn of {curve.joint} (mrad)")
         else:
-            ax.set_xlabel(f"angle of {curve.joint} (deg)")
-            ax.set_ylabel(f"compliance of {curve.joint} (µrad/(N m))")
+            ax.set(xlabel=f"angle of {curve.joint} (deg)", ylabel=f"compliance of {curve.joint} (µrad/(N m))")
         above(ax, ax.get_legend_handles_labels()[0], 5)
     return figure
 
@@ -305,8 +303,7 @@ def _number(ax: Axes, n: Number) -> None:
     note(ax, short(n.value), (n.value, 0.0), (0, 9), va="bottom", weight="bold")
     if log:
         log_ticks(ax.xaxis)
-    ax.set_ylim(-0.6, 1.1)
-    ax.set_yticks([])
+    ax.set(ylim=(-0.6, 1.1), yticks=[])
     ax.grid(visible=False, axis="y")
     ax.spines["left"].set_visible(False)
     unit = "" if n.unit == "1" else f" ({n.unit})"

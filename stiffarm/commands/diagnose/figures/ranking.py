@@ -74,8 +74,10 @@ def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]],
             note(ax, f"{v:.0f} %" if known else f"{v:.2f}", (k, v), (0, 2), va="bottom")
         ax.margins(y=0.16)
     named_columns(ax, labels)
-    ax.set_ylabel("share (%)" if known else "mean square")
-    ax.set_xlabel(f"by {kind}" + (" (dashed: all alike)" if known and not values else ""))
+    ax.set(
+        ylabel="share (%)" if known else "mean square",
+        xlabel=f"by {kind}" + (" (dashed: all alike)" if known and not values else ""),
+    )
 
 
 def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
@@ -98,14 +100,11 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
         for k, b in enumerate(bars):
             note(left, _percent(b.probability), (100.0 * b.probability, k), (4, 0), ha="left")
         named_rows(left, [words[b.kind] if b.kind in ("none", "unknown") else b.name for b in bars])
-        left.set_xlim(0.0, 112.0)
-        left.set_xticks(range(0, 101, 20))
-        left.set_xlabel("probability (%)")
+        left.set(xlim=(0.0, 112.0), xticks=range(0, 101, 20), xlabel="probability (%)")
         rms = [b.left_out_rms_mm for b in bars]
         right.hlines(y, 0.0, rms, color="#D5D8DC", linewidth=1.4)
         right.scatter(rms, y, s=34, color=[colours[b.kind] for b in bars], zorder=3, linewidths=0)
-        right.set_xlim(0.0, 1.12 * max(rms))
-        right.set_xlabel("error at poses left out, RMS (mm)")
+        right.set(xlim=(0.0, 1.12 * max(rms)), xlabel="error at poses left out, RMS (mm)")
         right.grid(visible=False, axis="y")
         right.tick_params(axis="y", length=0)
         kinds = [kind for kind in words if any(b.kind == kind for b in bars)]
@@ -148,8 +147,7 @@ def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
                     ax.scatter(k, i, s=90, marker="o", color=UNKNOWN, linewidths=0)
         ax.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor")
         ax.set_yticks(range(len(rows)), rows)
-        ax.set_xlim(-0.6, max(len(columns), 12) - 0.4)
-        ax.set_ylim(len(rows) - 0.4, -0.6)
+        ax.set(xlim=(-0.6, max(len(columns), 12) - 0.4), ylim=(len(rows) - 0.4, -0.6))
         if more > 0:
             ax.set_xlabel(f"and {more} more")
     return figure

@@ -96,14 +96,12 @@ def _ratios(ax: Axes, rows: Sequence[JudgedBars]) -> None:
         for row, ratio in zip(rows, ratios, strict=True)
     ]
     most = max(float(ratio.max()) for ratio in ratios)
-    ax.set_xlim(0.0, min(max(1.6, 1.05 * most), MOST_SHOWN))
-    ax.set_ylim(0.5 / max(len(row.error) for row in rows), 1.3)
+    ax.set(xlim=(0.0, min(max(1.6, 1.05 * most), MOST_SHOWN)), ylim=(0.5 / max(len(row.error) for row in rows), 1.3))
     ax.axvline(1.0, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     ax.axhline(1.0 - LEVEL, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     ax.plot(1.0, 1.0 - LEVEL, "o", color=INK, markersize=5, zorder=4)
     ax.annotate("honest bars\npass here", (1.0, 1.0 - LEVEL), (10, 16), textcoords="offset points", size=9.0, ha="left")
-    ax.set_xlabel("error / half-width of its 95 % bar (–)")
-    ax.set_ylabel("runs with a larger ratio (%)")
+    ax.set(xlabel="error / half-width of its 95 % bar (–)", ylabel="runs with a larger ratio (%)")
     above(ax, lines, 1)
 
 
@@ -122,13 +120,11 @@ def _shares(ax: Axes, rows: Sequence[JudgedBars]) -> None:
     band = ax.axhspan(LEVEL - spread, min(LEVEL + spread, 1.0), color=FAINT, alpha=0.35, linewidth=0)
     band.set_label("95 %, and what chance makes of it")
     ax.axhline(LEVEL, color=INK, linewidth=0.9)
-    ax.set_ylim(min(0.895, least - 0.015), 1.003)
-    ax.set_xlim(0.5, count + 0.5)
+    ax.set(ylim=(min(0.895, least - 0.015), 1.003), xlim=(0.5, count + 0.5))
     ticks = np.arange(1, count + 1)
     ax.set_xticks(ticks, [f"{t}" for t in ticks])
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100.0 * v:g} %"))
-    ax.set_xlabel("tenth of the runs, from the narrowest bars to the widest (–)")
-    ax.set_ylabel("inside the bars (%)")
+    ax.set(xlabel="tenth of the runs, from the narrowest bars to the widest (–)", ylabel="inside the bars (%)")
     above(ax, [*handles, band], 2)
 
 
@@ -152,8 +148,7 @@ def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], 
                 ax.fill_between(middle, median, high, color=colour, alpha=0.12, linewidth=0)
                 ax.plot(middle, high, color=colour, label=f"{row.name}: 95 % of the runs are below")
                 ax.plot(middle, median, color=colour, linewidth=1.2, linestyle=(0, (4, 2)), label="its median")
-            ax.set_yscale("log")
-            ax.set_xlabel(angle_label(name))
+            ax.set(yscale="log", xlabel=angle_label(name))
             ax.locator_params(axis="x", nbins=7)
             if j % columns == 0:
                 ax.set_ylabel("relative error (%)")

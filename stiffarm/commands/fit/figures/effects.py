@@ -72,8 +72,7 @@ def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, A
             ax.set_xlabel(angle_label(name))
             span = max(float(np.ptp(levels)), 1.0)
             ax.set_xlim(levels[0] - 0.1 * span, levels[-1] + 0.36 * span)
-        axes[0].set_ylabel("structural stiffness / its maximum (–)")
-        axes[0].set_ylim(0.0, 1.06)
+        axes[0].set(ylabel="structural stiffness / its maximum (–)", ylim=(0.0, 1.06))
     return figure
 
 
@@ -140,8 +139,7 @@ def _parity(ax: Axes, row: HeldOut, ends: tuple[float, float], what: str) -> Pol
     look |= {"gridsize": 42, "mincnt": 1, "linewidths": 0.1, "extent": (low, high, low, high)}
     cells = ax.hexbin(row.true_N_per_mm, row.predicted_N_per_mm, xscale="log", yscale="log", **look)
     ax.plot(ends, ends, color=OKABE_ITO["vermillion"], linewidth=0.9)
-    ax.set_xlim(*ends)
-    ax.set_ylim(*ends)
+    ax.set(xlim=ends, ylim=ends)
     for axis in (ax.xaxis, ax.yaxis):
         log_ticks(axis, lambda v: f"{v:g}")
     ax.set_xlabel(f"true {what}")
@@ -179,12 +177,13 @@ def _tails(ax: Axes, rows: Sequence[HeldOut], error_of: str) -> None:
     names = ("RMS", "95 % of the runs are below", "largest")
     keys = [ax.plot([], [], m, color="#777777", label=n)[0] for m, n in zip("osD", names, strict=True)]
     middle = min(float(np.median(row.relative_error)) for row in shown)
-    ax.set_xlim(max(0.02 * middle, 1e-17), 2.0 * max(largest, 1e-16))
-    ax.set_ylim(0.5 / max(len(row.true_N_per_mm) for row in rows), 1.4)
+    ax.set(
+        xlim=(max(0.02 * middle, 1e-17), 2.0 * max(largest, 1e-16)),
+        ylim=(0.5 / max(len(row.true_N_per_mm) for row in rows), 1.4),
+    )
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
     ax.xaxis.set_minor_locator(NullLocator())
-    ax.set_xlabel(f"relative error of the {error_of} (%)")
-    ax.set_ylabel("runs with a larger error (%)")
+    ax.set(xlabel=f"relative error of the {error_of} (%)", ylabel="runs with a larger error (%)")
     # The layout leaves room for the last legend only, so the one inside comes first.
     ax.add_artist(ax.legend(handles=keys, loc="lower left", borderaxespad=0.6))
     above(ax, lines, 1)

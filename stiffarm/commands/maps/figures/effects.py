@@ -13,8 +13,8 @@ from robots import InputError
 from robots.arrays import Array, Integers
 from stiffarm.commands.maps.figures.slices import headings
 from stiffarm.commands.maps.looks import Look
-from stiffarm.pages.figure_parts import angle_label, log_ticks
-from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import angle_label, drawing, log_ticks
+from stiffarm.pages.style import OKABE_ITO
 from surrogate.maps.data import MapData
 
 # Ends of the band in %.
@@ -66,8 +66,7 @@ def swept_effects_figure(data: MapData, look: Look, heading: str, facts: str = "
     # One value is no sweep.
     shown = {name: effect for name, effect in effects.items() if len(effect.levels) > 1} or effects
     blue = OKABE_ITO["blue"]
-    with house_style():
-        figure, axes = new_figure((max(2.6 * len(shown) + 0.8, 6.4), 4.0), 1, len(shown), sharey=True)
+    with drawing("", (max(2.6 * len(shown) + 0.8, 6.4), 4.0), 1, len(shown), sharey=True) as (figure, axes):
         for ax, (name, effect) in zip(axes, shown.items(), strict=True):
             band = ax.fill_between(effect.levels, effect.low, effect.high, color=blue, alpha=0.18, linewidth=0)
             marker = "o" if len(effect.levels) <= 40 else None
@@ -77,8 +76,7 @@ def swept_effects_figure(data: MapData, look: Look, heading: str, facts: str = "
         low = np.nanmin([np.nanmin(e.low) for e in shown.values()])
         high = np.nanmax([np.nanmax(e.high) for e in shown.values()])
         if isinstance(look.norm, LogNorm) and low > 0.0:
-            axes[0].set_yscale("log")
-            axes[0].set_ylim(0.9 * low, 1.1 * high)
+            axes[0].set(yscale="log", ylim=(0.9 * low, 1.1 * high))
             log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
         elif low >= 0.0:
             axes[0].set_ylim(0.0, 1.05 * high)

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from robots import InputError, ModelDescription, Robot
+from robots import InputError, ModelDescription, Robot, require_one_of
 from robots.arrays import Array, Bools, Indices, Integers
 from robots.constants import M_TO_MM
 from stiffarm.commands.maps.looks import Look, category_patches, look_bar
@@ -181,8 +181,7 @@ def cloud_figure(
     InputError
         Nothing is reached, or an unknown view.
     """
-    if view not in VIEWS:
-        raise InputError("view of the map", value=view, allowed=", ".join(VIEWS))
+    require_one_of("view of the map", view, VIEWS)
     values = np.asarray(data.fields[look.name].values)
     known = np.asarray(data.reached) & np.isfinite(values) & (values >= 0.0 if look.kind == "category" else True)
     data.require_reached("move the grid to where the robot reaches")
@@ -243,6 +242,6 @@ def _space(
             ]
             figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.84, 0.5), fontsize=10)
         else:
-            look_bar(figure, look, cax=figure.add_axes((0.872, 0.20, 0.022, 0.56)), levels=levels)
+            look_bar(figure, look, cax=style.beside_picture(figure), levels=levels)
         show(figure, axes, scene, works)
     return figure

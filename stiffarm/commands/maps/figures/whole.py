@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fem.arm import Arm
-from robots import InputError, ModelDescription, Robot
+from robots import InputError, ModelDescription, Robot, require_one_of
 from robots.files.written import written_whole
 from stiffarm.commands.maps.figures.effects import swept_effects_figure
 from stiffarm.commands.maps.figures.slices import slice_figure, unlike
@@ -94,8 +94,7 @@ def _for_people(data: MapData) -> list[str]:
 
 def one_figure(data: MapData, name: str, arm: Arm) -> Figure:
     """The figure of one quantity: the slice, the planes of a box or a cylinder, a joint sweep from oblique."""
-    if name not in data.fields:
-        raise InputError("quantity of the map", value=name, allowed=", ".join(data.fields))
+    require_one_of("quantity of the map", name, data.fields)
     look = look_of(name, data.fields[name])
     heading = f"{arm.description.title.split(' (')[0]}: {look.label}"
     works = data.layout.kind == "slice" or chosen(None)[0]

@@ -18,8 +18,9 @@ from robots.arrays import Array, Bools
 from stiffarm.commands.maps.figures.slices import panel, panels
 from stiffarm.commands.maps.looks import look_bar, look_of
 from stiffarm.commands.maps.planes import Plane, edges
+from stiffarm.pages.figure_parts import drawing
 from stiffarm.pages.figure_parts import title as figure_title
-from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.style import INK, OKABE_ITO, house_style
 from surrogate.maps.data import Field
 
 # Where no posture is: pale and hatched, unlike any colour of the scale.
@@ -94,8 +95,7 @@ def draw_gamma_statistics(found: Distribution, *, title: str, choice: GammaChoic
     """
     what = shown(found.objective.quantity)
     degrees = np.degrees(found.gamma)
-    with house_style():
-        figure, axes = new_figure((10.0, 6.4), 2, 2, sharex=True)
+    with drawing(title, (10.0, 6.4), 2, 2, sharex=True) as (figure, axes):
         for (over, line, marker, label), colour in zip(_SCALES, ("blue", "vermillion"), strict=True):
             s = found.statistics(over)  # type: ignore[arg-type]
             look: dict[str, Any] = {"linestyle": line, "marker": marker, "color": OKABE_ITO[colour], "markersize": 3.5}
@@ -119,7 +119,6 @@ def draw_gamma_statistics(found: Distribution, *, title: str, choice: GammaChoic
             words = f"best for the {choice.aim}: {np.degrees(choice.gamma):.4g} deg"
             handles.append(Line2D([], [], color=INK, linestyle=":", linewidth=1.2, label=words))
         figure.legend(handles=handles, loc="outside lower left", ncols=3)
-        figure_title(figure, title)
     return figure
 
 

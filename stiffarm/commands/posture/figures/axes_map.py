@@ -153,8 +153,7 @@ def hatched(ax: Axes, xe: Array, ye: Array, mask: Bools, face: str | None, hatch
     fine = np.repeat(np.repeat(mask.astype(np.float64), 2, axis=0), 2, axis=1)
     shades = [to_rgba(face)] if face else ["none"]
     drawn = ax.contourf(xe, ye, fine.T, levels=[0.5, 1.5], colors=shades, hatches=[hatch])
-    drawn.set_edgecolor(ink)
-    drawn.set_linewidth(0.0)
+    drawn.set(edgecolor=ink, linewidth=0.0)
 
 
 def steps(centres: Array) -> Array:

@@ -17,7 +17,7 @@ from cli_runs import Command, run_here
 from doe import read_measurements
 from doe.certainty.propagation import parameter_uncertainty, propagate
 from doe.diagnosis.candidates import impossible
-from doe.diagnosis.outset import setting_of
+from doe.diagnosis.setting import setting_of
 from doe.diagnosis.where import labels_of, load_labels, shares, without_history
 from fem.effects import build_arm, build_plain, catalogue
 from robots import load_description

@@ -14,7 +14,7 @@ import pytest
 from cli_runs import ROOT, Command, run_here
 
 from doe import read_measurements
-from doe.tables.load_history import history_of
+from doe.tables.loaded import history_of
 from fem.effects import build_arm, checked_maker, observed, reading_effects
 from fem.statics.loads import LoadedPoses
 from robots import load_description

@@ -13,6 +13,7 @@ from cli_runs import Command
 from machining.cell import read_cell
 from machining.placement import Placement, placement_content
 from machining.programs.formats import NEUTRAL
+from machining.programs.program import frame_distance
 from robots import load_description
 from robots.robot import robot_from
 from stiffarm.commands.post.targets import parse_targets
@@ -82,7 +83,7 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
     kept = program.motions.points[~program.inserted] * 1e3
     wanted = [[-40, 0, 30], [-40, 0, 0], [40, 0, 0], [40, 40, 0], [-40, 40, 0], [-40, 0, 0], [-40, 0, 30]]
     np.testing.assert_allclose(kept, wanted, atol=1e-6)
-    away, turned = program.deviation()
+    away, turned = frame_distance(program.reached(), program.T_part_tool)
     assert max(away.max(), turned.max()) < 1e-9
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "stiffarm verify" in page
