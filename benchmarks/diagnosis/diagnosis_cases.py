@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,12 @@ import numpy as np
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import Options
-from doe.diagnosis.setting import Setting, setting_of
-from doe.tables.loaded import history_of, loaded_points
+from doe.diagnosis.setting import setting_of
+from doe.diagnosis.where import applied
+from doe.tables.loaded import rms_mm
 from doe.tables.measurements import Measurements
 from doe.tables.reading import read_measurements
 from fem import ArmModel, build_model
-from fem.effects.observed import observed
-from fem.statics.loads import as_loaded
 from rehearsal.scoring import DETECTABLE, family
 from robots import ModelDescription, load_description
 
@@ -129,20 +128,12 @@ def unseen_errors(spec: SetSpec, seed: int, d: Diagnosis) -> tuple[float, float]
     loads = loads[np.argsort(np.abs(loads))]
     sheet = sheet_of(robot.coordinates, np.degrees(np.repeat(q, len(loads), axis=0)), np.tile(loads, len(q)))
     truth = truth_at(spec, seed, sheet)
+    read = np.full((len(truth), 6), np.nan)
     components = np.unique(d.start.data.component)
-    data = opened(filled(sheet), d.start.model)
-    out = []
-    for state in (d.before, d.after):
-        there = setting_like(state.setting, data)
-        error = 1e3 * (truth[:, components] - there[:, components])
-        out.append(float(np.sqrt(np.mean(error**2))))
-    return out[0], out[1]
-
-
-def setting_like(s: Setting, data: Measurements) -> Array:
-    """Displacements (n, 6) that a setting predicts for other readings."""
-    at = as_loaded(s.arm, data.q, data.wrench, loaded_points(s.arm, data))
-    return observed(s.arm, at, s.accepted, history_of(data))
+    read[:, components] = truth[:, components]
+    known = replace(opened(filled(sheet), d.start.model), displacement=read)
+    before, after = (applied(state.setting, known) for state in (d.before, d.after))
+    return rms_mm(before.residual, before.data.component), rms_mm(after.residual, after.data.component)
 
 
 def sheet_of(coordinates: tuple[str, ...], q_deg: Array, fz: Array) -> str:
