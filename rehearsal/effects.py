@@ -238,25 +238,32 @@ def wrist_coupling(c: Context) -> dict[str, Any]:
     return {"law": "asymmetric", "per_Nm": [float(size), float(size * c.between(0.8, 1.2))]}
 
 
-def frame_turned(c: Context) -> dict[str, Any]:
-    """The frame in which forces and displacements are stated, turned against the base."""
-    axis = c.rng.normal(size=3)
-    turned = np.radians(c.between(1.0, 4.0)) * axis / np.linalg.norm(axis)
-    return {"law": "exact-geometry", "turn_rad": [float(v) for v in turned]}
+def turned_frame(c: Context) -> dict[str, Any]:
+    """The frame of forces and displacements: levelled to a fraction of a degree, its azimuth set by hand."""
+    turns = [c.between(-0.3, 0.3), c.between(-0.3, 0.3), c.sign() * c.between(1.0, 5.0)]
+    return {"law": "exact-geometry", "turn_rad": [float(np.radians(v)) for v in turns]}
 
 
-def tool_point(c: Context) -> dict[str, Any]:
+def tool_point_offset(c: Context) -> dict[str, Any]:
     """Loads act and displacements are read at another point of the flange than the sheet says."""
     at = c.rng.normal(size=3)
-    at = c.between(0.03, 0.1) * c.long * at / np.linalg.norm(at)
+    at = c.between(0.015, 0.05) * c.long * at / np.linalg.norm(at)
     return {"law": "exact-geometry", "at_flange_m": [float(v) for v in at]}
 
 
-def angle_convention(c: Context) -> dict[str, Any]:
-    """The sheet's angle has the other sign, or another zero by a whole fraction of a turn."""
-    if c.pick("sign", "offset") == "sign":
-        return {"law": "sign"}
-    return {"law": "offset", "offset_rad": c.sign() * float(c.rng.choice([np.pi / 4, np.pi / 2, np.pi]))}
+def angle_sign(c: Context) -> dict[str, Any]:
+    """The sheet's angle has the other sign."""
+    return {"law": "exact-geometry"}
+
+
+def angle_offset(c: Context) -> dict[str, Any]:
+    """The sheet's angle counts from another zero, a quarter or half turn away."""
+    return {"law": "exact-geometry", "offset_rad": float(c.rng.choice([-np.pi / 2, np.pi / 2, np.pi]))}
+
+
+def angle_coupling(c: Context) -> dict[str, Any]:
+    """The sheet's angle counts from the horizontal, not from the part before it."""
+    return {"law": "exact-geometry", "share": c.sign()}
 
 
 DRAWS: dict[str, Draw] = {
@@ -283,9 +290,11 @@ DRAWS: dict[str, Draw] = {
     "drift": drift,
     "gear-ripple": gear_ripple,
     "wrist-coupling": wrist_coupling,
-    "frame-turned": frame_turned,
-    "tool-point": tool_point,
-    "angle-convention": angle_convention,
+    "turned-frame": turned_frame,
+    "tool-point-offset": tool_point_offset,
+    "angle-sign": angle_sign,
+    "angle-offset": angle_offset,
+    "angle-coupling": angle_coupling,
 }
 # Kinds that say how a joint twists under its torque, and kinds that multiply its compliance.
 TORQUE_LAWS = ("hardening", "softening", "backlash", "friction")

@@ -75,8 +75,12 @@ def angles(truth: Truth, q: Array) -> Array:
     q = q + np.array(truth.nuisance["zeros_rad"])
     for j, e in truth.at_joints("joint-zero-offset"):
         q[:, j] += e["zero_rad"]
-    for j, e in truth.at_joints("angle-convention"):
-        q[:, j] = -q[:, j] if e["law"] == "sign" else q[:, j] + e["offset_rad"]
+    for j, _ in truth.at_joints("angle-sign"):
+        q[:, j] = -q[:, j]
+    for j, e in truth.at_joints("angle-offset"):
+        q[:, j] += e["offset_rad"]
+    for j, e in truth.at_joints("angle-coupling"):
+        q[:, j] += e["share"] * q[:, j - 1]
     return q
 
 
@@ -85,7 +89,7 @@ def points(truth: Truth, r: Readings) -> Array | None:
     given, off = r.point, truth.arm.give.load_point
     if given is not None and off.any():
         given = given + off
-    wrong = [np.array(e["at_flange_m"]) for e in truth.of("tool-point")]
+    wrong = [np.array(e["at_flange_m"]) for e in truth.of("tool-point-offset")]
     if not wrong:
         return given
     stated = np.full((len(r), 3), np.nan) if given is None else given
@@ -99,7 +103,7 @@ def wrenches(truth: Truth, r: Readings, at: Frames) -> Array:
     gain = np.array([scale[size] for size in sizes])[:, None]
     force = r.force * gain
     moment = np.zeros_like(force) if r.moment is None else r.moment * gain
-    for e in truth.of("frame-turned"):
+    for e in truth.of("turned-frame"):
         # What the sheet calls x, y and z are the axes of the measurement frame.
         turned = rotation_of(np.array(e["turn_rad"])).T
         force, moment = force @ turned, moment @ turned
@@ -279,7 +283,7 @@ def exact(truth: Truth, r: Readings) -> Array:
         d = d + described_part(arm, at, r.q, w)
     if truth.strange is not None:
         d = truth.strange.shift(truth, r, at, w, d)
-    for e in truth.of("frame-turned"):
+    for e in truth.of("turned-frame"):
         d = d @ rotation_of(np.array(e["turn_rad"]))
     return gauge(truth, r, d)
 

@@ -5,6 +5,7 @@ A truth with a law of its own (a kink where a file has a smooth bend) has no num
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ def _ripple(e: dict[str, Any]) -> dict[str, Any]:
     return {"cos": a * np.sin(phase), "sin": a * np.cos(phase), "teeth": e["teeth"]}
 
 
-MEANINGS = {
+MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "joint-compliance": lambda e: {"stiffness": e["k_Nm_per_rad"]},
     "joint-tilt": _pair,
     "angle-dependent-stiffness": _waves,
@@ -71,6 +72,8 @@ MEANINGS = {
     "drift": _drift,
     "gear-ripple": _ripple,
     "wrist-coupling": lambda e: {"coupling": np.mean(e["per_Nm"])},
-    "frame-turned": lambda e: {f"r{a}": v for a, v in zip("xyz", e["turn_rad"], strict=True)},
-    "tool-point": _offset,
+    "turned-frame": lambda e: {f"r{a}": v for a, v in zip("xyz", e["turn_rad"], strict=True)},
+    "tool-point-offset": _offset,
+    "angle-offset": lambda e: {"offset": e["offset_rad"]},
+    "angle-coupling": lambda e: {"share": e["share"]},
 }  # fmt: skip

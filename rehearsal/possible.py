@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rehearsal.arm import Arm
 from rehearsal.effects import DRAWS
+from rehearsal.kinematics import frames
 from robots.errors import InputError
 
 # Nothing hidden: whether a diagnosis raises a false alarm.
 NOTHING = "none"
-AT_EACH_JOINT = (
-    "joint-tilt",
+# Axes are parallel up to this.
+PARALLEL = 1e-9
+# What needs a spring.
+AT_SPRINGS = (
     "angle-dependent-stiffness",
     "hardening",
     "softening",
     "backlash",
     "friction",
-    "joint-zero-offset",
     "gear-ripple",
-    "angle-convention",
 )
 
 
@@ -46,9 +49,12 @@ def _of_kind(kind: str, arm: Arm, links: str) -> list[str]:
     springs = sprung(arm)
     if kind == "joint-compliance":
         places = [j for j in range(arm.dof) if j not in springs]
-    elif kind in ("joint-tilt", "joint-zero-offset", "angle-convention"):
+    elif kind in ("joint-tilt", "joint-zero-offset", "angle-sign", "angle-offset"):
         places = list(range(arm.dof))
-    elif kind in AT_EACH_JOINT:
+    elif kind == "angle-coupling":
+        axes = frames(arm, np.zeros((1, arm.dof))).axes[0]
+        places = [j for j in range(1, arm.dof) if abs(axes[j] @ axes[j - 1]) > 1 - PARALLEL]
+    elif kind in AT_SPRINGS:
         places = springs
     elif kind == "gravity-compensator":
         places = [j for j in (1,) if j in springs]

@@ -13,7 +13,13 @@ from rehearsal.possible import NOTHING
 # Chi-square that no springs take up: from here on readings can show an effect at all.
 DETECTABLE = 30.0
 # Effects that act alike and are cured alike: a compensator is a stiffness that varies with the angle.
-FAMILY = {"gravity-compensator": "angle-dependent-stiffness"}
+FAMILY = {
+    "gravity-compensator": "angle-dependent-stiffness",
+    "tool-point-offset": "load-point-offset",
+    "angle-sign": "angle-convention",
+    "angle-offset": "angle-convention",
+    "angle-coupling": "angle-convention",
+}
 
 Outcome = Literal["named", "family", "candidate", "unnamed", "not testable", "nothing", "wrong"]
 OUTCOMES: dict[Outcome, str] = {

@@ -139,17 +139,24 @@ def test_a_turned_frame_turns_what_is_stated_and_a_wrong_tool_point_moves_it() -
     arm = arm_of(load_description("kr60-3"))
     r = repeated(np.radians([[0, -60, 60, 0, 40, 0]]), [up_and_down([300.0], np.array([0, 0, -1.0]))], 1)
     base = plain(arm)
-    quarter = replace(base, effects=({"code": "frame-turned", "kind": "frame-turned", "where": "", "law": "",
+    quarter = replace(base, effects=({"code": "turned-frame", "kind": "turned-frame", "where": "", "law": "",
                                       "turn_rad": [0, 0, np.pi / 2]},))  # fmt: skip
     # A vertical load stays vertical; what was x is stated as minus y of a frame turned by a quarter about z.
     d, turned = exact(base, r), exact(quarter, r)
     np.testing.assert_allclose(turned, np.column_stack([d[:, 1], -d[:, 0], d[:, 2]]), atol=1e-15)
     at = np.array([0.05, -0.02, 0.1])
-    wrong = replace(base, effects=({"code": "tool-point", "kind": "tool-point", "where": "", "at_flange_m": at},))
+    wrong = replace(
+        base, effects=({"code": "tool-point-offset", "kind": "tool-point-offset", "where": "", "at_flange_m": at},)
+    )
     np.testing.assert_allclose(exact(wrong, r), exact(base, replace(r, point=np.tile(at, (2, 1)))), atol=1e-15)
-    flipped = replace(base, effects=({"code": "angle-convention:j2", "kind": "angle-convention", "where": "j2",
-                                      "law": "sign"},))  # fmt: skip
-    np.testing.assert_allclose(exact(flipped, r.moved(r.q * [1, -1, 1, 1, 1, 1])), d, atol=1e-15)
+    for kind, where, values, stated in (
+        ("angle-sign", "j2", {}, [0, 60, 60, 0, 40, 0]),
+        ("angle-offset", "j2", {"offset_rad": np.pi / 2}, [0, -150, 60, 0, 40, 0]),
+        ("angle-coupling", "j3", {"share": 1.0}, [0, -60, 120, 0, 40, 0]),
+    ):
+        hidden = replace(base, effects=({"code": f"{kind}:{where}", "kind": kind, "where": where, **values},))
+        at_stated = r.moved(np.tile(np.radians(stated), (2, 1)))
+        np.testing.assert_allclose(exact(hidden, at_stated), d, atol=1e-15)
 
 
 def test_no_code_is_shared_with_the_packages_under_test() -> None:
