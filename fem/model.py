@@ -184,8 +184,7 @@ def build_model(
         raise InputError("flanges", value=flanges, allowed=", ".join(FLANGES))
     robot = robot_from(description)
     path: LoadPath = description.load_path if load_path is None else load_path
-    if path not in ("parallelogram", "serial"):
-        raise InputError("load path", value=path, allowed="parallelogram, serial")
+    require_one_of("load path", path, ("parallelogram", "serial"))
     if path == "parallelogram" and robot.parallelogram is None:
         raise InputError(f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram")
     taken = {*robot.joint_names, *PLACES} & {link.name for link in description.link}

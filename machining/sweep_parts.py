@@ -13,7 +13,7 @@ from machining.posture.points import Sweep, sweep_gamma
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, finite
 from robots.progress import Progress, report_progress
 
 # Points x angles of one part, each with up to eight poses: some 100 MB with rigid links.
@@ -41,10 +41,7 @@ def sweep_parts(
     InputError
         Angles of another shape, a map too large to hold; else as :func:`machining.posture.points.sweep_gamma`.
     """
-    angle = np.asarray(gamma, dtype=np.float64)
-    n = task.path.n
-    if angle.ndim != 1 or len(angle) == 0 or not np.isfinite(angle).all():
-        raise InputError("gamma", value=f"shape {angle.shape}", allowed="finite angles (m,) rad, m at least 1")
+    angle, n = finite("gamma", gamma, ("m",), "rad"), task.path.n
     if n * len(angle) > MOST:
         raise InputError(
             "map",

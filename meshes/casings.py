@@ -16,7 +16,7 @@ import numpy as np
 from meshes.beams import BeamMesh, element_axes
 from meshes.openings import SAME, Branch, Lines, divided, lines_of
 from meshes.shell_mesh import ShellMesh
-from robots import InputError
+from robots import InputError, require_positive
 from robots.arrays import Array, Bools, Integers
 from robots.schema.description import Opening, Rim
 
@@ -61,8 +61,7 @@ def casing_mesh(
     """
     if size is None:
         size = casing_size(beam, openings)
-    elif not 0.0 < size < np.inf:
-        raise InputError(f"{beam.name}: element size (m)", value=size, allowed="greater than 0")
+    require_positive(f"{beam.name}: element size (m)", size)
     if openings and beam.kind != "box":
         raise InputError(f"{beam.name}: openings", value=f"in a {beam.kind}", allowed="in boxes only")
     tubes = [

@@ -64,6 +64,12 @@ def sides(cells: Integers) -> Integers:
     return np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
+def used_only(nodes: Array, faces: Integers) -> tuple[Array, Integers]:
+    """The nodes that faces use, in their order, and the faces by these nodes' numbers."""
+    used, place = np.unique(faces, return_inverse=True)
+    return nodes[used], place.reshape(faces.shape)
+
+
 def connected(count: int, pairs: Integers) -> Integers:
     """Number of the piece (count,) that each of the nodes belongs to, where pairs (p, 2) of them are joined."""
     # Meshes are also weighed and listed, where nobody needs SciPy.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from robots.errors import InputError, InputErrors, require_one_of
+    from robots.errors import InputError, InputErrors, require_at_least, require_one_of, require_positive
     from robots.inverse.branches import BRANCHES, Branch, InverseSolutions, Reason
     from robots.inverse.singularities import SingularityDistance, branch_of, singularity_distance
     from robots.inverse.solutions import inverse_kinematics, why_no_closed_form
@@ -45,7 +45,9 @@ __all__ = [
     "load_description",
     "load_robot",
     "read_urdf",
+    "require_at_least",
     "require_one_of",
+    "require_positive",
     "save_description",
     "singularity_distance",
     "tool_position",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -93,6 +94,18 @@ def require_one_of(what: str, value: object, allowed: Iterable[object], *, remed
     known = tuple(allowed)
     if value not in known:
         raise InputError(what, value=value, allowed=", ".join(map(str, known)), remedy=remedy)
+
+
+def require_positive(what: str, value: float | None, unit: str = "", remedy: str | None = None) -> None:
+    """Raise InputError unless a number, in its ``unit``, is finite and greater than 0, or not given."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise InputError(what, value=value, allowed=f"greater than 0 {unit}".rstrip(), remedy=remedy)
+
+
+def require_at_least(what: str, value: float | None, least: float, unit: str = "", remedy: str | None = None) -> None:
+    """Raise InputError unless a number, in its ``unit``, is finite and not below ``least``, or not given."""
+    if value is not None and not least <= value < math.inf:
+        raise InputError(what, value=value, allowed=f"{least:g} or more{unit and f', {unit}'}", remedy=remedy)
 
 
 def raise_any(what: str, faults: Sequence[InputError]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from robots.arrays import Array, Bools
 from robots.errors import InputError, require_one_of
 from robots.frames import framed, rotation_rpy
-from robots.schema.description import Flange, FrameRow, Joint, ModelDescription, Tool
+from robots.schema.description import Joint, ModelDescription, Placed
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
 LIMIT_TOLERANCE_RAD = 1e-9
@@ -185,7 +185,7 @@ def _rotation_z_to(axis: Array) -> Array:
     return np.asarray(np.eye(3) + vx + vx @ vx / (1.0 + a[2]))
 
 
-def _transform(part: FrameRow | Flange | Tool) -> Array:
+def _transform(part: Placed) -> Array:
     rpy = np.zeros(3) if part.rpy is None else part.rpy.si_array
     return framed(rotation_rpy(rpy), part.xyz.si_array)
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from robots.arrays import Array, Bools, Integers
-from robots.errors import InputError, require_one_of
+from robots.errors import InputError, require_at_least, require_one_of
 from surrogate.scope import Couplings, as_box
 
 Density = Literal["arcsine", "uniform", "random", "boundary"]
@@ -66,8 +66,7 @@ def space_filling_design(
         A bad box or number, or (almost) no pose is accepted; says which limits leave none.
     """
     lo, hi = as_box(lower, upper)
-    if n < 1:
-        raise InputError("design: number of poses", value=n, allowed="1 or more")
+    require_at_least("design: number of poses", n, 1)
     require_one_of("design: density", density, get_args(Density))
     sobol = qmc.Sobol(len(lo), scramble=True, rng=rng)
     found: list[Array] = []

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.arrays import Array, Bools
-from robots.errors import InputError
+from robots.errors import InputError, require_at_least
 from surrogate.basis import Basis, polynomial_basis
 from surrogate.expansion import Expansion
 from surrogate.fast import evaluate
@@ -103,8 +103,7 @@ def learn_bars(basis: Basis, scope: Scope, Q_fitted: Array, Q: Array, error: Arr
     InputError
         Fewer than 200 runs: the 95 % factor would be chance.
     """
-    if len(Q) < FEWEST_RUNS:
-        raise InputError("error bars: runs kept out", value=len(Q), allowed=f"{FEWEST_RUNS} or more")
+    require_at_least("error bars: runs kept out", len(Q), FEWEST_RUNS)
     leverage = _leverage(basis, Q_fitted)
     quadratic = polynomial_basis(scope.lower, scope.upper, 2, scope.periodic)
     # Halves one after the other: every second point of a Sobol sequence fills only half of the box.

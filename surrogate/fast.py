@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.arrays import Array, Integers
-from robots.errors import InputError
+from robots.errors import InputError, require_at_least
 from robots.threads import compiled_loops, in_shares
 from surrogate.expansion import Expansion
 
@@ -49,8 +49,7 @@ def evaluate(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> 
     k = expansion.n_inputs
     if poses.ndim != 2 or poses.shape[1] != k:
         raise InputError("surrogate: angles", value=f"shape {poses.shape}", allowed=f"(n, {k}), rad")
-    if threads is not None and threads < 1:
-        raise InputError("surrogate: threads", value=threads, allowed="1 or more")
+    require_at_least("surrogate: threads", threads, 1)
     compiled = kernels() if len(poses) * expansion.n_terms >= FEWEST else None
     if compiled is None:
         with np.errstate(invalid="ignore", over="ignore"):

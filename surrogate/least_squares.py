@@ -25,11 +25,10 @@ _PENALTIES = np.logspace(-14.0, 0.0, 29)
 
 
 class Solution(NamedTuple):
-    """``coefficients`` (t, m); ``condition`` of the matrix; ``triangle`` R (t, t) of its QR; ``penalty`` of ridge."""
+    """``coefficients`` (t, m); ``condition`` of the matrix; ``penalty`` of ridge."""
 
     coefficients: Array
     condition: float
-    triangle: Array
     penalty: float
 
 
@@ -60,7 +59,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
             # It fits columns of very unlike size on purpose; the condition number is reported instead.
             warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
             found = RidgeCV(_PENALTIES * size, fit_intercept=False, gcv_mode="svd").fit(A, b)
-        return Solution(np.reshape(found.coef_, (b.shape[1], -1)).T, condition, R, float(found.alpha_))
+        return Solution(np.reshape(found.coef_, (b.shape[1], -1)).T, condition, float(found.alpha_))
     if not condition < WORST_CONDITION:
         raise InputError(
             f"fit: the poses do not determine all {A.shape[1]} terms (condition {condition:.3g})",
@@ -68,7 +67,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
             remedy="use poses that fill the domain (no grids of few levels, no repeats), fewer terms or --solver ridge",
         )
     x = scipy.linalg.solve_triangular(R, Q.T @ b, check_finite=False)
-    return Solution(np.asarray(x, dtype=np.float64), condition, R, 0.0)
+    return Solution(np.asarray(x, dtype=np.float64), condition, 0.0)
 
 
 def condition_of(R: Array) -> float:

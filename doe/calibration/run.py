@@ -12,8 +12,7 @@ import numpy as np
 
 from doe.certainty.identifiability import TradeOff, trade_offs, unseen
 from doe.certainty.lack_of_fit import LackOfFit, lack_of_fit
-from doe.certainty.left_out import moving_with
-from doe.certainty.uncertainty import Certainty, blind_directions, certainty
+from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.campaign import Campaign, Stage
 from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
 from doe.estimation.noise import Noise, within_readings
@@ -141,7 +140,7 @@ def run_campaign(
         A stage names a pose, load or number that is not there, or has too few readings; a stage at some loads only
         of a model with a memory, where readings were taken while unloading.
     """
-    stages = campaign.stage or (Stage(name="all at once", parameters=_all_names(campaign)),)
+    stages = campaign.stage or (Stage(name="all at once", parameters=campaign.names),)
     history = history or history_of(data)
     key = _key(description, data, campaign, history) if store is not None and not own else None
     store = None if key is None else store
@@ -235,10 +234,6 @@ def refuse_cut_cycles(
         )
 
 
-def _all_names(campaign: Campaign) -> tuple[str, ...]:
-    return tuple(p.name for p in campaign.parameter) + tuple(f"{law.joint}.law" for law in campaign.law)
-
-
 def _key(description: ModelDescription, data: Measurements, campaign: Campaign, history: History) -> str | None:
     """Hash of everything that the stages' numbers depend on, the program too; None where its source is not there."""
     program = formulation_hash(
@@ -325,11 +320,6 @@ def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], 
         f"its numbers are no estimate from these readings: one more round moves predictions by up to {moved:.2g} "
         f"standard deviations, the noise by {100.0 * noise:.2g} %, weights by {weight:.2g}"
     )
-
-
-def undetermined(found: Estimate, J: Array) -> list[str]:
-    """Parameters that an estimate does not determine and that other readings, with derivatives J (m, p), move with."""
-    return moving_with(found.problem, J, found.seen, blind_directions(found))
 
 
 def without_outliers(result: StageResult) -> StageResult:

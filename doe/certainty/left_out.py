@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe.certainty.uncertainty import blind_directions, null_directions
+from doe.certainty.uncertainty import null_directions
 from doe.estimation.estimate import Estimate, check_enough, seen_columns
 from doe.estimation.least_squares import ROUNDING, bounded_step, minimise, prior_residual
 from doe.estimation.problem import Problem
@@ -98,7 +98,7 @@ class _Whole:
         Q = e.whitened @ turn
         g = Q.T @ white - (slopes @ turn).T @ prior
         low, high = p.bounds
-        return _Whole(e, Q, R, g, white, (low - e.u, high - e.u), seen, blind_directions(e))
+        return _Whole(e, Q, R, g, white, (low - e.u, high - e.u), seen, null_directions(e.rows, seen))
 
     def step_without(self, mine: Indices) -> Array | None:
         """The step (p,) of the variables to the estimate without the components ``mine``; None: fit it anew."""

@@ -15,7 +15,7 @@ from doe.estimation.least_squares import is_convex
 from doe.estimation.noise import likelihood
 from doe.estimation.problem import Problem
 from fem.free.parameters import FreeLaw, Parameter
-from robots import InputError
+from robots import InputError, require_at_least
 from robots.arrays import Array, Bools, Indices, Integers
 from robots.progress import Progress, report_progress
 
@@ -169,11 +169,6 @@ def law_band(e: Estimate, c: Certainty, law: FreeLaw, q: Array) -> LawBand:
     return LawBand(k, k * np.exp(-t * sd), k * np.exp(t * sd))
 
 
-def blind_directions(e: Estimate) -> Array:
-    """Directions (d, p) of the variables that no reading determines, length one."""
-    return null_directions(e.rows, e.seen)
-
-
 def null_directions(A: Array, seen: Bools) -> Array:
     """Directions (d, p), length one, that rows A (m, p) do not determine, of the columns ``seen`` (p,)."""
     return determined_covariance(A, seen)[1][1]
@@ -191,8 +186,7 @@ def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress:
         Fewer than three poses.
     """
     p = e.problem
-    if len(p.poses) < 3:
-        raise InputError("poses for a bootstrap", value=len(p.poses), allowed="3 or more")
+    require_at_least("poses for a bootstrap", len(p.poses), 3)
     groups = [np.flatnonzero(p.pose == k) for k in range(len(p.poses))]
     out = np.full((times, len(e.u)), np.nan)
     for i in range(times):

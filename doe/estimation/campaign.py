@@ -133,7 +133,7 @@ class Campaign(Strict):
 
     @model_validator(mode="after")
     def _names_fit(self) -> Self:
-        names = [p.name for p in self.parameter] + [f"{law.joint}.law" for law in self.law]
+        names = self.names
         if not names:
             raise ValueError("nothing is set free: add a [[parameter]] or a [[law]]")
         twice = sorted({n for n in names if names.count(n) > 1})
@@ -155,6 +155,11 @@ class Campaign(Strict):
         if len(set(labels)) < len(labels):
             raise ValueError("two stages have the same name")
         return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of everything that is set free."""
+        return (*(p.name for p in self.parameter), *(f"{law.joint}.law" for law in self.law))
 
     @property
     def regressions(self) -> tuple[RegressionChoice, ...]:

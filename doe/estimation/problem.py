@@ -97,11 +97,6 @@ class Problem:
         J.setflags(write=False)
         return start, value[self.row, self.component], J
 
-    def of_poses(self, wanted: Sequence[str]) -> Problem:
-        """The part of the problem read in some poses (labels)."""
-        numbers = [k for k, label in enumerate(self.poses) if label in set(wanted)]
-        return self.take(np.isin(self.pose, numbers))
-
     def take(self, mask: Bools) -> Problem:
         """Keep the components where ``mask`` (m,) is true; loaded poses that none of them needs are dropped."""
         rows, row = np.unique(self.row[mask], return_inverse=True)

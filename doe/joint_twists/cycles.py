@@ -22,7 +22,7 @@ from fem import ArmModel
 from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics
 from robots.arrays import Array, Bools, Indices
-from robots.kinematics import tool_position
+from robots.kinematics import BodyFrames, tool_position
 
 Branches = Literal["mean", "loading"]
 
@@ -261,8 +261,10 @@ def carried(model: ArmModel, q: Array, wrench: Array, point: Array) -> Array:
     """
     frames = forward_kinematics(model.robot, q)
     w = np.einsum("nij,nkj->nki", frames.R_flange, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
-    tool = tool_position(model.robot, frames, point)
-    out = np.empty((len(q), model.robot.dof, 6))
-    for j, T in joint_rows(model, frames, tool):
-        out[:, j] = np.einsum("skn,nk->ns", T, w)
-    return out
+    rows = carried_rows(model, frames, tool_position(model.robot, frames, point))
+    return np.asarray(np.einsum("njsk,nk->njs", rows, w))
+
+
+def carried_rows(model: ArmModel, frames: BodyFrames, tool: Array) -> Array:
+    """What the rows of every joint carry (n, dof, 6, 6) per force and moment at ``tool`` (n, 3) m, base axes."""
+    return np.stack([np.moveaxis(T, -1, 0) for _, T in joint_rows(model, frames, tool)], axis=1)

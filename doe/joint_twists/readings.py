@@ -162,11 +162,11 @@ def read_cells(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
     axes, watched, phase = tuple(text or "flange" for text in words("axes")), words("joint"), words("phase")
     known = {str(k + 1): k for k in range(robot.dof)} | {name: k for k, name in enumerate(robot.joint_names)}
     names = f"{', '.join(robot.joint_names)}, or 1 to {robot.dof}"
-    _check(
+    check_among(
         table, watched, known, names, "joint", f"name the joint of {robot.name} between the two arms watched", faults
     )
-    _check(table, axes, AXES, ", ".join(AXES), "axes", "say in which axes the load is given", faults)
-    _check(table, phase, PHASES, ", ".join(PHASES), "phase", "use one of these words", faults)
+    check_among(table, axes, AXES, ", ".join(AXES), "axes", "say in which axes the load is given", faults)
+    check_among(table, phase, PHASES, ", ".join(PHASES), "phase", "use one of these words", faults)
     joint = np.array([known.get(text, -1) for text in watched], dtype=np.intp)
     turned = np.flatnonzero(
         [text == "base" and bool(np.isfinite(row).all()) for text, row in zip(axes, q, strict=True)]
@@ -178,9 +178,10 @@ def read_cells(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
     return Cells(q, joint, wrench, point, phase, _setups(q, joint, words("pose"), words("repeat")), made_up)
 
 
-def _check(
+def check_among(
     table: RawTable, texts: Sequence[str], known: Collection[str], allowed: str, name: str, remedy: str, faults: Faults
 ) -> None:
+    """Record cells of the column ``name`` that are not among those ``known``."""
     for line, text in zip(table.lines, texts, strict=True):
         if text not in known:
             problem = f"column {name}" + ("" if text else " is empty")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from doe.joint_twists.readings import ARMS, LOADED, UNLOADED, Cells, TwistReadings
+from doe.joint_twists.readings import ARMS, LOADED, UNLOADED, Cells, TwistReadings, check_among
 from doe.tables import columns as mc
 from doe.tables.columns import Columns, RawTable
 from doe.tables.measurements import rows_of
@@ -119,10 +119,8 @@ def assemble_reflectors(
     sigma = mc.numbers(*both, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
     label = mc.texts(table, columns.known["reading"])
     arm = mc.texts(table, columns.known["arm"])
-    for line, text in zip(table.lines, arm, strict=True):
-        if text not in ARMS:
-            faults.add(line, "column arm", value=text or None, allowed=", ".join(ARMS),
-                       remedy="say whether the reflector sits on the arm before or behind the joint")  # fmt: skip
+    remedy = "say whether the reflector sits on the arm before or behind the joint"
+    check_among(table, arm, ARMS, ", ".join(ARMS), "arm", remedy, faults)
     for i in np.flatnonzero(np.linalg.norm(loaded - unloaded, axis=1) > FARTHEST_M):
         faults.add(table.lines[i], "columns x_mm y_mm z_mm, the reflector moved by more than "
                    f"{1e3 * FARTHEST_M:g} mm", value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",

@@ -14,10 +14,9 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import nnls
 
-from doe.joint_twists.cycles import carried
+from doe.joint_twists.cycles import carried, carried_rows
 from doe.joint_twists.identify import Identified
 from fem import ArmModel
-from fem.statics.transfers import joint_rows
 from robots import InputError, forward_kinematics, inverse_kinematics, require_one_of, why_no_closed_form
 from robots.arrays import Array
 from robots.frames import framed
@@ -118,9 +117,9 @@ def gear_refitted(model: ArmModel, six: Array, q: Array) -> Array:
     compliances ``six`` (n, dof, 6); none below zero, and zero for a gear that these forces never turn. The other
     directions of the joints end up in the gears' effective stiffnesses.
     """
-    T, R = _rows(model, q)
-    w = np.zeros((len(q), 3, 6))
-    w[:, :, :3] = np.swapaxes(R, 1, 2)
+    frames = forward_kinematics(model.robot, q)
+    T, w = carried_rows(model, frames, frames.p_flange), np.zeros((len(q), 3, 6))
+    w[:, :, :3] = np.swapaxes(frames.R_flange, 1, 2)
     s = np.einsum("njra,nka->nkjr", T, w)
     whole = np.einsum("njra,njr,nkjr->nka", T, six, s)[..., :3]
     of_gear = np.einsum("nja,nkj->nkaj", T[:, :, AXIS], s[..., AXIS])[..., :3, :]
@@ -131,15 +130,6 @@ def gear_refitted(model: ArmModel, six: Array, q: Array) -> Array:
     effective = np.zeros(len(size))
     effective[moves] = nnls(A[:, moves] / size[moves], whole.ravel())[0] / size[moves]
     return effective
-
-
-def _rows(model: ArmModel, q: Array) -> tuple[Array, Array]:
-    """T (n, dof, 6, 6): what joints carry per wrench at the flange centre, base axes; flange axes R (n, 3, 3)."""
-    frames = forward_kinematics(model.robot, q)
-    T = np.empty((len(q), model.robot.dof, 6, 6))
-    for j, t in joint_rows(model, frames, frames.p_flange):
-        T[:, j] = np.moveaxis(t, -1, 0)
-    return T, frames.R_flange
 
 
 def reachable_poses(model: ArmModel, n: int, rng: np.random.Generator, *, lowest_m: float = 0.0) -> Array:

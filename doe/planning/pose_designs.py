@@ -1,4 +1,7 @@
-"""Sets of poses a robot can take: factorials, Latin hypercube, Sobol points; off the floor and out of fixtures."""
+"""Sets of poses a robot can take: factorials, Latin hypercube, Sobol points; off the floor and out of fixtures.
+
+And a short way through such a set.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from scipy.linalg import hadamard
 from scipy.stats import qmc
 
 from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, Integers
 
 Method = Literal["factorial", "fractional", "latin", "sobol"]
 
@@ -21,6 +24,8 @@ MOST_DRAWN = 400_000
 # Between two joints the arm is looked at in so many points.
 ALONG = 5
 MOST_RUNS = 100_000
+# Starts of the nearest-neighbour tours; sweeps of improvement.
+MOST_STARTS, MOST_SWEEPS = 40, 50
 
 
 @dataclass(frozen=True)
@@ -152,3 +157,65 @@ def _full(k: int, levels: int) -> Array:
 def _fraction(k: int) -> Array:
     size = 2 ** int(np.ceil(np.log2(k + 1)))
     return 0.5 + 0.25 * hadamard(size)[:, 1 : k + 1].astype(np.float64)
+
+
+def travel(q: Array) -> Array:
+    """Way (n, n) from pose to pose of q (n, dof) rad: joints move together, so the longest turn counts.
+
+    A thousandth of the sum of all turns settles ties.
+    """
+    turn = np.abs(q[:, None] - q[None])
+    return np.asarray(turn.max(axis=2) + 1e-3 * turn.sum(axis=2))
+
+
+def length(way: Array, order: Integers) -> float:
+    """Length of an open tour."""
+    return float(way[order[:-1], order[1:]].sum())
+
+
+def short_tour(q: Array) -> Integers:
+    """Order (n,) of poses q (n, dof) rad for a short open tour: nearest neighbours, then 2-opt (Croes 1958).
+
+    A good tour, not proven the shortest.
+    """
+    n = len(q)
+    if n < 3:
+        return np.arange(n)
+    way = travel(q)
+    tours = [_improved(way, _nearest(way, start)) for start in range(min(n, MOST_STARTS))]
+    return min(tours, key=lambda tour: length(way, tour))
+
+
+def _nearest(way: Array, start: int) -> Integers:
+    order, left = [start], np.ones(len(way), dtype=np.bool_)
+    left[start] = False
+    while left.any():
+        here = np.where(left, way[order[-1]], np.inf)
+        order.append(int(np.argmin(here)))
+        left[order[-1]] = False
+    return np.array(order)
+
+
+def _improved(way: Array, order: Integers) -> Integers:
+    """Turn stretches of the tour round as long as that shortens it."""
+    n = len(order)
+    for _ in range(MOST_SWEEPS):
+        changed = False
+        for i in range(n - 1):
+            # Reversing order[i..j] changes the steps before i and after j only.
+            j = np.arange(i + 1, n)
+            first, last = order[i], order[j]
+            before = order[i - 1] if i else None
+            following = order[np.minimum(j + 1, n - 1)]
+            inside = j + 1 < n
+            gain = np.where(inside, way[last, following] - way[first, following], 0.0)
+            if before is not None:
+                gain = gain + way[before, first] - way[before, last]
+            best = int(np.argmax(gain))
+            if gain[best] > 1e-12:
+                order = order.copy()
+                order[i : j[best] + 1] = order[i : j[best] + 1][::-1]
+                changed = True
+        if not changed:
+            break
+    return order

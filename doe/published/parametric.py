@@ -15,7 +15,7 @@ from doe.estimation.campaign import FEWEST_LEVELS
 from doe.estimation.problem import Problem
 from doe.planning.designs import level_grid
 from doe.planning.screening import inner
-from robots import InputError
+from robots import InputError, require_at_least, require_one_of
 from robots.arrays import Array, Bools
 
 # Springs outside this range are as good as absent or rigid on any arm; widening stops here.
@@ -139,13 +139,11 @@ def fit_pose(
 
 
 def _check(levels: int, bounds: tuple[float, float], spacing: str) -> None:
-    if levels < FEWEST_LEVELS:
-        raise InputError("levels of a parametric study", value=levels, allowed=f"{FEWEST_LEVELS} or more")
+    require_at_least("levels of a parametric study", levels, FEWEST_LEVELS)
     if not 0.0 < bounds[0] < bounds[1] < np.inf:
         text = f"{bounds[0]:g} to {bounds[1]:g} N m/rad"
         raise InputError("bounds of a parametric study", value=text, allowed="0 < lower < upper, finite")
-    if spacing not in ("log", "linear"):
-        raise InputError("spacing of the levels", value=spacing, allowed="log, linear")
+    require_one_of("spacing of the levels", spacing, ("log", "linear"))
 
 
 def _widest(A: Array, bounds: tuple[float, float], gauge_m: float) -> Array:

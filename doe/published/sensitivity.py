@@ -10,7 +10,7 @@ from doe.planning.designs import two_level_factorial
 from doe.tables.loaded import spring_parts
 from doe.tables.measurements import Measurements
 from fem import ArmModel
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array
 
 
@@ -50,8 +50,7 @@ def sensitivity_study(
     if not 0.0 < low < high:
         raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
     for joint in joints:
-        if joint not in model.robot.joint_names:
-            raise InputError("joint of the sensitivity study", value=joint, allowed=", ".join(model.robot.joint_names))
+        require_one_of("joint of the sensitivity study", joint, model.robot.joint_names)
     design = two_level_factorial(len(joints))
     columns = [model.robot.joint_names.index(name) for name in joints]
     compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)

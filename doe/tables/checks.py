@@ -72,14 +72,15 @@ def repeated_readings(m: Measurements) -> Iterator[tuple[int, int, bool]]:
         earlier.append(i)
 
 
-def check_duplicates(m: Measurements, faults: Faults) -> None:
-    """Record readings that stand there twice."""
+def check_duplicates(m: Measurements, faults: Faults, files: Sequence[str] | None = None) -> None:
+    """Record readings that stand there twice; ``files`` (n,): of readings from several."""
     if not m.wrench.any():
         return  # said once: without their loads all readings of a pose look like one another
     for i, j, same in repeated_readings(m):
-        problem = f"the reading {'repeats' if same else 'contradicts'} that of row {m.row_numbers[j]}"
+        row = f"row {m.row_numbers[j]}" + (f" of {files[j]}" if files else "")
+        problem = f"the reading {'repeats' if same else 'contradicts'} that of {row}"
         faults.add(m.row_numbers[i], f"{problem} (same joints, load, point, repeat, phase and step)",
-                   allowed="each reading once",
+                   allowed="each reading once", file=files[i] if files else None,
                    remedy="give each a number in the column repeat, or remove one")  # fmt: skip
 
 

@@ -175,7 +175,23 @@ def find_columns(
     The contract has joint coordinates, loads and ``own`` columns; of each group ``needed`` (by what it is called), as
     of the first two, at least one must be there.
     """
-    names = (*robot.coordinates, *LOADS, *own)
+    columns, meant = sorted_columns(table, (*robot.coordinates, *LOADS, *own), faults)
+    for name in [name for name in columns.unknown if _JOINT_LIKE.fullmatch(name)]:
+        del columns.unknown[name]
+        meant.update(robot.coordinates)
+        faults.add(1, f"column {name} is not a joint coordinate of {robot.name}", value=name,
+                   allowed=", ".join(robot.coordinates),
+                   remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
+    groups = {f"joint column of {robot.name}": robot.coordinates, "load column": LOADS, **needed}
+    _check_groups(groups, {*columns.known, *meant}, faults)
+    return columns
+
+
+def sorted_columns(table: RawTable, names: Sequence[str], faults: Faults) -> tuple[Columns, set[str]]:
+    """The header sorted into columns of these names and unknown ones, and the names meant by those in another unit.
+
+    Columns twice, without a name, or in another unit go to ``faults``.
+    """
     known, unknown, meant = dict[str, int](), dict[str, int](), set[str]()
     for i, name in enumerate(table.header):
         column = f"column {name}" if name else f"column number {i + 1}"
@@ -193,16 +209,9 @@ def find_columns(
             meant.add(right)
             faults.add(1, f"{column} has a wrong or missing unit", value=name, allowed=right,
                        remedy=f"convert the values if need be and name the column {right}")  # fmt: skip
-        elif _JOINT_LIKE.fullmatch(name):
-            meant.update(robot.coordinates)
-            faults.add(1, f"{column} is not a joint coordinate of {robot.name}", value=name,
-                       allowed=", ".join(robot.coordinates),
-                       remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
         else:
             unknown[name] = i
-    groups = {f"joint column of {robot.name}": robot.coordinates, "load column": LOADS, **needed}
-    _check_groups(groups, {*known, *meant}, faults)
-    return Columns(known, unknown)
+    return Columns(known, unknown), meant
 
 
 def _right_name(name: str, names: Sequence[str]) -> str | None:
@@ -259,9 +268,9 @@ def parse_number(text: str, *, positive: bool = False) -> float:
 
 def numbers(
     table: RawTable, columns: Columns, names: Sequence[str], faults: Faults, *,
-    empty: str | None = None, missing: float = np.nan, positive: bool = False,
+    empty: str | None = None, missing: float = np.nan, positive: bool = False, si: bool = True,
 ) -> Array:  # fmt: skip
-    """Columns in SI units (n, len(names)); NaN where empty or faulty, ``missing`` where there is no column.
+    """Columns (n, len(names)), in SI units if ``si``; NaN where empty or faulty, ``missing`` without a column.
 
     ``empty`` says what an empty cell means ("not read"); None makes an empty cell a fault.
     """
@@ -270,11 +279,11 @@ def numbers(
     for k, name in enumerate(names):
         if name not in columns.known:
             continue
-        out[:, k] = np.nan
+        out[:, k], factor = np.nan, si_factor(name) if si else 1.0
         for i, text in enumerate(texts(table, columns.known[name])):
             try:
                 if text or empty is None:
-                    out[i, k] = parse_number(text, positive=positive) * si_factor(name)
+                    out[i, k] = parse_number(text, positive=positive) * factor
             except ValueError as error:
                 problem = f"column {name}" + ("" if text else " is empty")
                 faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=str(error))

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 
-from doe.tables.checks import joint_keys, repeated_readings
+from doe.tables.checks import check_duplicates, joint_keys
 from doe.tables.measurements import Measurements, stacked
 from robots import InputError
 from robots.faults import Faults
@@ -44,7 +44,9 @@ def join(tables: Sequence[Measurements]) -> Measurements:
         "sha256": hashlib.sha256("".join(t.sha256 for t in tables).encode()).hexdigest(),
     }
     joined = replace(parts[0], **whole)  # type: ignore[arg-type]
-    _refuse_repeated(joined)
+    faults = Faults(joined.source)
+    check_duplicates(joined, faults, joined.extra[FILE])
+    faults.raise_if_any("measurements")
     return joined
 
 
@@ -84,18 +86,3 @@ def _labels(tables: Sequence[Measurements], names: Sequence[str]) -> list[tuple[
         out.append(labels)
         known |= dict(zip(labels, joint_keys(t.q), strict=True))
     return out
-
-
-def _refuse_repeated(m: Measurements) -> None:
-    files = m.extra[FILE]
-    faults = Faults(m.source)
-    for i, j, same in repeated_readings(m):
-        problem = f"the reading {'repeats' if same else 'contradicts'} that of row {m.row_numbers[j]} of {files[j]}"
-        faults.add(
-            m.row_numbers[i],
-            f"{problem} (same joints, load, point, repeat, phase and step)",
-            allowed="each reading once",
-            remedy="number them on in the column repeat, or remove one",
-            file=files[i],
-        )
-    faults.raise_if_any("measurements")

@@ -17,7 +17,7 @@ from fem.model import ArmModel
 from fem.statics import flexibility
 from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import flat_parallelogram
-from robots import InputError
+from robots import InputError, require_at_least
 from robots.arrays import Array
 from robots.frames import unit_vector
 from robots.kept import once_for_each
@@ -137,8 +137,7 @@ def unit_force(direction: Array | None) -> Array:
 
 
 def _is_compiled(model: ArmModel, q: Array, threads: int | None, *, often: bool) -> bool:
-    if threads is not None and threads < 1:
-        raise InputError("threads", value=threads, allowed="1 or more, None for as many as there are processors")
+    require_at_least("threads (None: as many as there are processors)", threads, 1)
     if len(q) < max(FEWEST_OFTEN if often else FEWEST, 1) or why_not_flat(model) is not None or kernels() is None:
         return False
     return bool(max(q.max(), -q.min()) <= LARGEST)

@@ -22,7 +22,7 @@ from fem.elements.couplings import (
     rigid_motion,
 )
 from meshes.shell_mesh import ShellMesh, connected
-from robots import InputError
+from robots import InputError, require_at_least
 from robots.arrays import Array, Integers
 
 # Round-off makes the flexibility of casings asymmetric by 1e-14 to 1e-11 (walls of 0.5 mm, 50 000 freedoms).
@@ -165,8 +165,7 @@ def shell_superelement(
 
 def shell_solution(mesh: ShellMesh, shell: CoupledShell) -> tuple[Array, Array]:
     """:meth:`CoupledShell.solution` of a mesh; errors as of :func:`shell_superelement`."""
-    if len(mesh.interfaces) < 2:
-        raise InputError(f"shell mesh {mesh.name}", value=f"{len(mesh.interfaces)} interface(s)", allowed="2 or more")
+    require_at_least(f"interfaces of shell mesh {mesh.name}", len(mesh.interfaces), 2)
     try:
         return shell.solution()
     except ArithmeticError as error:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.inputs import as_frame, as_units
-from robots import InputError
-from robots.arrays import Array, Bools
+from robots import InputError, require_at_least, require_positive
+from robots.arrays import Array, Bools, finite
 from robots.frames import inverse
 
 if TYPE_CHECKING:
@@ -102,10 +102,7 @@ class Turntable:
     acceleration: float | None = None
 
     def __post_init__(self) -> None:
-        point = np.asarray(self.point, dtype=np.float64)
-        if point.shape != (3,) or not np.isfinite(point).all():
-            raise InputError("point of the turntable's axis", value=point.tolist(), allowed="three finite numbers, m")
-        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "point", finite("point of the turntable's axis", self.point, (3,), "m"))
         object.__setattr__(self, "axis", as_units("axis of the turntable", self.axis, 1)[0])
         if self.limits is not None:
             object.__setattr__(self, "limits", _range("limits of the turntable (rad)", self.limits))
@@ -159,8 +156,7 @@ class Cell:
             raise InputError("linear axes", value=len(self.linear_axes), allowed=f"at most {MOST_LINEAR_AXES}")
         if self.floor is not None and not np.isfinite(self.floor):
             raise InputError("height of the floor (m)", value=self.floor, allowed="a finite number, or no floor")
-        if not (np.isfinite(self.safety) and self.safety >= 0.0):
-            raise InputError("safety distance (m)", value=self.safety, allowed="0 or more")
+        require_at_least("safety distance (m)", self.safety, 0.0)
         for what, rate in (("joint speeds", self.joint_speed), ("joint accelerations", self.joint_acceleration)):
             if rate is not None and not (np.asarray(rate, dtype=np.float64) > 0.0).all():
                 raise InputError(what, value=rate, allowed="more than 0")
@@ -192,9 +188,7 @@ class Cell:
     def carried(self, e: ArrayLike | None = None) -> Array:
         """Displacement (n, k + 1, 3) m in the world: row 0 of the floor, row i behind linear axis i."""
         k = len(self.linear_axes)
-        travel = np.zeros((1, k)) if e is None else np.asarray(e, dtype=np.float64)
-        if travel.ndim != 2 or travel.shape[1] != k or not np.isfinite(travel).all():
-            raise InputError("travels of the linear axes", value=f"shape {travel.shape}", allowed=f"finite (n, {k}) m")
+        travel = finite("travels of the linear axes", np.zeros((1, k)) if e is None else e, ("n", k), "m")
         steps = np.zeros((len(travel), k + 1, 3))
         for i, axis in enumerate(self.linear_axes):
             steps[:, i + 1] = travel[:, i, None] * axis.direction
@@ -208,9 +202,7 @@ class Cell:
         InputError
             Another shape, angles that are not finite, or an angle other than 0 without a turntable.
         """
-        angle = np.zeros(1) if table is None else np.atleast_1d(np.asarray(table, dtype=np.float64))
-        if angle.ndim != 1 or not np.isfinite(angle).all():
-            raise InputError("angles of the turntable", value=f"shape {angle.shape}", allowed="finite (n,) rad")
+        angle = finite("angles of the turntable", np.zeros(1) if table is None else np.atleast_1d(table), ("n",), "rad")
         T = np.broadcast_to(np.eye(4), (len(angle), 4, 4)).copy()
         if self.turntable is None:
             if angle.any():
@@ -257,5 +249,4 @@ def _range(what: str, limits: ArrayLike) -> Array:
 
 def _rates(where: str, unit: str, speed: float | None, acceleration: float | None) -> None:
     for what, value in ((f"speed ({unit}/s)", speed), (f"acceleration ({unit}/s^2)", acceleration)):
-        if value is not None and not 0.0 < value < np.inf:
-            raise InputError(f"{where}: {what}", value=value, allowed="greater than 0")
+        require_positive(f"{where}: {what}", value)

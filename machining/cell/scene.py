@@ -14,7 +14,7 @@ from machining.cell.cell import FLOOR, Cell
 from machining.cell.separation import Bounds, ExactSolid, bounds_of, exact_distance, stacked
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, finite
 from robots.frames import inverse
 from robots.robot import middle_pose
 
@@ -105,9 +105,7 @@ def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
     _check_rates(cell, arm.robot)
     members = _members(cell, arm)
     _check_names(cell, members)
-    pose = middle_pose(arm.robot) if cell.home is None else np.asarray(cell.home, dtype=np.float64)
-    if pose.shape != (arm.robot.dof,) or not np.isfinite(pose).all():
-        raise InputError("home pose", value=f"shape {pose.shape}", allowed=f"finite ({arm.robot.dof},) rad")
+    pose = finite("home pose", middle_pose(arm.robot) if cell.home is None else cell.home, (arm.robot.dof,), "rad")
     solids = [ExactSolid(solid) for member in members for solid in member.body.solids]
     owner = np.repeat(np.arange(len(members)), [len(m.body.solids) for m in members])
     allowed = {frozenset(pair) for pair in cell.allowed_contacts}

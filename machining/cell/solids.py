@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from meshes.surfaces.checks import census
 from meshes.surfaces.reading import read_surface
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, finite
 
 # Has no type hints.
 _graph: Any = trimesh.graph
@@ -67,7 +67,7 @@ def hull(points: ArrayLike, radius: float = 0.0) -> Solid:
     InputError
         Points that are not finite, or lie in a plane.
     """
-    p = _points(points)
+    p = finite("points of a solid", points, ("k", 3), "m")
     _size("rounding radius of a hull", radius, zero=True)
     try:
         mesh = trimesh.convex.convex_hull(p)
@@ -125,7 +125,7 @@ def capsule(start: ArrayLike, end: ArrayLike, radius: float) -> Solid:
     InputError
         A radius that is not above 0, ends that coincide or are not finite.
     """
-    nodes = _points(np.array([start, end], dtype=np.float64))
+    nodes = finite("ends of a capsule", np.array([start, end]), (2, 3), "m")
     if not np.linalg.norm(nodes[1] - nodes[0]) > 0.0:
         raise InputError("ends of a capsule", value=nodes[0].tolist(), allowed="two different points")
     return Solid(nodes, np.array([[0, 1, 1]]), True, nodes[:1], _size("radius", radius))
@@ -139,7 +139,7 @@ def surface(name: str, nodes: ArrayLike, faces: ArrayLike, radius: float = 0.0) 
     InputError
         Corners that are not finite, faces out of range, a surface that is open or encloses nothing.
     """
-    p, f = _points(nodes), np.asarray(faces, dtype=np.int64)
+    p, f = finite("points of a solid", nodes, ("k", 3), "m"), np.asarray(faces, dtype=np.int64)
     if f.ndim != 2 or f.shape[1] != 3 or not len(f) or f.min() < 0 or f.max() >= len(p):
         raise InputError(f"faces of {name}", value=f"shape {f.shape}", allowed="(m, 3) numbers of nodes")
     _size(f"rounding radius of {name}", radius, zero=True)
@@ -197,13 +197,6 @@ def inside(point: Array, solid: Solid) -> bool:
 def all_nodes(solids: Sequence[Solid]) -> Array:
     """Nodes of all solids (k, 3)."""
     return np.vstack([solid.nodes for solid in solids])
-
-
-def _points(points: ArrayLike) -> Array:
-    p = np.asarray(points, dtype=np.float64)
-    if p.ndim != 2 or p.shape[1] != 3 or not len(p) or not np.isfinite(p).all():
-        raise InputError("points of a solid", value=f"shape {p.shape}", allowed="finite numbers (k, 3) in m")
-    return p
 
 
 def _size(what: str, value: float, zero: bool = False) -> float:

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robots import InputError, require_one_of
+from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array
 
 NAMES: Final = ("K_tc", "K_te", "K_rc", "K_re", "K_ac", "K_ae")
@@ -44,8 +44,7 @@ class CuttingCoefficients:
             raise InputError(
                 "cutting coefficients", value=values.tolist(), allowed=f"6 finite numbers: {', '.join(NAMES)}"
             )
-        if not values[0] > 0.0:
-            raise InputError("cutting coefficient K_tc", value=float(values[0]), allowed="more than 0 Pa")
+        require_positive("cutting coefficient K_tc", float(values[0]), "Pa")
         object.__setattr__(self, "values", values)
 
 

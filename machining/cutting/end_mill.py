@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_positive
 from robots.arrays import Array
 
 # Lag over the whole depth (rad) below which teeth are straight: less changes no force beyond round-off.
@@ -49,7 +49,7 @@ class EndMill:
     helix: float = 0.0
 
     def __post_init__(self) -> None:
-        _positive("diameter of the mill", self.diameter, "m")
+        require_positive("diameter of the mill", self.diameter, "m")
         if isinstance(self.teeth, bool) or self.teeth != int(self.teeth) or self.teeth < 1:
             raise InputError("teeth of the mill", value=self.teeth, allowed="a whole number, 1 or more")
         if not 0.0 <= self.helix < 0.5 * np.pi:
@@ -91,7 +91,7 @@ class Engagement:
     wall: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
-        _positive("axial depth of cut", self.axial_depth, "m")
+        require_positive("axial depth of cut", self.axial_depth, "m")
         if not 0.0 <= self.entry < self.exit <= np.pi:
             raise InputError(
                 "entry and exit angle",
@@ -250,7 +250,7 @@ class ToolBending:
             ("diameter of the bending tool", self.diameter, "m"),
             ("modulus of the tool", self.modulus, "Pa"),
         ):
-            _positive(what, value, unit)
+            require_positive(what, value, unit)
         if not 0.0 <= self.relative_sd <= 0.5:
             raise InputError("relative standard deviation of the tool", value=self.relative_sd, allowed="0 to 0.5")
 
@@ -275,8 +275,3 @@ def _means(low: Array, high: Array, chip: Array) -> Array:
     out[..., 1, 0], out[..., 1, 1], out[..., 1, 2], out[..., 1, 3] = chip * square, sin, -chip * mixed, -cos
     out[..., 2, 4], out[..., 2, 5] = -chip * sin, -1.0
     return out
-
-
-def _positive(what: str, value: float, unit: str) -> None:
-    if not 0.0 < value < np.inf:
-        raise InputError(what, value=value, allowed=f"a finite number, more than 0 {unit}")

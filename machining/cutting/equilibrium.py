@@ -10,7 +10,7 @@ import numpy as np
 from machining.cutting.force import ForceAlong, MillingForce, check_wall
 from machining.cutting.process_axes import process_axes
 from machining.task import Task
-from robots import InputError
+from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array
 
 # Step of the depth for the slope, share of it: central differences leave some 1e-8 of the slope.
@@ -31,10 +31,8 @@ class Balance:
     rounds: int = 50
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < np.inf:
-            raise InputError("tolerance of the balance", value=self.tolerance, allowed="more than 0 m")
-        if self.rounds < 1:
-            raise InputError("rounds of the balance", value=self.rounds, allowed="1 or more")
+        require_positive("tolerance of the balance", self.tolerance, "m")
+        require_at_least("rounds of the balance", self.rounds, 1)
 
 
 @dataclass(frozen=True, eq=False)

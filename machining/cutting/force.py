@@ -21,7 +21,7 @@ from machining.cutting.end_mill import (
 )
 from machining.cutting.process_axes import ProcessAxes, process_axes
 from machining.task import Task
-from robots import InputError
+from robots import InputError, require_at_least, require_one_of
 from robots.arrays import Array
 
 Axes = Literal["base", "part", "process"]
@@ -88,10 +88,9 @@ class ConstantForce:
         value = np.asarray(self.components, dtype=np.float64)
         if value.shape != (3,) or not np.isfinite(value).all() or not value.any():
             raise InputError("cutting force", value=value.tolist(), allowed="3 finite numbers, not all zero: N")
-        if self.axes not in ("base", "part", "process"):
-            raise InputError("axes of the cutting force", value=self.axes, allowed="base, part, process")
+        require_one_of("axes of the cutting force", self.axes, ("base", "part", "process"))
         object.__setattr__(self, "components", value)
-        _check_sd(self.relative_sd)
+        require_at_least("relative standard deviation of the force", self.relative_sd, 0.0)
         if self.covariance is not None:
             object.__setattr__(self, "covariance", as_covariance("covariance of the force", self.covariance, 3))
 
@@ -143,15 +142,14 @@ class MillingForce:
                 allowed="one of them, finite and more than 0",
                 remedy="with a spindle speed the feed is taken from the path",
             )
-        if self.instant not in ("mean", "generating"):
-            raise InputError("instant of the milling force", value=self.instant, allowed="mean, generating")
+        require_one_of("instant of the milling force", self.instant, ("mean", "generating"))
         if self.instant == "generating" and self.engagement.wall is None:
             raise InputError("force that makes the wall: the engagement leaves none", allowed="wall 'left' or 'right'")
         if self.height is not None and not 0.0 <= self.height <= self.engagement.axial_depth:
             raise InputError(
                 "height on the wall", value=self.height, allowed=f"0 to {self.engagement.axial_depth:g} m above the tip"
             )
-        _check_sd(self.relative_sd)
+        require_at_least("relative standard deviation of the force", self.relative_sd, 0.0)
         if self.covariance is not None:
             object.__setattr__(self, "covariance", as_covariance("covariance of the coefficients", self.covariance, 6))
 
@@ -261,11 +259,6 @@ def as_covariance(what: str, matrix: ArrayLike, size: int) -> Array:
     if np.linalg.eigvalsh(C / np.outer(scale, scale)).min(initial=0.0) < -1e-9:
         raise InputError(what, value="a negative variance", allowed=allowed)
     return C
-
-
-def _check_sd(sd: float) -> None:
-    if not 0.0 <= sd < np.inf:
-        raise InputError("relative standard deviation of the force", value=sd, allowed="a finite number, 0 or more")
 
 
 def _covariance(value: Array, sd: float, given: Array | None, of: str) -> tuple[Array, str]:

@@ -193,7 +193,8 @@ class Along:
     ``e`` (n, k) m of all linear axes, ``table`` rad; ``course``: the postures; ``stiffness`` (n,) N/m along the
     cutting force; ``error``: the surface error; ``terms`` of K_sf;
     ``mean`` and ``worst`` stiffness N/m; ``merit`` of the goal, large is good. ``drawn``: the stiffness for arms drawn
-    from what is uncertain about this one, the same for every placement; ``share`` (n,) of each point in its mean.
+    from what is uncertain about this one, the same for every placement; ``share`` (n,) of each point in its mean;
+    ``criterion``: the weights of K_sf.
     """
 
     e: Array

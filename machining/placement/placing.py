@@ -17,7 +17,7 @@ from machining.placement.steps import Cut, check_cuts, find_steps
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
-from robots import InputError, require_one_of
+from robots import InputError, require_at_least, require_one_of
 from robots.arrays import Array, Integers
 from robots.progress import Progress
 
@@ -52,10 +52,8 @@ class How:
 
     def __post_init__(self) -> None:
         require_one_of("mode of the placement", self.mode, MODES)
-        if self.steps < 2:
-            raise InputError("steps of the base", value=self.steps, allowed="2 or more", remedy="or mode fixed")
-        if not (np.isfinite(self.cost) and self.cost >= 0.0):
-            raise InputError("cost of moving the base", value=self.cost, allowed="0 or more, a share of the merit")
+        require_at_least("steps of the base", self.steps, 2, remedy="or mode fixed")
+        require_at_least("cost of moving the base, a share of the merit", self.cost, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ class Placed:
     ``before``: the axes at 0 (or mid-range) and gamma 0; None where ``why_no_before`` says why. ``fixed``: the best
     position at rest where the mode is another; ``why_no_fixed``. ``first`` (s,): path points at which the base starts
     to stand elsewhere, 0 first. ``survey``: the coarse grid. ``evaluations``: base positions looked at, each
-    over the path. ``notes``: what a user should know. ``criterion``: the weights of K_sf that all were judged by.
+    over the path. ``notes``: what a user should know.
     """
 
     problem: Problem
@@ -79,7 +77,6 @@ class Placed:
     survey: Survey
     evaluations: int
     notes: tuple[str, ...]
-    criterion: Criterion
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +142,6 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
         survey=surveyed,
         evaluations=count + looked,
         notes=tuple(notes),
-        criterion=criterion,
     )
 
 

@@ -20,7 +20,7 @@ from machining.posture.points import GammaRange
 from machining.stiffness.criterion import N_PER_MM, Criterion
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
-from robots import InputError, require_one_of
+from robots import InputError, require_at_least, require_one_of
 from robots.arrays import Array, Bools, Integers
 
 Aim = Literal["ksf", "mean", "worst", "error"]
@@ -140,8 +140,7 @@ class Problem:
     def __post_init__(self) -> None:
         if self.free is not None and self.free.shape != (self.path.n - 1,):
             raise InputError("free segments", value=f"shape {self.free.shape}", allowed=f"({self.path.n - 1},)")
-        if not (np.isfinite(self.clearance) and self.clearance >= 0.0):
-            raise InputError("clearance", value=self.clearance, allowed="0 m or more")
+        require_at_least("clearance", self.clearance, 0.0, "m")
 
     @property
     def cell(self) -> Cell:

@@ -136,7 +136,6 @@ def best_by_slopes(
 class Cut:
     """A path in pieces: ``first`` (s,) path point of each, coordinates ``x`` (s, d), ``gamma`` (s,) rad."""
 
-    problem: Problem
     first: Integers
     x: Array
     gamma: Array
@@ -150,7 +149,6 @@ def find_steps(
     anywhere: bool = False,
     cost: float = 0.01,
     also: Array | None = None,
-    gamma: float | None = None,
     progress: Progress | None = None,
 ) -> list[Cut]:
     """Positions of at most ``most`` pieces, the best first by merit less cost, on a grid.
@@ -159,7 +157,7 @@ def find_steps(
     ----------
     anywhere : the base may be moved between any two points; else at free segments (rapid moves) only
     cost : share of the merit that each move of the base must bring at least
-    also, gamma : further positions (p, d) of the grid and a further angle: the best position at rest
+    also : further positions (p, d) of the grid: the best position at rest
 
     Raises
     ------
@@ -167,7 +165,7 @@ def find_steps(
         No place to cut, or no such placement.
     """
     rows = _rows(problem, anywhere)
-    x, angles = grid_with(problem, POSITIONS[min(problem.space.d, 4)], ANGLES, also, gamma)
+    x, angles = grid_with(problem, POSITIONS[min(problem.space.d, 4)], ANGLES, also, None)
     sites = sweep_sites(problem, *problem.space.sites(x), rows, angles)
     problem = with_weights(problem, sites)
     found = _solved(problem, sites, rows, most, anywhere, progress)
@@ -190,7 +188,7 @@ def find_steps(
     out = []
     for _, _, pieces in sorted(ranked, key=lambda r: r[:2], reverse=True):
         p, g, _ = np.unravel_index(list(pieces.state), sites.valid.shape[:3])
-        out.append(Cut(problem, rows[list(pieces.start)], x[p], sites.gamma[p, g], len(x)))
+        out.append(Cut(rows[list(pieces.start)], x[p], sites.gamma[p, g], len(x)))
     return out
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from machining.posture.courses import Links
 from machining.task import ToolPath
-from robots import InputError, Robot, singularity_distance
+from robots import InputError, Robot, require_at_least, singularity_distance
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
@@ -68,9 +68,7 @@ class Drive:
     def __post_init__(self) -> None:
         for name in ("motion", "limit", "singular", "clearance"):
             for figure in (name,) if name == "motion" else (name, f"{name}_zone", f"{name}_least"):
-                value = getattr(self, figure)
-                if not (np.isfinite(value) and value >= 0.0):
-                    raise InputError(f"path cost {figure}", value=value, allowed="0 or more")
+                require_at_least(f"path cost {figure}", getattr(self, figure), 0.0)
         if not self.jump > 0.0:
             raise InputError("jump", value=self.jump, allowed="more than 0 rad")
         if not self.gamma_step >= 0.0:

@@ -18,7 +18,7 @@ from machining.stiffness.compiled import fast_sweep
 from machining.stiffness.objective import Objective
 from machining.task import Task, as_gammas
 from machining.toolpaths.path_error import PathError
-from robots import InputError, Reason, inverse_kinematics
+from robots import InputError, Reason, inverse_kinematics, require_at_least, require_positive
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.branches import BRANCH_NAMES
 
@@ -55,8 +55,7 @@ class GammaRange:
                 allowed="lower below upper, at most 360 deg apart",
                 remedy="for one angle use postures_at",
             )
-        if self.count < 2:
-            raise InputError("number of angles gamma", value=self.count, allowed="2 or more")
+        require_at_least("number of angles gamma", self.count, 2)
 
     @classmethod
     def of_degrees(cls, lower: float, upper: float, step: float) -> GammaRange:
@@ -67,8 +66,7 @@ class GammaRange:
         InputError
             As for the range, or a step that is not above 0.
         """
-        if not step > 0.0:
-            raise InputError("step of gamma", value=f"{step:g} deg", allowed="above 0 deg")
+        require_positive("step of gamma", step, "deg")
         cells = max(1, round((upper - lower) / step))
         whole = cls(np.radians(lower), np.radians(upper))
         return cls(whole.lower, whole.upper, max(2, cells if whole.closed else cells + 1))

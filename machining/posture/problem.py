@@ -13,7 +13,7 @@ import numpy as np
 import fem
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, course_cost, highest_floor
 from machining.posture.drive import Drive, Smoothness, singular_distance, smoothness
-from machining.posture.points import GammaRange, Sweep, sweep_gamma
+from machining.posture.points import GammaRange, Postures, Sweep, sweep_gamma
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
@@ -27,17 +27,12 @@ TIE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """One posture a path point: as :class:`machining.posture.points.Postures`, with its cost and its motion.
+class Course(Postures):
+    """One posture a path point, with its cost and its motion.
 
     ``value`` (n,) of the objective; ``mean`` and ``worst`` of it along the path; ``cost`` as this module says.
     """
 
-    gamma: Array
-    q: Array
-    value: Array
-    branch: Integers
-    names: tuple[str, ...]
     mean: float
     worst: float
     cost: float

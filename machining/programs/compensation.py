@@ -18,7 +18,7 @@ from machining.cutting.force import along_cuts
 from machining.cutting.surface_error import cutting_deflection
 from machining.programs.posting import Posted, repost
 from machining.task import REPEATED, Task
-from robots import InputError
+from robots import InputError, require_positive
 from robots.arrays import Array, Bools
 
 # Rounds of the fixed point; a deflection of 1 mm changes itself by some 1e-3 of it each time.
@@ -86,8 +86,7 @@ def compensate(
         A cap that is not positive, a path that mills nothing, a deflection that does not come to rest, or a moved path
         that cannot be driven.
     """
-    if not (np.isfinite(cap) and cap > 0.0):
-        raise InputError("cap of the compensation", value=cap, allowed="more than 0 m")
+    require_positive("cap of the compensation", cap, "m")
     wanted = nominal.program.motions.points
     task, (kept, place) = nominal.state.task, nominal.state.places
     acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))

@@ -231,9 +231,12 @@ class Job:
         step = self.options.moves_per_file
         return [(start, min(start + step, self.n)) for start in range(0, self.n, step)]
 
-    def head(self) -> list[SourceText]:
-        """Lines for the head of a program; texts from files among them."""
-        program = self.program
+    def context(self) -> dict[str, object]:
+        """What every template knows: ``head`` lines, ``count`` of moves, those ``after`` them, figures.
+
+        Lines of the head, too, hold texts from files.
+        """
+        program, o = self.program, self.options
         axes = [f"{axis.name}, mm" for axis in program.cell.linear_axes]
         axes += ["turntable, deg"] * (program.cell.turntable is not None)
         lines = [
@@ -241,13 +244,9 @@ class Job:
             f"tool path: {program.motions.source}",
             f"robot {program.robot.name}, cell {program.cell.name}, {self.kind} coordinates, {self.n} moves",
         ]
-        return [SourceText(line) for line in [*lines, *(f"E{i}: {name}" for i, name in enumerate(axes, 1))]]
-
-    def context(self) -> dict[str, object]:
-        """What every template knows: ``head`` lines, ``count`` of moves, those ``after`` them, figures."""
-        o = self.options
+        lines += [f"E{i}: {name}" for i, name in enumerate(axes, 1)]
         return {
-            "head": self.head(),
+            "head": [SourceText(line) for line in lines],
             "count": self.n,
             "cartesian": self.kind == "cartesian",
             "after": self.happenings.get(self.n, []),

@@ -25,8 +25,8 @@ from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
-from robots import InputError
-from robots.arrays import Array
+from robots import InputError, require_one_of, require_positive
+from robots.arrays import Array, finite
 from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
@@ -65,10 +65,8 @@ class PostSettings:
     clearance: Callable[[Array, Array], Array] | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
-            raise InputError("tolerance of joint programs", value=self.tolerance, allowed="more than 0 m")
-        if self.rapid not in ("linear", "joint"):
-            raise InputError("rapid moves", value=self.rapid, allowed="linear, joint")
+        require_positive("tolerance of joint programs", self.tolerance, "m")
+        require_one_of("rapid moves", self.rapid, ("linear", "joint"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +107,10 @@ def post(
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
     n, given = motions.n, settings.gamma
     chosen = isinstance(given, GammaRange) or np.ndim(given) == 0
-    gamma = None if chosen else _at_each_move("gamma", np.asarray(given, dtype=np.float64), (n,))
-    near = None if settings.near is None else _at_each_move("postures", settings.near, (n, model.robot.dof))
+    gamma = None if chosen else finite("gamma at each move", np.asarray(given), (n,), "rad")
+    near = settings.near
+    if near is not None:
+        finite("postures at each move", near, (n, model.robot.dof), "rad")
     inserted = np.zeros(n, dtype=np.bool_)
     state = PostState(cell, motions, travel, settings.table, settings.reference, inserted, gamma, near)
     # Once for all: points put in later could make it another direction.
@@ -147,13 +147,6 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
     state = replace(posted.state, motions=motions, gamma=program.gamma, near=program.q)
     return _posted(model, state, posted.settings, None)
-
-
-def _at_each_move(what: str, values: Array, shape: tuple[int, ...]) -> Array:
-    """Angles (rad) that each move has. Raises InputError for another shape, or what is not finite."""
-    if values.shape != shape or not np.isfinite(values).all():
-        raise InputError(f"{what} at each move", value=f"shape {values.shape}", allowed=f"finite {shape} rad")
-    return values
 
 
 def _one_tool(motions: Motions) -> None:

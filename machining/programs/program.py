@@ -8,8 +8,8 @@ import numpy as np
 
 from machining.cell import Cell
 from machining.toolpaths.motions import Motions
-from robots import InputError, Robot, forward_kinematics
-from robots.arrays import Array, Bools, Integers
+from robots import Robot, forward_kinematics
+from robots.arrays import Array, Bools, Integers, finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,7 @@ class JointProgram:
             **({} if self.file_lines is None else {"file_lines": (n,)}),
         }
         for name, shape in shapes.items():
-            value = getattr(self, name)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise InputError(f"joint program, {name}", value=f"shape {value.shape}", allowed=f"finite {shape}")
+            finite(f"joint program, {name}", getattr(self, name), shape)
 
     @property
     def n(self) -> int:

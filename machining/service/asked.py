@@ -11,13 +11,13 @@ import numpy as np
 import fem
 from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import ArmBodies, Cell, scene_of
+from machining.inputs import as_units
 from machining.placement import on_axes
 from machining.service.state import WAYS, State, has_target, target_of, vectors_of
 from machining.service.wire import Fields
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
-from machining.stiffness.objective import DISPLACEMENTS
-from machining.stiffness.units import shown
+from machining.stiffness.objective import DISPLACEMENTS, displaced, shown
 from machining.toolpaths.path_error import PathError
 from robots import InputError, InverseSolutions, Reason, forward_kinematics, inverse_kinematics
 from robots.arrays import Array, Integers
@@ -25,7 +25,6 @@ from robots.inverse.solutions import why_no_closed_form
 
 # Digits to which merits are compared: differences beyond are rounding.
 TIE = 9
-QUANTITIES = (*INDICES, *DISPLACEMENTS)
 
 
 class Arm:
@@ -201,10 +200,7 @@ def values_of(arm: Arm, state: State, quantity: str, q: Array, direction: Array,
     if quantity in DISPLACEMENTS:
         assert force is not None  # noqa: S101 - need_force has seen to it
         d = displacements(arm, state, q, force, None)[:, :3]
-        if quantity == "displacement":
-            return np.asarray(np.linalg.norm(d, axis=1))
-        unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-        return np.asarray(np.abs((d * unit).sum(axis=1)))
+        return displaced(quantity, d, as_units("direction", direction, len(q)))
     return evaluate(quantity, translational(arm.model, q, tip), direction, force)
 
 

@@ -12,11 +12,11 @@ from machining.cell import clearance
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
-from machining.service.asked import QUANTITIES, Arm, fitting, flag_of, force_of, need_force, unit_of
+from machining.service.asked import Arm, fitting, flag_of, force_of, need_force, unit_of
 from machining.service.state import State, vectors_of
 from machining.service.wire import Fields, number, numbers
 from machining.setup import weighed_zone
-from machining.stiffness.objective import Objective
+from machining.stiffness.objective import QUANTITIES, Objective
 from machining.task import Task, ToolPath
 from robots.arrays import Array, Bools
 

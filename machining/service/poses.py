@@ -9,7 +9,6 @@ import numpy as np
 from fem.statics.small_displacements import FLAG, beyond_small
 from machining.cell import Scene, clearance
 from machining.service.asked import (
-    QUANTITIES,
     Arm,
     best_first,
     direction_of,
@@ -32,6 +31,7 @@ from machining.service.state import shown, state_of, target_of
 from machining.service.wire import MOST, Fields, number, numbers
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
+from machining.stiffness.objective import QUANTITIES
 from robots import InverseSolutions, Reason, forward_kinematics
 from robots.arrays import Array
 from robots.frames import inverse

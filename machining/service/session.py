@@ -23,8 +23,7 @@ from machining.service.wire import (
     read_line,
     write_line,
 )
-from machining.stiffness.indices import INDICES
-from machining.stiffness.objective import DISPLACEMENTS
+from machining.stiffness.objective import QUANTITIES
 
 # Raised when an old client would misread an answer; new keys and commands do not raise it.
 PROTOCOL = 1
@@ -124,7 +123,7 @@ def hello(session: Session, fields: Fields) -> dict[str, Any]:
         "turntable": table,
         "collisions": session.scene is not None,
         "commands": list(COMMANDS),
-        "quantities": {name: unit_of(name)[0] for name in (*INDICES, *DISPLACEMENTS)},
+        "quantities": {name: unit_of(name)[0] for name in QUANTITIES},
         "limits": {"line_bytes": LONGEST_LINE, "requests_of_a_batch": MOST_REQUESTS, "points_of_a_block": MOST_ROWS},
     }
 

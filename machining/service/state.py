@@ -17,7 +17,7 @@ from machining.cell import Cell
 from machining.service.wire import Fields, number, numbers
 from machining.task import ALONG, across, tool_frames
 from robots.arrays import Array
-from robots.frames import frame_mm_deg
+from robots.frames import frame_mm_deg, rpy_of
 
 # A frame may be given in one of these ways.
 WAYS = ("frame_mm_deg", "matrix_mm", "point_mm")
@@ -210,15 +210,9 @@ def gamma_of(T: Array, reference: Array) -> float:
 
 def shown(T: Array, reference: Array) -> dict[str, Any]:
     """A tool frame for an answer: x, y, z, a, b, c; point, tool axis and gamma."""
-    R = T[:3, :3]
-    b = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
-    if abs(R[2, 0]) < 1.0 - 1e-12:
-        a, c = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    else:  # a and c turn about one axis: c is 0
-        a, c = math.atan2(-R[1, 2], R[1, 1]), 0.0
     point = numbers(T[:3, 3] * 1e3)
     return {
-        "frame_mm_deg": point + numbers(np.degrees([a, b, c])),
+        "frame_mm_deg": point + numbers(np.degrees(rpy_of(T[:3, :3]))),
         "point_mm": point,
         "tool_axis": numbers(-T[:3, 2], 12),
         "gamma_deg": number(math.degrees(gamma_of(T, reference)), 9),

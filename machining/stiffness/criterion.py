@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots import InputError
+from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array
 
 # N/m for one N/mm, the paper's unit of stiffness.
@@ -57,10 +57,7 @@ class Criterion:
 
     def __post_init__(self) -> None:
         for name, unit, value in (("alpha", "mm^2/N^2", self.alpha), ("beta", "mm^4/N^4", self.beta)):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(
-                    f"weight {name} of K_sf", value=value, allowed=f"0 or more, {unit}", remedy="leave it out"
-                )
+            require_at_least(f"weight {name} of K_sf", value, 0.0, unit, "leave it out")
         if self.alpha == 0.0 and self.beta == 0.0:
             raise InputError("weights of K_sf", value="both 0", allowed="one of them above 0", remedy="leave them out")
 
@@ -73,10 +70,8 @@ class Criterion:
         InputError
             A stiffness that is not positive and finite, or no point.
         """
-        if not 0.0 < stiffness < np.inf:
-            raise InputError("stiffness of reference for K_sf", value=stiffness, allowed="more than 0 N/m")
-        if n < 1:
-            raise InputError("points of the path", value=n, allowed="1 or more")
+        require_positive("stiffness of reference for K_sf", stiffness, "N/m")
+        require_at_least("points of the path", n, 1)
         k = stiffness / N_PER_MM
         return cls(1.0 / (n * k**2), 1.0 / k**4)
 

@@ -21,7 +21,7 @@ import fem
 from machining.stiffness.objective import Objective
 from machining.sweep_parts import sweep_parts
 from machining.task import Task, tool_path
-from robots import InputError, Reason
+from robots import InputError, Reason, require_one_of
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.solutions import why_no_closed_form
 from robots.progress import Progress
@@ -110,8 +110,7 @@ class Distribution:
 
     def statistics(self, over: Over = "reached") -> Statistics:
         """Mean, scatter and range at each gamma."""
-        if over not in ("reached", "common"):
-            raise InputError("statistics over", value=over, allowed="reached, common")
+        require_one_of("statistics over", over, ("reached", "common"))
         counted = self.reached if over == "reached" else np.broadcast_to(self.common[:, None], self.value.shape)
         number = counted.sum(axis=0)
         some = np.where(number > 0, number, np.nan)
@@ -265,8 +264,7 @@ def best_gamma(
         No gamma reaches all of the region (``partly``: none of it); a region of another shape or without a point.
     """
     aim = aim or found.objective.aim
-    if aim not in ("mean", "worst"):
-        raise InputError("aim of the best gamma", value=aim, allowed="mean, worst")
+    require_one_of("aim of the best gamma", aim, ("mean", "worst"))
     region = found if inside is None else found.within(inside)
     s = region.statistics()
     worst = s.largest if found.objective.minimised else s.smallest

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from machining.inputs import as_units
 from machining.stiffness.indices import INDICES, evaluate
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from robots.arrays import Array
 from surrogate.maps.quantities import Poses, Quantity, one_field
 

@@ -1,4 +1,4 @@
-"""What a posture is chosen for: a stiffness index, or the displacement under a given force."""
+"""What a posture is chosen for: a stiffness index, or the displacement under a given force; units to show it in."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 
 DISPLACEMENTS = ("displacement", "normal displacement")
+QUANTITIES = (*INDICES, *DISPLACEMENTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +39,8 @@ class Objective:
     aim: Literal["mean", "worst"] = "mean"
 
     def __post_init__(self) -> None:
-        require_one_of("objective", self.quantity, (*INDICES, *DISPLACEMENTS))
-        if self.aim not in ("mean", "worst"):
-            raise InputError("aim of the objective", value=self.aim, allowed="mean, worst")
+        require_one_of("objective", self.quantity, QUANTITIES)
+        require_one_of("aim of the objective", self.aim, ("mean", "worst"))
         if self.force is None and (self.minimised or "force" in INDICES[self.quantity].uses):
             raise InputError(f"force for {self.quantity}", allowed="N in base axes", remedy="give the force")
 
@@ -75,8 +75,7 @@ class Objective:
             d = fem.deflection(model, q, np.hstack([force, np.zeros_like(force)]), task.tip)[:, :3]
             if len(d) and beyond_small(model.robot, d).all():
                 refuse_beyond(model.robot, d, f"{self.quantity} under the force on the tool")
-            along = np.abs(np.einsum("ni,ni->n", d, normal))
-            value = np.linalg.norm(d, axis=1) if self.quantity == "displacement" else along
+            value = displaced(self.quantity, d, normal)
         else:
             value = self.of_compliance(translational(model, q, task.tip), normal, force)
         self.check_finite(value, point)
@@ -86,9 +85,7 @@ class Objective:
         """Quantity (k,) of translational compliances C (k, 3, 3) m/N; ``normal`` and ``force`` N (k, 3), base axes."""
         if force is None or not self.minimised:
             return evaluate(self.quantity, C, normal, force)
-        d = np.einsum("kab,kb->ka", C, force)
-        along = np.abs(np.einsum("ki,ki->k", d, normal))
-        return np.asarray(np.linalg.norm(d, axis=1) if self.quantity == "displacement" else along)
+        return displaced(self.quantity, np.einsum("kab,kb->ka", C, force), normal)
 
     def check_finite(self, value: Array, point: Integers) -> None:
         """Raise InputError for a value (k,) at the path points (k,) that is not finite."""
@@ -99,3 +96,44 @@ class Objective:
                 allowed="poses in which something gives way",
                 remedy="choose k_fs, or a model without rigid directions",
             )
+
+
+def displaced(quantity: str, d: Array, normal: Array) -> Array:
+    """A quantity (k,) m of :data:`DISPLACEMENTS` of displacements d (k, 3) m; ``normal`` (k, 3), unit vectors."""
+    along = np.abs(np.einsum("ki,ki->k", d, normal))
+    return np.asarray(np.linalg.norm(d, axis=1) if quantity == "displacement" else along)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A quantity of an objective on screens and in files: SI times ``factor`` is in ``unit`` (empty: a number)."""
+
+    quantity: str
+    factor: float
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """For axes: ``k_fs (N/mm)``."""
+        return f"{self.quantity} ({self.unit})" if self.unit else self.quantity
+
+    @property
+    def column(self) -> str:
+        """For tables: ``k_fs_N_per_mm``."""
+        unit = self.unit.replace("/", "_per_")
+        return "_".join(part for part in (self.quantity.replace(" ", "_"), unit) if part)
+
+
+def shown(quantity: str) -> Shown:
+    """Unit of a quantity of :class:`machining.Objective`.
+
+    Raises
+    ------
+    InputError
+        No such quantity.
+    """
+    require_one_of("quantity", quantity, QUANTITIES)
+    if quantity in DISPLACEMENTS:
+        return Shown(quantity, 1e6, "um")
+    # An index of degree 1 is N/m.
+    return Shown(quantity, 1e-3, "N/mm") if INDICES[quantity].degree else Shown(quantity, 1.0, "")

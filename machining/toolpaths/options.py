@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from machining.magnitudes import FARTHEST
-from robots import InputError
+from robots import InputError, require_at_least, require_one_of
 
 UNITS = {"mm": 1e-3, "inch": 25.4e-3}
 ROTARY = ("none", *(f"{kind}-{first}C" for kind in ("table", "head", "mixed") for first in "AB"))
@@ -70,14 +70,12 @@ class ReadOptions:
             "dwell_unit": ("s", "ms"),
         }
         for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise InputError(f"option {name}", value=getattr(self, name), allowed=", ".join(map(str, allowed)))
+            require_one_of(f"option {name}", getattr(self, name), allowed)
         for name in ("chord_tolerance", "arc_tolerance"):
             if not 1e-9 <= getattr(self, name) <= 1e-2:
                 raise InputError(f"option {name}", value=getattr(self, name), allowed="1e-9 to 1e-2 m")
         for name in ("max_bytes", "max_moves"):
-            if getattr(self, name) < 1:
-                raise InputError(f"option {name}", value=getattr(self, name), allowed="1 or more")
+            require_at_least(f"option {name}", getattr(self, name), 1)
         for name, point in (("start", self.start), *self.offsets.items()):
             if point is not None and (len(point) != 3 or not all(abs(v) <= FARTHEST for v in point)):
                 raise InputError(f"option {name}", value=str(point), allowed=f"three numbers of at most {FARTHEST:g} m")

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import require_at_least, require_one_of, require_positive
 
 Interpolation = Literal["joint", "linear", "mixed"]
 
@@ -45,13 +45,8 @@ class Demands:
     smoothing: float = 0.05
 
     def __post_init__(self) -> None:
-        if self.interpolation not in ("joint", "linear", "mixed"):
-            raise InputError("interpolation", value=self.interpolation, allowed="joint, linear, mixed")
+        require_one_of("interpolation", self.interpolation, ("joint", "linear", "mixed"))
         for name in ("resolution", "horizon", "tolerance", "axis_tolerance", "jump", "jump_ratio", "smoothing"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"verification, {name}", value=value, allowed="more than 0")
+            require_positive(f"verification, {name}", getattr(self, name))
         for name in ("safety", "singular_least"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"verification, {name}", value=value, allowed="0 or more")
+            require_at_least(f"verification, {name}", getattr(self, name), 0.0)

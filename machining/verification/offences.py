@@ -101,11 +101,6 @@ class Offence:
         return self.last - self.move + 1
 
     @property
-    def what(self) -> str:
-        """Bodies, axis or words that it is about."""
-        return " and ".join(self.bodies) if self.bodies else self.axis or self.text
-
-    @property
     def same(self) -> tuple[object, ...]:
         """What neighbouring moves must share to be one offence."""
         return self.kind, self.severity, frozenset(self.bodies or ()), self.axis, self.text

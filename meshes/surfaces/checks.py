@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from meshes.shell_mesh import connected, sides
+from meshes.shell_mesh import connected, sides, used_only
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 
@@ -66,8 +66,7 @@ def repair_surface(name: str, nodes: Array, faces: Integers, hole: float) -> tup
         more.append("all faces turned: their normals pointed inward")
     elif turned:
         more.append(f"{turned} faces turned to agree with their neighbours")
-    used, flat = np.unique(faces, return_inverse=True)
-    return nodes[used], flat.reshape(-1, 3), [*notes, *dropped, *more, *filled]
+    return *used_only(nodes, faces), [*notes, *dropped, *more, *filled]
 
 
 def _merged(nodes: Array, faces: Integers) -> tuple[Array, Integers, list[str]]:

@@ -16,6 +16,7 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 from vtkmodules.vtkImagingStencil import vtkImageStencilToImage, vtkPolyDataToImageStencil
 
+from meshes.shell_mesh import used_only
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 
@@ -142,11 +143,7 @@ def bodies(nodes: Array, faces: Integers) -> list[tuple[Array, Integers]]:
     mesh = trimesh.Trimesh(nodes, faces, process=False)
     parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(faces)))
     parts = sorted(parts, key=lambda part: -float(mesh.area_faces[part].sum()))
-    out = []
-    for part in parts:
-        used, flat = np.unique(faces[part], return_inverse=True)
-        out.append((nodes[used], flat.reshape(-1, 3)))
-    return out
+    return [used_only(nodes, faces[part]) for part in parts]
 
 
 def thinned(nodes: Array, faces: Integers, count: int) -> tuple[Array, Integers] | None:
@@ -157,5 +154,4 @@ def thinned(nodes: Array, faces: Integers, count: int) -> tuple[Array, Integers]
     less = whole.decimate(1.0 - count / len(faces), volume_preservation=True)
     nodes, faces = np.asarray(less.points, dtype=np.float64), np.asarray(less.regular_faces, dtype=np.int64)
     mesh = trimesh.Trimesh(nodes, faces, process=False)
-    used, flat = np.unique(faces, return_inverse=True)
-    return (nodes[used], flat.reshape(-1, 3)) if mesh.is_watertight and mesh.is_winding_consistent else None
+    return used_only(nodes, faces) if mesh.is_watertight and mesh.is_winding_consistent else None

@@ -15,8 +15,8 @@ from meshes.surfaces.checks import SurfaceFault, census
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring
 from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
-from robots import InputError, require_one_of
-from robots.arrays import Array, Integers
+from robots import InputError, require_one_of, require_positive
+from robots.arrays import Array, Integers, finite
 
 REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
 
@@ -136,14 +136,12 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
     sizes |= {"opening (m)": settings.opening}
     sizes |= {f"interface radius {name} (m)": one.radius for name, one in interfaces.items()}
     for what, value in sizes.items():
-        if value is not None and not 0.0 < value < np.inf:
-            raise InputError(what, value=value, allowed="greater than 0")
+        require_positive(what, value)
     require_one_of("repair", settings.repair, REPAIRS)
     if not interfaces:
         raise InputError("no interface points", remedy="name one point or more, the root first")
     for name, one in interfaces.items():
-        if one.point.shape != (3,) or not np.isfinite(one.point).all():
-            raise InputError(f"interface point {name} (m)", value=one.point.tolist(), allowed="three finite numbers")
+        finite(f"interface point {name}", one.point, (3,), "m")
         if one.axis is not None and not (one.axis.shape == (3,) and 0.0 < np.linalg.norm(one.axis) < np.inf):
             raise InputError(f"interface axis {name}", value=one.axis.tolist(), allowed="three numbers, not all zero")
     alone = [one for one in interfaces.values() if one.radius is None and one.axis is None]

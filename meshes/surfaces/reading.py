@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from robots import InputError
+from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array, Integers
 from robots.files.reading import read_bytes
 
@@ -41,10 +41,8 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     InputError
         File missing or unreadable, no triangles, numbers that are not finite, ``scale`` not positive.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"surface {path.name}", value=path.suffix, allowed=", ".join(SUFFIXES))
-    if scale is not None and not 0.0 < scale < np.inf:
-        raise InputError("scale (m for one unit of the file)", value=scale, allowed="greater than 0")
+    require_one_of(f"surface {path.name}", path.suffix.lower(), SUFFIXES)
+    require_positive("scale (m for one unit of the file)", scale)
     if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
         raise InputError(
             f"surface {path.name}: DAE files need the package pycollada",
@@ -105,8 +103,8 @@ def check_scale(
     """
     if span is None:
         span = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
-    elif not 0.0 < span < np.inf:
-        raise InputError("expected span (m)", value=span, allowed="greater than 0")
+    else:
+        require_positive("expected span (m)", span)
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
     low, high = ratio
     if span == 0.0:

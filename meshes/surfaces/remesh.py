@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import trimesh
 from scipy.spatial import KDTree
 
-from meshes.shell_mesh import sides
+from meshes.shell_mesh import sides, used_only
 from robots.arrays import Array, Bools, Integers, in_blocks
 
 # Has no type hints.
@@ -217,8 +217,7 @@ def _collapse(nodes: Array, faces: Integers, limits: _Limits, shortest: float = 
         faces = target[faces]
         a, b, c = faces.T
         faces = faces[(a != b) & (b != c) & (c != a)]
-    used, flat = np.unique(faces, return_inverse=True)
-    return nodes[used], flat.reshape(-1, 3)
+    return used_only(nodes, faces)
 
 
 def _collapsible(

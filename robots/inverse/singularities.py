@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.arrays import Array, Integers
-from robots.errors import InputError
+from robots.errors import require_positive
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm, why_not_spherical
 from robots.kinematics import as_poses, forward_kinematics, jacobian
@@ -53,8 +53,7 @@ def singularity_distance(
     """
     q = as_poses(robot, q)
     length = axis_lines(robot).length if length_m is None else float(length_m)
-    if not (np.isfinite(length) and length > 0.0):
-        raise InputError("length for the Jacobian", value=length, allowed="more than 0 m", remedy="give one in m")
+    require_positive("length for the Jacobian", length, "m", "give one in m")
     J = jacobian(robot, q, point)
     J = np.concatenate([J[:, :3] / length, J[:, 3:]], axis=1)
     sigma = np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=np.float64)

@@ -75,6 +75,7 @@ __all__ = [
     "Opening",
     "ParallelogramBar",
     "PlaceStiffness",
+    "Placed",
     "ReferenceFaults",
     "Rim",
     "Section",
@@ -112,11 +113,16 @@ class DHRow(Strict):
     d: Length
 
 
-class FrameRow(Strict):
-    """A joint's frame in its parent body's frame, and the joint axis in that frame."""
+class Placed(Strict):
+    """Where something is in the frame before it, and how it is turned there."""
 
     xyz: Position
     rpy: Angles | None = None
+
+
+class FrameRow(Placed):
+    """A joint's frame in its parent body's frame, and the joint axis in that frame."""
+
     axis: Direction = (0.0, 0.0, 1.0)
 
 
@@ -196,11 +202,9 @@ class Coupling(Strict):
     limits: AngleRange
 
 
-class Tool(Strict):
+class Tool(Placed):
     """The tool point in the flange frame, and how the tool (or a force sensor) gives way there, flange axes."""
 
-    xyz: Position
-    rpy: Angles | None = None
     stiffness: PlaceStiffness | None = None
 
 
@@ -215,11 +219,8 @@ class LoadPlacement(Strict):
     tilt: Angles | None = None
 
 
-class Flange(Strict):
+class Flange(Placed):
     """The flange in the last body's frame."""
-
-    xyz: Position
-    rpy: Angles | None = None
 
 
 class Calibration(Strict):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,7 +42,8 @@ class UrdfRobot:
     ``description``: kinematics, limits and the whole mass; no links yet, so all bodies are rigid, and no
     springs. ``visuals``, ``collisions`` and ``masses`` are by body, "base" or a joint's name; a body without
     one is missing there. The frame of a body is that of the URDF link below the joint of its name, and of the
-    base that of the base link. ``notes``: what was merged, assumed and left out.
+    base that of the base link. ``notes``: what was merged, assumed and left out. ``missing``: by kind of shape, links
+    and notes of the mesh files that are not there.
     """
 
     description: ModelDescription
@@ -50,6 +51,7 @@ class UrdfRobot:
     collisions: dict[str, tuple[Visual, ...]]
     notes: tuple[str, ...]
     masses: dict[str, Mass] = field(default_factory=dict)
+    missing: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
 
 def read_urdf(path: str | Path, *, tip: str | None = None, base: str | None = None) -> UrdfRobot:
@@ -106,7 +108,8 @@ def read_urdf(path: str | Path, *, tip: str | None = None, base: str | None = No
         )
     visuals, no_visuals = visuals_of(tree, groups, file, "visuals")
     collisions, no_collisions = visuals_of(tree, groups, file, "collisions")
-    return UrdfRobot(description, visuals, collisions, (*notes, *no_visuals, *no_collisions), masses)
+    lost = {"visual": no_visuals, "collision": no_collisions}
+    return UrdfRobot(description, visuals, collisions, tuple(notes), masses, lost)
 
 
 @contextmanager

@@ -41,13 +41,13 @@ class Visual:
 
 def visuals_of(
     tree: Tree, groups: dict[str, dict[str, Array]], urdf: Path, kind: Kind
-) -> tuple[dict[str, tuple[Visual, ...]], list[str]]:
-    """Shapes by body, and a note for each mesh file that is not there.
+) -> tuple[dict[str, tuple[Visual, ...]], tuple[tuple[str, str], ...]]:
+    """Shapes by body, and for each mesh file that is not there its link and a note.
 
     ``groups``: body -> link -> T_body_link. Bodies without shapes are left out.
     """
     out: dict[str, tuple[Visual, ...]] = {}
-    notes = []
+    missing = []
     for body, group in groups.items():
         found = []
         for link, T_body_link in group.items():
@@ -55,13 +55,13 @@ def visuals_of(
                 source, scale = _source(shape.geometry, urdf)
                 if source is None:
                     name = shape.geometry.mesh.filename
-                    notes.append(f"link {link}: mesh not found: {name}, a {kind[:-1]}{_hint(name)}")
+                    missing.append((link, f"link {link}: mesh not found: {name}, a {kind[:-1]}{_hint(name)}"))
                     continue
                 T = T_body_link if shape.origin is None else T_body_link @ shape.origin
                 found.append(Visual(source, scale, np.asarray(T, dtype=np.float64), link))
         if found:
             out[body] = tuple(found)
-    return out, notes
+    return out, tuple(missing)
 
 
 def _source(geometry: Any, urdf: Path) -> tuple[Path | Primitive | None, Array]:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from robots import InputError, InputErrors
+from robots import InputError, InputErrors, require_one_of
 from robots.files.reading import recording
 from stiffarm.session.console import kept_messages
 
@@ -41,8 +41,7 @@ def in_order(values: Mapping[str, float], names: Sequence[str], argument: str, u
         A name that is not one of them, or a value that is not finite.
     """
     for name, value in values.items():
-        if name not in names:
-            raise InputError(f"{argument}: name", value=name, allowed=", ".join(names), remedy="use these names")
+        require_one_of(f"{argument}: name", name, names, remedy="use these names")
         if not math.isfinite(value):
             raise InputError(f"{argument}: {name}", value=value, allowed=f"a finite {unit}")
     return [float(values.get(name, 0.0)) for name in names]

@@ -74,7 +74,7 @@ class Diagnosis(Shown):
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw the gap before and after; ``file``: a PNG to write."""
         from doe.diagnosis.where import least_rms_mm
-        from stiffarm.commands.diagnose.figures.match import gap_figure
+        from stiffarm.commands.diagnose.figures import gap_figure
 
         g = self.gap
         rows = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from robots import InputError
+from robots import InputError, require_positive
 from stiffarm.face.arms import Arm, Picture, load
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
@@ -36,7 +36,9 @@ class Imported(Shown):
 
     def title(self) -> str:
         """Robot, number of links, and how many warnings there are."""
-        return f"Import of {self.arm.name}: {len(self._links())} shell links, {len(self.warnings)} warnings"
+        links, warnings = len(self._links()), len(self.warnings)
+        counted = f"{links} shell link{'s' * (links != 1)}, {warnings} warning{'s' * (warnings != 1)}"
+        return f"Import of {self.arm.name}: {counted}"
 
     def to_frame(self) -> pd.DataFrame:
         """One row a link: wall, element size, triangles, least angle, tip compliance as a shell over that as a beam."""
@@ -202,6 +204,5 @@ def _metres(argument: str, value_mm: float) -> float: ...
 @overload
 def _metres(argument: str, value_mm: float | None) -> float | None: ...
 def _metres(argument: str, value_mm: float | None) -> float | None:
-    if value_mm is not None and not value_mm > 0.0:
-        raise InputError(f"{argument} (mm)", value=value_mm, allowed="greater than 0")
+    require_positive(f"{argument} (mm)", value_mm)
     return None if value_mm is None else 1e-3 * value_mm

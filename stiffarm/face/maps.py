@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import InputError, require_one_of
+from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array
 from stiffarm.face.arms import DOWN, Arm, Picture
 from stiffarm.face.calls import called
@@ -229,8 +229,7 @@ def _stepped(arm: Arm, plane: str, step_mm: float) -> dict[str, Range]:
     """Ranges of a plane's two axes with a step, over all that the tool reaches."""
     from surrogate.maps.layouts import range_for, reach_of
 
-    if not step_mm > 0.0:
-        raise InputError("step_mm", value=step_mm, allowed="above 0")
+    require_positive("step_mm", step_mm)
     reach = reach_of(arm.robot, arm.robot.T_flange_tool[:3, 3])
     ends = {axis: 1e3 * np.array([reach.lower[k], reach.upper[k]]) for k, axis in enumerate("xyz")}
     values = {axis: range_for(float(ends[axis][0]), float(ends[axis][1]), step_mm) for axis in plane}

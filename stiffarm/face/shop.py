@@ -80,10 +80,7 @@ class Placement(Shown):
         from stiffarm.commands.place.figures import along_figure
         from stiffarm.commands.place.payload import named
 
-        found = named(self.found)
-        stiffness = {name: one.stiffness * 1e-3 for name, one in found.items()}
-        error = {name: one.error.normal * 1e6 for name, one in found.items()}
-        return Picture.of(along_figure(1e3 * self.found.given.path.arc_length, stiffness, error)).kept(file)
+        return Picture.of(along_figure(named(self.found))).kept(file)
 
 
 def posture(

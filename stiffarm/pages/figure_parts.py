@@ -28,9 +28,9 @@ _MOST_NAMES, _NAMES_UPRIGHT = 28, 100
 
 @contextmanager
 def drawing(
-    heading: str, size: tuple[float, float], rows: int = 1, cols: int = 1, **subplots: Any
+    heading: str, size: str | tuple[float, float], rows: int = 1, cols: int = 1, **subplots: Any
 ) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure of ``size`` (inches) with its title and its axes, row by row; within, the house style holds.
+    """A figure of ``size`` (a name, or inches) with its title and its axes, row by row; within, the house style holds.
 
     ``subplots``: further arguments of ``Figure.subplots``.
     """

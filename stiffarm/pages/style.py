@@ -82,15 +82,14 @@ _STYLE: Final[dict[Any, Any]] = {
 }
 
 
-def _stiffness_colours() -> Colormap:
-    # Plasma rises in lightness all the way, from a cold dark blue (soft) to a warm bright yellow
-    # (stiff), so the order survives deuteranopia, protanopia and a grey print. Its last yellows are
-    # left out: they vanish on white paper.
-    colours = mpl.colormaps["plasma"](np.linspace(0.0, 0.93, 256))
-    return LinearSegmentedColormap.from_list("stiffness", [tuple(c) for c in colours], N=256)
+def stretch_of(known: str, low: float, high: float) -> Colormap:
+    """A colour map that is this stretch, 0 to 1, of one that matplotlib knows."""
+    return LinearSegmentedColormap.from_list(known, mpl.colormaps[known](np.linspace(low, high, 256)), N=256)
 
 
-STIFFNESS_COLOURS: Final = _stiffness_colours()
+# Plasma rises in lightness all the way, from a cold dark blue (soft) to a warm bright yellow (stiff), so the order
+# survives deuteranopia, protanopia and a grey print. Its last yellows are left out: they vanish on white paper.
+STIFFNESS_COLOURS: Final = stretch_of("plasma", 0.0, 0.93)
 """Colour map of stiffness: warm and bright is stiff, cold and dark is soft."""
 
 

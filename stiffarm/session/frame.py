@@ -72,6 +72,13 @@ class Frame:
         self.files |= hashes
         return table
 
+    def held_out(self, given: Arm, file: Path | None, *, confirm_units: bool = False) -> Measurements | None:
+        """The table of ``--holdout``, checked as any other, with its remarks said; None where none was given."""
+        from stiffarm.session.reading_checks import read_held_out
+
+        self.reads(holdout=file)
+        return None if file is None else read_held_out(given, file, confirm_units=confirm_units)
+
     def reads(self, **files: Path | None) -> None:
         """Files of options, by the option's name: they must exist, and their hashes go into run.json."""
         for name, file in files.items():

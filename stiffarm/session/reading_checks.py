@@ -1,7 +1,11 @@
-"""What commands ask of a measurement table before they take it: signs, units for this class of arm, that it tells."""
+"""What commands ask of a measurement table before they take it: signs, units for this class of arm, that it tells.
+
+And what a table does not say that effects ask for.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +15,7 @@ from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
 from doe.plausibility.units_check import check_units
 from fem.arm import Arm
+from fem.effects import History, PlacedEffect
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -53,8 +58,6 @@ def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
 
 def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False) -> Measurements:
     """Read a table held out, with remarks and checks as any other."""
-    if not file.is_file():
-        raise InputError("--holdout", value=str(file), allowed="an existing file", remedy="check the path")
     data = read_measurements(file, given.robot)
     for note in data.notes:
         say(f"note: {data.source}: {note}")
@@ -97,6 +100,23 @@ def against_load(data: Measurements) -> str | None:
         return None
     rows = ", ".join(str(data.row_numbers[i]) for i in odd[:LISTED]) + (" ..." if odd.size > LISTED else "")
     return f"{data.source}: {odd.size} of {len(work)} readings move against their load: the sign? Rows {rows}"
+
+
+def history_notes(effects: Sequence[PlacedEffect], history: History) -> list[str]:
+    """What a table does not say that effects ask for: order of the loads, time."""
+    notes = []
+    memory = [e.effect.code for e in effects if e.effect.needs_history]
+    if memory and not history.is_known:
+        notes.append(
+            f"{', '.join(memory)}: the table does not say of every reading whether it was loading or unloading "
+            "(columns phase or step): those are taken as loadings from zero"
+        )
+    timed = [e.effect.code for e in effects if e.effect.needs_clock]
+    if timed and np.isnan(history.clock).any():
+        notes.append(
+            f"{', '.join(timed)}: the table has no step that counts through the whole campaign: nothing drifts"
+        )
+    return notes
 
 
 def _work(data: Measurements) -> tuple[Array, Array, Bools]:

@@ -57,8 +57,6 @@ def read_scheme(robot: Robot, file: Path | None) -> Campaign:
         No file given and none bundled, or a scheme of another robot.
     """
     if file is not None:
-        if not file.is_file():
-            raise InputError("scheme file", value=str(file), allowed="an existing scheme TOML", remedy="check the path")
         scheme = load_campaign(file)
         scheme.check_against(robot)
         if scheme.robot != robot.name:

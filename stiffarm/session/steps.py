@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, bundled_data, factorial_poses, sensitivity_study
+from doe import Measurements, bundled_data, factorial_poses
 from doe.estimation.study_plan import Factorial
 from doe.tables.loaded import select_poses, spring_parts
 from fem import ArmModel, LinkKind, directional_stiffness
@@ -54,18 +54,6 @@ def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None =
         data = select_poses(data, poses, "rigid joints")
     both = data.displacement[:, 2] * 1e3, links_alone(given, data)[:, 2] * 1e3
     return RigidJoints(given.model.link_kind, data.pose, *both)
-
-
-def sensitivity(
-    given: Arm,
-    data: Measurements,
-    joints: tuple[str, ...],
-    poses: tuple[str, ...],
-    low: float,
-    high: float,
-) -> list[PoseEffects]:
-    """Two-level factorial of the springs at the poses."""
-    return sensitivity_study(given.model, select_poses(data, poses, "sensitivities"), joints, low, high)
 
 
 def bundled_sha256(robot: str) -> str | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
-from robots.arrays import Array
+from robots.arrays import Array, finite
 from surrogate.maps.data import Axis, Layout
 
 # Points of a map at most: their numbers must fit an index, and a disk.
@@ -220,10 +220,7 @@ def range_for(low_mm: float, high_mm: float, step_mm: float) -> Array:
 
 
 def _finite(name: str, values: ArrayLike) -> Array:
-    v = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    if v.ndim != 1 or not len(v) or not np.isfinite(v).all():
-        raise InputError(f"values of {name}", value=f"shape {v.shape}", allowed="finite numbers, one or more")
-    return v
+    return finite(f"values of {name}", np.atleast_1d(values), ("n",))
 
 
 def _even(name: str, values: ArrayLike) -> Array:

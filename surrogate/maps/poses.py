@@ -13,8 +13,8 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from robots import InputError, Robot, forward_kinematics, tool_position, why_no_closed_form
-from robots.arrays import Array
+from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position, why_no_closed_form
+from robots.arrays import Array, finite
 from robots.frames import unit_vector
 from robots.inverse.axis_lines import axis_lines
 from surrogate.maps.candidates import (
@@ -68,10 +68,7 @@ class BestGamma:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tool_axis", unit_vector(self.tool_axis, "tool axis"))
-        g = np.asarray(self.gammas, dtype=np.float64)
-        if g.ndim != 1 or not len(g) or not np.isfinite(g).all():
-            raise InputError("angles gamma", value=f"shape {g.shape}", allowed="finite angles (g,) rad, one or more")
-        object.__setattr__(self, "gammas", g)
+        object.__setattr__(self, "gammas", finite("angles gamma", self.gammas, ("g",), "rad"))
 
     def choose(self, arm: Arm, points: Array, generator: np.random.Generator | None = None) -> Chosen:
         """Best gamma and branch at each point; see :class:`PoseRule`."""
@@ -109,8 +106,7 @@ class Extreme:
     starts: int = 3
 
     def __post_init__(self) -> None:
-        if self.which not in ("stiffest", "softest"):
-            raise InputError("extreme pose", value=self.which, allowed="stiffest, softest")
+        require_one_of("extreme pose", self.which, ("stiffest", "softest"))
         if self.axes < 8 or self.gammas < 1 or self.starts < 1:
             raise InputError(
                 "sample of orientations",

@@ -71,7 +71,7 @@ def staged(tables: list[Measurements]) -> Answer:
         for joint, points in study.points.items()
         for at, k in zip(points.angles, points.stiffness, strict=True)
     }
-    return Answer(springs | {"rms_mm": found.rms_mm, "left out": found.left_out_rms_mm}, found.remarks)
+    return Answer(springs | {"rms_mm": found.found.rms_mm, "left out": found.left_out_rms_mm}, found.remarks)
 
 
 def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answer:

@@ -216,7 +216,8 @@ def test_shapes_of_merged_links_are_moved_along(six_axis: UrdfRobot) -> None:
 
 
 def test_meshes_that_are_not_there_are_named(six_axis: UrdfRobot) -> None:
-    (note,) = [note for note in six_axis.notes if "not found" in note]
+    ((link, note),) = [one for found in six_axis.missing.values() for one in found]
+    assert link == "link_2"
     assert note.startswith("link link_2: mesh not found: package://nowhere/meshes/upper_arm.stl")
     assert "link link_2_cover: a visual left out (its geometry holds capsule)" in six_axis.notes
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from machining.toolpaths.gcode import modes
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.motion import GcodeMotion
+from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
 from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
@@ -66,19 +66,19 @@ class _Reader(GcodeMotion):
 
     def _block(self, b: Block) -> None:
         if b.macro:
-            raise StatementError("variables, macros or loops", "numbers", modes.REMEDY_MACRO)
+            raise StatementError("variables, macros or loops", "numbers", REMEDY_MACRO)
         if b.bad:
             raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
         for word in b.long:
             self._long(word, b)
         if not b.codes and not b.misc and b.words.keys() == {"L"}:
-            raise StatementError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
+            raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
         self._refuse(b)
         cycle_before = self.motion
         self.take(b)
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
-        self.over = any(number in modes.ENDS for number in b.misc)
+        self.over = any(number in ENDS for number in b.misc)
         if 40 in b.codes:
             self._dwell(b)
             return
@@ -97,20 +97,18 @@ class _Reader(GcodeMotion):
     # Words that are not read
 
     def _refuse(self, b: Block) -> None:
-        if any(number in modes.CALLS for number in b.misc):
-            raise StatementError("a call of a subprogram", remedy=modes.REMEDY_MACRO)
+        if any(number in CALLS for number in b.misc):
+            raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
         for code in b.codes:
             # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
-            known = code in modes.REFUSED and not (code in (51, 50) and not b.words.keys() & set("XYZIJ"))
-            unknown = not known and code not in modes.KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
+            known = code in REFUSED and not (code in (51, 50) and not b.words.keys() & set("XYZIJ"))
+            unknown = not known and code not in KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
             if not known and not unknown:
                 continue
-            what = modes.REFUSED.get(code, "not known, with coordinates")
+            what = REFUSED.get(code, "not known, with coordinates")
             if self.options.unknown_motion == "error":
-                raise StatementError(
-                    f"{modes.shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it"
-                )
-            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)} ({what}) left out, as asked")
+                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it")
+            self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
             self.lose(b)
             b.words.clear()
 
@@ -156,14 +154,14 @@ class _Reader(GcodeMotion):
                 self.angles[letter] = 0.0
         self.recorder.event(
             self.line,
-            modes.shown(code),
+            shown(code),
             str(b),
-            note=f"{modes.shown(code)}: a place of the machine, not in the part",
+            note=f"{shown(code)}: a place of the machine, not in the part",
         )
 
     def _origin(self, code: int, b: Block) -> None:
-        self.recorder.event(self.line, modes.shown(code), str(b))
+        self.recorder.event(self.line, shown(code), str(b))
         if code == 100:
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif b.words.keys() & set("XYZABC"):
-            raise StatementError(f"{modes.shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")
+            raise StatementError(f"{shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")

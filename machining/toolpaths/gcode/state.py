@@ -1,17 +1,71 @@
-"""Modes of a G-code program: what stays in force from block to block."""
+"""Modes of a G-code program: what G and M codes mean here, and what stays in force from block to block."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from machining.toolpaths.gcode import modes
+from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
+
+# Codes in tenths: G43.4 is 434. Those that set one mode, and to what.
+SETS: dict[int, tuple[str, int | bool | None]] = {
+    **{code: ("motion", code) for code in (0, 10, 20, 30, *CYCLES)},
+    800: ("motion", None),
+    **{code: ("plane", code) for code in PLANES},
+    **{code: ("absolute", code == 900) for code in (900, 910)},
+    **{code: ("arc_absolute", code == 901) for code in (901, 911)},
+    **{code: ("back_to_initial", code == 980) for code in (980, 990)},
+}
+FeedMode = Literal["inverse", "minute", "turn"]
+FEED_MODES: dict[int, FeedMode] = {930: "inverse", 940: "minute", 950: "turn"}
+LENGTHS = {200: 25.4e-3, 210: 1e-3, 7000: 25.4e-3, 7100: 1e-3}
+OFFSETS = {540: "G54", 550: "G55", 560: "G56", 570: "G57", 580: "G58", 590: "G59"} | {
+    591: "G59.1",
+    592: "G59.2",
+    593: "G59.3",
+}
+TCP_ON = (434, 2340)
+# Codes kept as events: path control, exact stop, limits, cancels, length offsets, parking.
+QUIET = (
+    80, 81, 90, 110, 131, 150, 220, 230, 250, 260, 270, 400, 500, 501, 600, 601, 602, 610, 611, 620, 630, 640, 641,
+    642, 643, 644, 645, 670, 690, 921, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
+)  # fmt: skip
+# Codes of cutter compensation, and those that have a meaning of their own.
+COMPENSATED = (410, 411, 420, 421)
+OWN = (40, 50, 51, 100, 280, 300, 520, 530, 700, 710, 920, *COMPENSATED)
+# Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
+REFUSED = {
+    50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
+    70: "diameters for X", 120: "a circular pocket", 130: "a circular pocket", 121: "polar interpolation",
+    160: "polar coordinates", 171: "a plane of U V W", 181: "a plane of U V W", 191: "a plane of U V W",
+    290: "a return from home", 310: "probing", 320: "threading", 330: "threading", 331: "rigid tapping",
+    382: "probing", 383: "probing", 384: "probing", 385: "probing", 435: "tool axes as vectors", 510: "scaling",
+    511: "mirroring", 650: "a macro call", 660: "a macro call", 680: "turned coordinates", 682: "a tilted plane",
+    720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
+    870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
+    71: "cylindrical interpolation", 161: "polar coordinates",
+}  # fmt: skip
+# M codes: calls move the tool as another program says.
+CALLS = (97, 98, 198)
+ENDS = (2, 30, 99)
+STOPS = {0: "STOP", 1: "OPSTOP", 2: "END", 30: "END", 60: "STOP", 99: "END"}
+COOLANT = {7: "MIST", 8: "FLOOD", 9: "OFF", 88: "THRU", 89: "OFF"}
+REMEDY_MACRO = "post the program without variables, loops and subprograms, or let the control's simulator write it out"
+
+
+def shown(code: int) -> str:
+    """Code as it is written: G43.4."""
+    return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
+
+
+KNOWN = frozenset((*SETS, *OWN, *QUIET, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
 
 
 class Modes:
@@ -23,7 +77,7 @@ class Modes:
         self.motion: int | None = None
         self.plane = 170
         self.absolute, self.arc_absolute = True, options.arc_absolute
-        self.feed_mode: modes.FeedMode = "minute"
+        self.feed_mode: FeedMode = "minute"
         self.back_to_initial = True
         self.tcp = options.tcp
         self.unit = None if options.units is None else UNITS[options.units]
@@ -83,33 +137,33 @@ class Modes:
             self._misc(number)
 
     def _code(self, code: int, b: Block) -> None:
-        if code in modes.SETS:
-            setattr(self, *modes.SETS[code])
-        elif code in modes.LENGTHS or (code in (700, 710) and not b.words):
-            new = modes.LENGTHS.get(code, UNITS["inch"] if code == 700 else UNITS["mm"])
+        if code in SETS:
+            setattr(self, *SETS[code])
+        elif code in LENGTHS or (code in (700, 710) and not b.words):
+            new = LENGTHS.get(code, UNITS["inch"] if code == 700 else UNITS["mm"])
             self.feed = self.feed * (self.unit / new) if self.unit is not None else self.feed
             self.unit = new
-        elif code in modes.FEED_MODES:
-            if modes.FEED_MODES[code] != self.feed_mode:
+        elif code in FEED_MODES:
+            if FEED_MODES[code] != self.feed_mode:
                 # A feed of one kind means nothing in another.
                 self.feed = math.nan
-            self.feed_mode, self.dirty = modes.FEED_MODES[code], True
-        elif code in modes.OFFSETS:
-            self._work_offset(modes.OFFSETS[code])
-        elif code in modes.TCP_ON:
+            self.feed_mode, self.dirty = FEED_MODES[code], True
+        elif code in OFFSETS:
+            self._work_offset(OFFSETS[code])
+        elif code in TCP_ON:
             self.tcp = True
-            self.recorder.event(self.line, modes.shown(code))
-        elif code in modes.COMPENSATED:
+            self.recorder.event(self.line, shown(code))
+        elif code in COMPENSATED:
             text = "points are taken as the tool's centre, the control's offset is not read"
-            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)}: {text}")
+            self.recorder.event(self.line, shown(code), note=f"{shown(code)}: {text}")
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
-        elif code in (50, 51, *modes.QUIET):
+        elif code in (50, 51, *QUIET):
             if code == 490:
                 self.tcp = self.options.tcp
-            self.recorder.event(self.line, modes.shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
-        elif code not in modes.KNOWN:
-            self.recorder.event(self.line, modes.shown(code), note=f"{modes.shown(code)} is not read")
+            self.recorder.event(self.line, shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
+        elif code not in KNOWN:
+            self.recorder.event(self.line, shown(code), note=f"{shown(code)} is not read")
 
     def _misc(self, number: int) -> None:
         if number in (3, 4, 5, 13, 14, 19):
@@ -120,10 +174,10 @@ class Modes:
             else:
                 self.tool, self.dirty = Tool(number=self.selected), True
             self.recorder.event(self.line, "LOADTL", f"T{self.selected}" if self.selected >= 0 else "")
-        elif number in modes.COOLANT:
-            self.recorder.event(self.line, "COOLNT", modes.COOLANT[number])
-        elif number in modes.STOPS:
-            self.recorder.event(self.line, modes.STOPS[number], f"M{number}")
+        elif number in COOLANT:
+            self.recorder.event(self.line, "COOLNT", COOLANT[number])
+        elif number in STOPS:
+            self.recorder.event(self.line, STOPS[number], f"M{number}")
         else:
             self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
 

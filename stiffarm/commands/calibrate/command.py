@@ -14,7 +14,6 @@ from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
 from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say_notes
-from stiffarm.session.effect_words import history_notes
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -31,6 +30,7 @@ from stiffarm.session.options import (
     Seed,
     TablesArg,
 )
+from stiffarm.session.reading_checks import history_notes
 
 Free = Annotated[
     str | None,
@@ -137,7 +137,7 @@ def calibrate(
         else:
             remedy = "give --scheme staged, or leave it out"
             parsing.refuse_given(staged_only, "no option of --scheme global", remedy)
-        frame.reads(scheme_file=scheme_file, campaign=campaign, holdout=holdout)
+        frame.reads(scheme_file=scheme_file, campaign=campaign)
         names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         plan = general_calibration.plan_of(given, table, scheme_file, staged=staged)
         options = Options(
@@ -147,16 +147,15 @@ def calibrate(
             chosen_loads,
             low,
             high,
-            holdout,
             staged,
             spacing or "log",
             robust,
             bootstrap,
             seed,
-            confirm_units,
         )
+        kept = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed if bootstrap else None) as folder:
-            found = general_calibration.run(given, table, plan, options)
+            found = general_calibration.run(given, table, plan, options, kept)
             content = calibration_payload.calibration(found)
             if folder is not None:
                 general_calibration.write(found, content, folder)

@@ -19,7 +19,6 @@ from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.reading_checks import read_held_out
 
 MOST_DRAWS = 10_000
 
@@ -37,13 +36,11 @@ class Options:
     loads: tuple[float, ...] | None = None
     low: float | None = None
     high: float | None = None
-    holdout: Path | None = None
     staged: bool = False
     spacing: str = "log"
     robust: bool = True
     bootstrap: int = 0
     seed: int = 0
-    confirm_units: bool = False
 
 
 def is_staged(scheme: str | None, given: Arm, scheme_file: Path | None, *, named: bool) -> bool:
@@ -63,13 +60,12 @@ def plan_of(given: Arm, table: Measurements, scheme_file: Path | None, *, staged
     return bundled_campaign(given.robot.name) if bundled else None
 
 
-def run(given: Arm, table: Measurements, plan: Campaign | None, options: Options) -> Calibrated:
+def run(
+    given: Arm, table: Measurements, plan: Campaign | None, options: Options, holdout: Measurements | None
+) -> Calibrated:
     """Calibrate as asked; progress and remarks are said."""
     request = request_of(given, table, plan, options)
     say(f"loads used: {', '.join(f'{v:g} N' for v in request.loads) or 'all'}")
-    holdout = None
-    if options.holdout is not None:
-        holdout = read_held_out(given, options.holdout, confirm_units=options.confirm_units)
     with progress("poses left out, draws") as bar:
         return calibrating.calibrate(given, table, request, holdout=holdout, store=user_cache(), say=say, count=bar)
 

@@ -108,7 +108,7 @@ def answer(c: Calibrated) -> dict[str, Any]:
         "loads_N": list(c.request.loads),
         "readings": len(c.found.overall),
         "parameters": parameters(c.found.count),
-        "rms_mm": number(c.rms_mm),
+        "rms_mm": number(c.found.rms_mm),
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
         "springs": springs(c),
         "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],
@@ -205,12 +205,12 @@ def noise(found: Noise, p: Problem) -> dict[str, Any]:
 
 def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:
     """Readings that stand out, farthest first."""
-    e = s.result.estimate
+    e, files = s.result.estimate, files_of(s.read)
     p = e.problem
     return [
         {
-            **({} if s.files is None else {"file": s.files[k]}),
-            "line": int(s.lines[k]),
+            **({} if files is None else {"file": files[p.row[k]]}),
+            "line": s.read.row_numbers[p.row[k]],
             "pose": p.poses[p.pose[k]],
             "component": DISPLACEMENTS[p.component[k]],
             "load_N": number(float(s.loads_N[k])),

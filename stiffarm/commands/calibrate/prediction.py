@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe import Measurements
-from doe.calibration.run import Calibration, run_campaign, undetermined
+from doe.calibration.run import Calibration, run_campaign
+from doe.certainty.left_out import moving_with
+from doe.certainty.uncertainty import null_directions
 from doe.estimation.campaign import Campaign
 from doe.estimation.problem import Problem, problem
 from doe.tables.loaded import history_of, rms_mm
@@ -18,7 +20,6 @@ from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.progress import Progress
 
-Count = Progress
 # Angles this far (deg) beyond a law's range are beyond it, less is rounding.
 _ROUNDING_DEG = 1e-6
 
@@ -51,7 +52,7 @@ def left_out(
     used: Measurements,
     campaign: Campaign,
     found: Calibration,
-    count: Count | None,
+    count: Progress | None,
     own: Sequence[Maker] = (),
     history: History | None = None,
     spacing: str = "log",
@@ -98,9 +99,9 @@ def _blind(found: Calibration, data: Measurements) -> list[str]:
     """Numbers that no stage determined and that readings of ``data`` move with."""
     out: list[str] = []
     for stage in found.stages:
-        free = stage.estimate.problem.free
+        e, free = stage.estimate, stage.estimate.problem.free
         there = problem(free.model, data, free.parameters, free.laws, free.walls, free.effects)
-        out += undetermined(stage.estimate, there.evaluate(stage.estimate.u)[1])
+        out += moving_with(e.problem, there.evaluate(e.u)[1], e.seen, null_directions(e.rows, e.seen))
     return out
 
 

@@ -206,21 +206,15 @@ def _groups(s: StageFindings) -> dict[str, list[str]]:
     size = np.linalg.norm(force, axis=1, keepdims=True)
     unit = np.divide(force, size, out=np.zeros_like(force), where=size > 0.0)
     pulls = [direction_words(d) if d.any() else "moment only" for d in np.round(unit, 2)]
-    loads = [f"{v:.3g} N" for v in s.loads_N]
-    order = np.argsort(s.loads_N, kind="stable")
-    ranked = {loads[k]: n for n, k in enumerate(order)}
     groups = {
         "pose": [p.poses[k] for k in p.pose],
-        "load": loads,
+        "load": [f"{v:.3g} N" for v in s.loads_N],
         "direction of the load": pulls,
         "component read": [_AXES[k] for k in p.component],
-        "phase": [phase or "not said" for phase in s.phase],
+        "phase": [s.read.phase[row] or "not said" for row in p.row],
     }
     # Too many different loads or directions make no groups.
-    groups = {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) <= 12}
-    if "load" in groups and len(ranked) > 12:
-        del groups["load"]
-    return groups
+    return {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) <= 12}
 
 
 def _outliers(c: Calibrated, s: StageFindings) -> list[Block]:

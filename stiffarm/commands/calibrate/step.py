@@ -23,7 +23,6 @@ from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, c
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
 from doe.tables.checks import refuse_seen
-from doe.tables.joined import files_of
 from doe.tables.loaded import history_of_part, points_of, rms_mm
 from fem import ArmModel
 from fem.arm import Arm
@@ -31,9 +30,10 @@ from fem.effects import build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
-from robots.arrays import Array, Integers
+from robots.arrays import Array
+from robots.progress import Progress
 from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.prediction import Count, Holdout, held_out, left_out
+from stiffarm.commands.calibrate.prediction import Holdout, held_out, left_out
 from stiffarm.session.reading_checks import refuse_useless
 
 
@@ -55,25 +55,25 @@ class Request:
 
 @dataclass(frozen=True)
 class StageFindings:
-    """One stage and all that is said about it.
+    """One stage and all that is said about it; ``read``: its readings, of which its m components are.
 
-    ``lines`` (m,): lines of the table that its m components stand in, and ``files`` (m,) their files, None if all are
-    from one; ``loads_N`` (m,) and ``phase`` (m,);
     ``left_out`` (m,): errors of poses predicted by the others, ``skipped`` why some are not; ``independent``: the
     same estimate as if nothing were common to a set-up, None if nothing is; ``full_weight``: with outliers at full
     weight, None without any; ``drawn`` (times, p): bootstrapped values.
     """
 
     result: StageResult
-    lines: Integers
-    loads_N: Array  # noqa: N815 - the unit's letter
-    phase: tuple[str | None, ...]
+    read: Measurements
     left_out: Array
     skipped: dict[str, str]
     independent: Certainty | None
     full_weight: StageResult | None
     drawn: Array | None
-    files: tuple[str, ...] | None = None
+
+    @property
+    def loads_N(self) -> Array:  # noqa: N802 - the unit's letter
+        """Loads (m,) of its components."""
+        return self.read.loads_N[self.result.estimate.problem.row]
 
 
 @dataclass(frozen=True)
@@ -117,11 +117,6 @@ class Calibrated:
         return tuple(self.found.overall.poses[k] for k in self.found.overall.pose)
 
     @property
-    def component(self) -> Integers:
-        """What was read (m,): 0 to 5 for dx to rz."""
-        return self.found.overall.component
-
-    @property
     def measured_mm(self) -> Array:
         """Readings (m,) in mm (mrad for rotations)."""
         return self.found.overall.value * 1e3
@@ -130,11 +125,6 @@ class Calibrated:
     def predicted_mm(self) -> Array:
         """Simulated readings (m,) in mm (mrad for rotations)."""
         return (self.found.overall.value - self.found.residual) * 1e3
-
-    @property
-    def rms_mm(self) -> float:
-        """RMS of the translational residuals."""
-        return self.found.rms_mm
 
     @property
     def left_out_rms_mm(self) -> float:
@@ -170,7 +160,7 @@ def calibrate(
     holdout: Measurements | None = None,
     store: ArrayCache | None = None,
     say: Callable[[str], None] | None = None,
-    count: Count | None = None,
+    count: Progress | None = None,
 ) -> Calibrated:
     """Run the campaign, predict each pose from the others, judge outliers and set-ups, predict ``holdout``.
 
@@ -237,24 +227,23 @@ def _all_at_once(found: Calibration) -> bool:
 
 
 def _findings(
-    stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Count | None
+    stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Progress | None
 ) -> StageFindings:
-    p, mine = stage.estimate.problem, readings_of(used, stage.stage)
-    left_out, skipped = np.full(len(p), np.nan), {"all": "a parametric study has no noise model to predict with"}
+    left_out, skipped = (
+        np.full(len(stage.estimate.problem), np.nan),
+        {"all": "a parametric study has no noise model to predict with"},
+    )
     if stage.study is None:
         left_out, skipped = leave_one_pose_out(stage.estimate, count)
     several = request.bootstrap > 0 and stage.study is None
     return StageFindings(
         stage,
-        np.array(mine.row_numbers, dtype=np.int64)[p.row],
-        mine.loads_N[p.row],
-        tuple(mine.phase[i] for i in p.row),
+        readings_of(used, stage.stage),
         left_out,
         skipped,
         _independent(stage, request.campaign.noise) if stage.estimate.noise.has_common else None,
         without_outliers(stage) if stage.study is None and downweighted(stage.estimate) else None,
         bootstrap(stage.estimate, rng, request.bootstrap, count) if several else None,
-        None if (files := files_of(mine)) is None else tuple(files[i] for i in p.row),
     )
 
 

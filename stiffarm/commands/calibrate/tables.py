@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from doe.certainty.lack_of_fit import outliers
+from doe.certainty.lack_of_fit import FLAGGED, outliers
 from doe.published.parametric import PoseFit
 from doe.tables.columns import COMPONENTS
+from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
@@ -87,20 +88,17 @@ def numbers_table(s: StageFindings) -> Table:
 
 
 def outlier_lines(s: StageFindings) -> list[str]:
-    """Each outlier in words, farthest first."""
-    e = s.result.estimate
+    """Each outlier by the line of the table it stands in, with the table's name where there are several."""
+    e, files, out = s.result.estimate, files_of(s.read), []
     p = e.problem
-    return [
-        words.outlier_text(
-            p.poses[p.pose[k]], _line(s, k), COMPONENTS[p.component[k]], float(s.loads_N[k]),
-            f"{e.residual[k] * 1e3:+.3g} {'mm' if p.component[k] < 3 else 'mrad'}", float(e.own[k]),
-        )
-        for k in outliers(e)
-    ]  # fmt: skip
-
-
-def _line(s: StageFindings, k: int) -> str:
-    return f"{s.lines[k]}" if s.files is None else f"{s.lines[k]} of {s.files[k]}"
+    for k in outliers(e):
+        row, own = p.row[k], abs(e.own[k])
+        line = f"{s.read.row_numbers[row]}" + ("" if files is None else f" of {files[row]}")
+        size = f"{own:.3g} of its standard deviations" if own < 1e3 else "over 1000 of its standard deviations"
+        residual = f"{e.residual[k] * 1e3:+.3g} {'mm' if p.component[k] < 3 else 'mrad'}"
+        what = f"pose {p.poses[p.pose[k]]}, {COMPONENTS[p.component[k]]} at {s.loads_N[k]:g} N"
+        out.append(f"line {line}: {what} is off by {residual}, {size} (beyond {FLAGGED:g})")
+    return out
 
 
 def _show_holdout(h: Holdout, c: Calibrated) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from doe.calibration.run import StageResult
-from doe.certainty.lack_of_fit import FLAGGED, LackOfFit, downweighted
+from doe.certainty.lack_of_fit import LackOfFit, downweighted
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import FEWEST_POSES, Noise, estimable
@@ -303,12 +303,6 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
             "scatter, not from the gauge."
         )
     return "not testable", text
-
-
-def outlier_text(pose: str, line: str, component: str, load_N: float, residual: str, own: float) -> str:
-    """One outlier by the line of the table it stands in, with the table's name where there are several."""
-    size = f"{abs(own):.3g} of its standard deviations" if abs(own) < 1e3 else "over 1000 of its standard deviations"
-    return f"line {line}: pose {pose}, {component} at {load_N:g} N is off by {residual}, {size} (beyond {FLAGGED:g})"
 
 
 def prior_text(p: Parameter) -> str:

@@ -33,7 +33,6 @@ from stiffarm.session.options import (
     TablesArg,
 )
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.reading_checks import read_held_out
 
 
 def diagnose(
@@ -93,9 +92,7 @@ def diagnose(
         given = frame.model(model, links, load_path, effect=effect)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
         table = frame.readings(given, data, confirm_units=confirm_units)
-        other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
-        if other is not None:
-            frame.files["holdout"] = other.sha256
+        other = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed) as folder:
             request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0)
             with frame.timed("diagnosis"):

@@ -12,9 +12,17 @@ from doe.diagnosis.where import labels_of, least_rms_mm, noise_floor_mm
 from stiffarm.commands.calibrate.words import bound_of
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.effect_numbers import numbers_of
-from stiffarm.commands.diagnose.figures.laws import curves_of, law_figure, numbers_figure
-from stiffarm.commands.diagnose.figures.match import Fit, gap_figure, match_figure, residuals_figure
-from stiffarm.commands.diagnose.figures.ranking import Bar, ranking_figure, twins_figure, where_figure
+from stiffarm.commands.diagnose.figures import (
+    Bar,
+    Fit,
+    gap_figure,
+    match_figure,
+    ranking_figure,
+    residuals_figure,
+    twins_figure,
+    where_figure,
+)
+from stiffarm.commands.diagnose.laws import curves_of, law_figure, numbers_figure
 from stiffarm.commands.diagnose.model import springs_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures

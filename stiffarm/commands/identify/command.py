@@ -23,7 +23,6 @@ from stiffarm.session.frame import command
 from stiffarm.session.options import ConfirmUnits, Debug, Json, LoadPathOpt, ModelArg, Out, Seed
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers, parse_word
-from stiffarm.session.reading_checks import read_held_out
 
 SYNTHETIC = "synthetic_joint_twists.csv"
 DEFAULT_WINDOW = ",".join(f"{1e3 * v:g}" for v in (*ORIGIN_M, *SIZE_M))
@@ -95,9 +94,7 @@ def identify(
         # The two arms of a joint are taken as rigid: what they give way by is in the joint's stiffnesses.
         given = frame.model(model, "rigid", load_path)
         inputs.refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
-        other = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
-        if other is not None:
-            frame.files["holdout"] = other.sha256
+        other = frame.held_out(given, holdout, confirm_units=confirm_units)
         data = None if synthetic else joint_twist_run.read_tables(given, tables or ())
         if data is not None:
             for number, table in enumerate(tables or (), start=1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from doe.joint_twists import Direction, Identified
 from doe.joint_twists.substitute import Errors, Window
 from fem.statics.ports import ROWS
 from robots import InputError
+from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.figure_parts import SERIES, above, drawing, log_ticks, note, panels
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 
@@ -163,25 +165,19 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
 
 def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:
     """How wrong models of the gears alone are: mean, 95th percentile and worst, by flange axis, log axis."""
+    # A logarithmic axis has no place for a model that is right to the last digit.
+    percent = {
+        word: {
+            f"{axis}, {name}": value
+            for name, e in (("same", same), ("refitted", refitted))
+            for axis, value in zip("XYZ", np.maximum(100.0 * of(e), 0.1).tolist(), strict=True)
+        }
+        for word, of in (("mean", attrgetter("mean")), ("95th percentile", attrgetter("p95")),
+                         ("worst", attrgetter("worst")))
+    }  # fmt: skip
     heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
-    with drawing(heading, (10.0, 4.4), 1, 2, sharey=True) as (figure, axes):
-        for ax, e, words in (
-            (axes[0], same, "same torsional stiffness"), (axes[1], refitted, "refitted to flange deflections"),
-        ):  # fmt: skip
-            ax.set_yscale("log")
-            for k, (values, word) in enumerate(((e.mean, "mean"), (e.p95, "95th percentile"), (e.worst, "worst"))):
-                ax.bar(np.arange(3) + 0.27 * (k - 1), 100.0 * values, 0.25, color=SERIES[k], label=word)
-                for x, v in enumerate(100.0 * values):
-                    note(ax, f"{v:.0f}", (x + 0.27 * (k - 1), v), (0, 3), va="bottom", size=8.5)
-            ax.set_xticks(range(3), ["flange X", "flange Y", "flange Z"])
-            ax.set_title(words, loc="left")
-            ax.grid(axis="x", visible=False)
-        most = 100.0 * max(float(same.worst.max()), float(refitted.worst.max()))
-        axes[0].set_ylim(1.0, 2.5 * max(most, 10.0))
-        log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
-        axes[0].set_ylabel("error of directional stiffness (%)")
-        axes[1].legend(loc="upper left")
-    return figure
+    below = "flange axis; gears with the same torsional stiffness, or refitted to flange deflections"
+    return bars_figure(heading, percent, "error of directional stiffness (%)", below, log=True)
 
 
 def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:

@@ -59,11 +59,9 @@ def _key(d: JointTwists) -> list[KeyFigure]:
 
 
 def _in_short(d: JointTwists) -> Section:
-    blocks: list[Block] = []
-    if d.synthetic:
-        blocks.append(Note("The readings are synthetic: made up from known stiffnesses, nobody measured them."))
-    blocks.append(Bullets(tuple(summary(d))))
-    return Section("In short", tuple(blocks))
+    synthetic = Note("The readings are synthetic: made up from known stiffnesses, nobody measured them.")
+    said = Bullets(tuple(summary(d)))
+    return Section("In short", (synthetic, said) if d.synthetic else (said,))
 
 
 def summary(d: JointTwists) -> list[str]:
@@ -123,7 +121,7 @@ def _percent(values: Array) -> str:
 
 
 def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
-    blocks: list[Block] = [
+    return Section("Six stiffnesses a joint", (
         Text(
             "Frame: the modified DH frame of the joint, Z along the gear axis, X along the common normal to the next "
             "axis, turning with the arm behind the joint. Stiffness at the middle of the angles measured, "
@@ -140,8 +138,7 @@ def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
             "wider than the axis, readings hardly see the direction. Laws hold between the outermost angles.",
         ),
         Text(_law_words(d)),
-    ]  # fmt: skip
-    return Section("Six stiffnesses a joint", tuple(blocks))
+    ))  # fmt: skip
 
 
 def stiffness_rows(d: JointTwists) -> tuple[tuple[str, ...], ...]:
@@ -266,7 +263,7 @@ def usual(d: JointTwists, pictures: Pictures) -> Section:
         f"{name} {'not seen' if c == 0.0 else f'{1e-6 / c:.3g}'}"
         for name, c in zip(d.given.robot.joint_names, f.effective.tolist(), strict=True)
     )
-    blocks: list[Block] = [
+    return Section("Gears alone", (
         Text(
             f"The usual model has one stiffness a joint, about the gear axis. Against six a joint, over {POSES} random "
             "poses within limits with the flange above the floor: once with the same torsional stiffnesses, once "
@@ -282,8 +279,7 @@ def usual(d: JointTwists, pictures: Pictures) -> Section:
             rows, text_columns=(0, 1),
         ),
         Text(f"Effective stiffnesses of the refitted gears (10⁶ N m/rad): {springs}."),
-    ]  # fmt: skip
-    return Section("Gears alone", tuple(blocks))
+    ))  # fmt: skip
 
 
 def prediction(d: JointTwists) -> Section:
@@ -320,7 +316,7 @@ def stiffness_map(d: JointTwists, pictures: Pictures) -> Section:
     if w is None:
         return Section("Stiffness map", (Text(f"{d.no_window[0].upper()}{d.no_window[1:]}."),))
     reached = 100.0 * float(np.isfinite(w.mean).mean())
-    blocks: list[Block] = [
+    return Section("Stiffness map", (
         pictures.add(
             figures.window_figure(w, d.given.robot.name, made_up(d)), "stiffness_map",
             "Mean of the directional stiffnesses in flange X, Y and Z, each under a unit force of its own.",
@@ -330,8 +326,7 @@ def stiffness_map(d: JointTwists, pictures: Pictures) -> Section:
             "gives the origin of its map (X 1344, Z 550 mm); the window's size is not stated there and is chosen here. "
             f"{reached:.0f} % of the window is reached. Numbers: stiffness_map.csv."
         ),
-    ]  # fmt: skip
-    return Section("Stiffness map", tuple(blocks))
+    ))  # fmt: skip
 
 
 def how(d: JointTwists) -> Section:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-import numpy as np
 import typer
 
 from meshes.surfaces.reading import SUFFIXES
-from robots import InputError, content_hash, load_description
+from robots import InputError, content_hash, load_description, require_positive
 from robots.urdf.reading import read_urdf
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import command
@@ -116,8 +115,7 @@ def import_command(
             raise InputError("SOURCE", value=str(source), allowed="an existing file", remedy="check the path")
         lengths = {"--wall-mm": wall_mm, "--size-mm": size_mm, "--close-mm": close_mm, "--scale": scale}
         for option, value in lengths.items():
-            if value is not None and not 0.0 < value < np.inf:
-                raise InputError(option, value=value, allowed="greater than 0")
+            require_positive(option, value)
         options = importing.ImportOptions(
             material=material or "steel",
             figures=importing.material_of(material or "steel", youngs_modulus, poissons_ratio, density),
@@ -163,7 +161,7 @@ def import_command(
             with frame.folder() as folder:
                 done = importing.import_into_model(source, given, link, options, scale, _metres(wall_mm))
                 content = import_results.write_link(done, given, source.name, folder)
-            for line in (*done.shell.report, *(w for w in content["warnings"] if w not in done.shell.report)):
+            for line in (*done.link.report, *(w for w in content["warnings"] if w not in done.link.report)):
                 say(line)
         frame.answer(content)
 
@@ -179,6 +177,5 @@ def _by_link(text: str | None, option: str) -> dict[str, float]:
     names = tuple(item.partition("=")[0].strip() for item in text.split(","))
     values = parse_pairs(text, option, names)
     for name, value in values.items():
-        if not value > 0.0:
-            raise InputError(f"{option}: {name} (mm)", value=value, allowed="greater than 0")
+        require_positive(f"{option}: {name} (mm)", value)
     return {name: 1e-3 * value for name, value in values.items()}

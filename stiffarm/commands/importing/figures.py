@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,8 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from meshes import ShellMesh
-from robots.arrays import Array
+from stiffarm.commands.importing.step import MadeShell
 from stiffarm.pages import style
 from stiffarm.pages.figure_parts import panels
 
@@ -28,26 +26,19 @@ _CELL_IN: Final = (3.6, 3.3)
 _LETTER_IN: Final = 0.125
 
 
-@dataclass(frozen=True)
-class ShownLink:
-    """A shell to draw with its interfaces' points (i, 3) m, in the order of its rings, and lines of text under it."""
+def contact_sheet(shells: Sequence[MadeShell], facts: Sequence[Sequence[str]], title: str) -> Figure:
+    """Draw each shell twice, from above and from opposite below, so that all rings show; dots are interface points.
 
-    name: str
-    mesh: ShellMesh
-    points: Array
-    lines: tuple[str, ...]
-
-
-def contact_sheet(links: Sequence[ShownLink], title: str) -> Figure:
-    """Draw each link twice, from above and from opposite below, so that all rings show; dots are interface points."""
-    views = [(link, side) for link in links for side in (1.0, -1.0)]
-    columns = 2 if len(links) == 1 else 2 * min(_COLUMNS, -(-len(links) // 2))
+    ``facts``: lines of text under each shell.
+    """
+    views = [(shell, lines, side) for shell, lines in zip(shells, facts, strict=True) for side in (1.0, -1.0)]
+    columns = 2 if len(shells) == 1 else 2 * min(_COLUMNS, -(-len(shells) // 2))
     width = columns * _CELL_IN[0] * 0.75
     heading = textwrap.fill(title, max(int(width / _LETTER_IN), 20))
     with panels(heading, len(views), columns, width, _CELL_IN[1], 1.0) as (figure, axes):
-        for place, (link, side) in zip(axes, views, strict=True):
-            _draw(place, link, side)
-        names = list(dict.fromkeys(name for link in links for name in link.mesh.interfaces))
+        for place, view in zip(axes, views, strict=True):
+            _draw(place, *view)
+        names = list(dict.fromkeys(name for shell in shells for name in shell.link.mesh.interfaces))
         marks = [
             Line2D([], [], color=_ring_colour(i), marker="s", linestyle="none", label=f"ring: {name}")
             for i, name in enumerate(names)
@@ -63,10 +54,10 @@ def _ring_colour(i: int) -> str:
     return RING_COLOURS[i % len(RING_COLOURS)]
 
 
-def _draw(axes: Axes, link: ShownLink, side: float) -> None:
-    """One link from above (side 1) or from opposite below (-1): faces turned to the eye, the farthest first."""
+def _draw(axes: Axes, shell: MadeShell, lines: Sequence[str], side: float) -> None:
+    """One shell from above (side 1) or from opposite below (-1): faces turned to the eye, the farthest first."""
     camera = style.Camera(side * np.array([0.62, -1.0, 0.45]))
-    mesh = link.mesh
+    mesh = shell.link.mesh
     flat = 1e3 * camera(mesh.nodes)
     corners = flat[mesh.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -84,7 +75,7 @@ def _draw(axes: Axes, link: ShownLink, side: float) -> None:
         list(corners[seen][:, :, :2]), facecolors=colours, edgecolors=0.86 * colours, linewidths=0.15
     )
     axes.add_collection(faces)
-    points = 1e3 * camera(link.points)[:, :2]
+    points = 1e3 * camera(shell.points)[:, :2]
     axes.plot(*points.T, linestyle=":", color=style.INK, linewidth=0.9, zorder=3)
     for i, point in enumerate(points):
         axes.plot(*point, marker="o", markersize=6, color=_ring_colour(i), markerfacecolor="white", zorder=4)
@@ -95,7 +86,7 @@ def _draw(axes: Axes, link: ShownLink, side: float) -> None:
     axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
     axes.set_axis_off()
     if side > 0.0:
-        axes.set_title(link.name, loc="left", fontsize=10.5, fontweight="bold")
-        axes.text(0.0, -0.01, "\n".join(link.lines), transform=axes.transAxes, va="top", size=7.5, color="#555555")
+        axes.set_title(shell.name, loc="left", fontsize=10.5, fontweight="bold")
+        axes.text(0.0, -0.01, "\n".join(lines), transform=axes.transAxes, va="top", size=7.5, color="#555555")
     else:
         axes.set_title("from opposite, below", loc="left", fontsize=9, color="#777777")

@@ -12,16 +12,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
-from meshes.surfaces.link import GOOD, ImportedLink, quality_words
+from meshes.surfaces.link import GOOD, quality_words
 from robots import ModelDescription, save_description
-from robots.arrays import Array
 from robots.library.surface_files import surface_file_name
 from robots.robot import robot_from
 from robots.schema.description import Link, Surface
 from robots.schema.quantities import PositiveLength
 from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
-from stiffarm.commands.importing.figures import ShownLink, contact_sheet
-from stiffarm.commands.importing.step import ImportedPart, ImportOptions, OneLink, RobotImport
+from stiffarm.commands.importing.figures import contact_sheet
+from stiffarm.commands.importing.step import ImportedPart, ImportOptions, MadeShell, RobotImport
 from stiffarm.pages.style import save_png
 from stiffarm.session.console import say, show_table
 from stiffarm.session.outputs import OutputFolder
@@ -39,23 +38,17 @@ def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolde
         said = [f"link {name}: {line}" for name, lines in warnings.items() for line in lines]
         description = description.model_copy(update={"notes": (*description.notes, *said)})
         content = payload(result, options, description, found)
-        shown = [_shown(part.name, part.link, part.wall, part.points, warnings[part.name]) for part in result.parts]
-        _write(description, content, contact_sheet(shown, f"Imported links: {description.title}"), folder)
+        facts = [_facts(part, warnings[part.name]) for part in result.parts]
+        _write(description, content, contact_sheet(result.parts, facts, f"Imported links: {description.title}"), folder)
     return content
 
 
-def write_link(done: OneLink, given: ModelDescription, source: str, folder: OutputFolder) -> dict[str, Any]:
+def write_link(done: MadeShell, given: ModelDescription, source: str, folder: OutputFolder) -> dict[str, Any]:
     """Write a model with the new shell of one link; returns what import.json holds."""
-    name = done.link.name
-    key = f"surface of {name}"
-    content = {
-        "schema": "stiffarm-import/1",
-        "robot": given.name,
-        "link": name,
-        "file": source,
-    }
+    name, key = done.name, f"surface of {done.name}"
+    content = {"schema": "stiffarm-import/1", "robot": given.name, "link": name, "file": source}
     with tempfile.TemporaryDirectory() as shells:
-        surface = written_surface(done.shell, name, done.wall, Path(shells), key)
+        surface = written_surface(done, Path(shells), key)
         data = given.model_dump(by_alias=True, exclude_none=True)
         data["sources"][key] = f"{source}, prepared by stiffarm import"
         data["link"] = [
@@ -64,9 +57,9 @@ def write_link(done: OneLink, given: ModelDescription, source: str, folder: Outp
         description = ModelDescription.model_validate(data)
         check_shells(description)
         found = tip_compliances(description, (name,))[name]
-        content |= link_payload(done.shell, done.wall, found)
-        shown = _shown(name, done.shell, done.wall, done.points, content["warnings"])
-        _write(description, content, contact_sheet([shown], f"{source} as link {name}"), folder)
+        content |= link_payload(done, found)
+        sheet = contact_sheet([done], [_facts(done, content["warnings"])], f"{source} as link {name}")
+        _write(description, content, sheet, folder)
     return content
 
 
@@ -76,15 +69,14 @@ def _write(description: ModelDescription, content: dict[str, Any], sheet: Figure
     save_png(sheet, folder.path("import.png"))
 
 
-def _shown(name: str, link: ImportedLink, wall: float, points: Array, warnings: Sequence[str]) -> ShownLink:
-    figures = link.figures
+def _facts(shell: MadeShell, warnings: Sequence[str]) -> list[str]:
+    """What stands under the picture of a shell."""
+    figures = shell.link.figures
     rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
     how = "wrapped" if figures.wrapped else "as it is"
-    mesh = f"{figures.triangles} triangles, wall {1e3 * wall:g} mm, surface {how}"
-    facts: tuple[str, ...] = (mesh, f"rings: {rings}")
-    if warnings:
-        facts = (*facts, f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json")
-    return ShownLink(name, link.mesh, points, facts)
+    mesh = f"{figures.triangles} triangles, wall {1e3 * shell.wall:g} mm, surface {how}"
+    said = [f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json"] if warnings else []
+    return [mesh, f"rings: {rings}", *said]
 
 
 def as_description(result: RobotImport, options: ImportOptions, folder: Path) -> ModelDescription:
@@ -122,22 +114,22 @@ def _described(part: ImportedPart, material: str, without_mass: bool, folder: Pa
         section=part.section.section,
         beam_up=(up[0], up[1], up[2]),
         mass=None if without_mass else part.declared,
-        surface=written_surface(part.link, part.name, part.wall, folder, SOURCE),
+        surface=written_surface(part, folder, SOURCE),
     )
 
 
-def written_surface(link: ImportedLink, name: str, wall: float, folder: Path, source: str) -> Surface:
+def written_surface(shell: MadeShell, folder: Path, source: str) -> Surface:
     """Save a shell into ``folder`` and say what it is."""
     unnamed = folder / "surface.npz"
-    sha256 = save_shell(link.mesh, unnamed)
-    path = unnamed.replace(folder / surface_file_name(name, sha256))
+    sha256 = save_shell(shell.link.mesh, unnamed)
+    path = unnamed.replace(folder / surface_file_name(shell.name, sha256))
     return Surface(
         file=str(path.resolve()),
         sha256=sha256,
-        wall=PositiveLength(value=round(1e3 * wall, 6), unit="mm", source="assumed"),
-        size=PositiveLength(value=round(1e3 * link.figures.size_m, 3), unit="mm", source="derived"),
+        wall=PositiveLength(value=round(1e3 * shell.wall, 6), unit="mm", source="assumed"),
+        size=PositiveLength(value=round(1e3 * shell.link.figures.size_m, 3), unit="mm", source="derived"),
         source=source,
-        changes=link.report,
+        changes=shell.link.report,
     )
 
 
@@ -175,15 +167,15 @@ def _payload_of(part: ImportedPart, found: TipCompliance) -> dict[str, Any]:
         "beam_section_mm": {key: _mm(quantity.si) for key, quantity in section if isinstance(quantity, PositiveLength)}
         | {"kind": section.kind},
         "cover": round(part.section.cover, 3),
-        **link_payload(part.link, part.wall, found),
+        **link_payload(part, found),
     }
 
 
-def link_payload(link: ImportedLink, wall: float, found: TipCompliance) -> dict[str, Any]:
+def link_payload(shell: MadeShell, found: TipCompliance) -> dict[str, Any]:
     """Figures of one imported shell for JSON."""
-    figures = link.figures
+    figures = shell.link.figures
     return {
-        "wall_mm": _mm(wall),
+        "wall_mm": _mm(shell.wall),
         "size_mm": _mm(figures.size_m),
         "bodies": figures.bodies,
         "open_edges": figures.open_edges,
@@ -199,8 +191,8 @@ def link_payload(link: ImportedLink, wall: float, found: TipCompliance) -> dict[
         },
         "tip_compliance_um_per_kN": {"shell": _um_per_kn(found.shell), "beam": _um_per_kn(found.beam)},
         "tip_compliance_shell_over_beam": round(found.ratio, 3) if math.isfinite(found.ratio) else None,
-        "warnings": warnings_of(link, found),
-        "changes": list(link.report),
+        "warnings": warnings_of(shell.link, found),
+        "changes": list(shell.link.report),
     }
 
 

@@ -20,7 +20,7 @@ from robots import InputError, InputErrors, ModelDescription, Robot, require_one
 from robots.arrays import Array
 from robots.progress import Progress, report_progress
 from robots.robot import robot_from
-from robots.schema.description import Link, Material
+from robots.schema.description import Material
 from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
 from robots.urdf.reading import UrdfRobot, Visual
 
@@ -33,8 +33,6 @@ SHORT = 0.08
 LEAST_COVER = 0.3
 # Bodies are as large as their joints are apart, give or take; beyond, the unit of length is in doubt.
 SPAN_RATIO = (0.1, 12.0)
-# How the reading of a URDF says so (robots.urdf.shapes).
-_NOT_FOUND = ": mesh not found: "
 Meshes = Literal["visual", "collision"]
 Wrap = Literal["auto", "alpha", "grid"]
 NAMES_OF_PARTS = ("base", "tool", "bar", "crank")
@@ -62,21 +60,24 @@ class ImportOptions:
 
 
 @dataclass(frozen=True)
-class ImportedPart:
-    """A link that became a shell.
-
-    ``wall`` m. ``declared``: mass of the body in the URDF. ``sources``: its files. ``points`` (2, 3) m: root and tip.
-    """
+class MadeShell:
+    """The shell made for a link, by its name: its wall (m) and its interfaces' points (i, 3) m, in its rings' order."""
 
     name: str
-    body: str
     link: ImportedLink
-    section: EquivalentSection
     wall: float
+    points: Array
+
+
+@dataclass(frozen=True)
+class ImportedPart(MadeShell):
+    """A body of a URDF that became a shell. ``declared``: its mass in the URDF. ``sources``: its files."""
+
+    body: str
+    section: EquivalentSection
     casing_kg: float
     declared: Mass | None
     sources: tuple[str, ...]
-    points: Array
 
     @property
     def span(self) -> float:
@@ -163,9 +164,8 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
             value="; ".join(f"{names[body]}: {why}" for body, why in rigid.items()),
             remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
         )
-    other = ", a collision" if options.meshes == "visual" else ", a visual"
-    notes = tuple(note for note in urdf.notes if not (_NOT_FOUND in note and other in note))
-    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, notes)
+    notes = [*urdf.notes, *(note for _, note in urdf.missing[options.meshes])]
+    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, tuple(notes))
 
 
 def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str, str]:
@@ -182,7 +182,7 @@ def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str
 
 
 def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRobot) -> None:
-    known = {*names, *names.values(), *(link for link, _ in _missing(urdf, options))}
+    known = {*names, *names.values(), *(link for link, _ in urdf.missing[options.meshes])}
     for option, given in (("--wall", options.walls), ("--rigid", options.rigid), ("--radius", options.radius)):
         for name in given:
             if name not in known:
@@ -191,16 +191,10 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
                 )
 
 
-def _missing(urdf: UrdfRobot, options: ImportOptions) -> list[tuple[str, str]]:
-    """Links with a mesh file that is not there, and the note that says so."""
-    found = [note for note in urdf.notes if _NOT_FOUND in note and f", a {options.meshes}" in note]
-    return [(note.partition(_NOT_FOUND)[0].removeprefix("link "), note) for note in found]
-
-
 def _missing_files(urdf: UrdfRobot, options: ImportOptions) -> list[InputError]:
     return [
         InputError(note, remedy="put the file there, or set ROS_PACKAGE_PATH to the folder of the package")
-        for link, note in _missing(urdf, options)
+        for link, note in urdf.missing[options.meshes]
         if link not in options.rigid
     ]
 
@@ -283,17 +277,7 @@ def _part(
     section = equivalent_section(name, link.mesh.nodes, link.mesh.triangles, wall, np.zeros(3), interfaces["tip"].point)
     casing = shell_mass(link.mesh, options.figures.density.si).kg
     points = np.stack([one.point for one in interfaces.values()])
-    return ImportedPart(name, body, link, section, wall, casing, declared, own.sources, points)
-
-
-@dataclass(frozen=True)
-class OneLink:
-    """A link of a model with the shell made for it, its wall (m) and its interfaces' points (i, 3) m."""
-
-    link: Link
-    shell: ImportedLink
-    wall: float
-    points: Array
+    return ImportedPart(name, link, wall, points, body, section, casing, declared, own.sources)
 
 
 def import_into_model(
@@ -303,7 +287,7 @@ def import_into_model(
     options: ImportOptions,
     scale: float | None = None,
     wall: float | None = None,
-) -> OneLink:
+) -> MadeShell:
     """Shell of one link of a model from a file in the link's body frame, of the model's material.
 
     ``scale``: metres for one unit of the file; None takes the file's own, else metres. ``wall`` m; None takes that
@@ -333,4 +317,4 @@ def import_into_model(
     nodes, faces, notes = read_surface(path, scale)
     interfaces = link_interfaces(robot, body_index(robot, link.body))
     shell = prepare_link(name, nodes, faces, interfaces, settings, tuple(notes))
-    return OneLink(link, shell, thickness, np.stack([one.point for one in interfaces.values()]))
+    return MadeShell(name, shell, thickness, np.stack([one.point for one in interfaces.values()]))

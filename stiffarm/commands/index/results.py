@@ -18,7 +18,7 @@ from machining import (
     stiffness_ellipsoid,
     translational,
 )
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from robots import Robot
 from robots.arrays import Array
 from stiffarm.session.json_text import number

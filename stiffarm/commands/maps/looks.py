@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import (
     BoundaryNorm,
     Colormap,
-    LinearSegmentedColormap,
     ListedColormap,
     LogNorm,
     Normalize,
@@ -23,7 +22,7 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, Extend, colour_bar, colour_scale, ends_cut
+from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS, Extend, colour_bar, colour_scale, ends_cut, stretch_of
 from surrogate.maps.data import Field
 
 Kind = Literal["stiff", "soft", "error", "other", "angle", "category"]
@@ -31,8 +30,8 @@ Kind = Literal["stiff", "soft", "error", "other", "angle", "category"]
 # Values that the ends of a scale are found from; more of them would not move its percentiles.
 _MOST_VALUES: Final = 500_000
 # Sequential maps end before white and black: a first colour is seen on paper, lines on a last one.
-_BLUES: Final = LinearSegmentedColormap.from_list("error", mpl.colormaps["Blues"](np.linspace(0.2, 1.0, 256)), N=256)
-_GREENS: Final = LinearSegmentedColormap.from_list("other", mpl.colormaps["viridis"](np.linspace(0.12, 1.0, 256)))
+_BLUES: Final = stretch_of("Blues", 0.2, 1.0)
+_GREENS: Final = stretch_of("viridis", 0.12, 1.0)
 COLOURS: Final = MappingProxyType(
     {
         "stiff": STIFFNESS_COLOURS,

@@ -9,12 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from machining.placement import Along
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.posture.figures.along_path import draw_lines
+from stiffarm.commands.posture.figures.along_path import draw_line
 from stiffarm.commands.posture.figures.axes_map import hatched, steps
-from stiffarm.pages.figure_parts import SERIES, paler, title
-from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS, house_style, new_figure
+from stiffarm.pages.figure_parts import SERIES, drawing, paler
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS
 
 # Why a position cannot be taken, and how it is drawn.
 ZONES = {
@@ -39,9 +40,7 @@ def curve_figure(
     """
     if x.shape != value.shape or len(why) != len(x) or not len(x):
         raise InputError("curve of positions", value=f"shape {value.shape}", allowed=f"({len(x)},), one of each")
-    with house_style():
-        figure, axes = new_figure("wide")
-        ax = axes[0]
+    with drawing(f"{label.split(',')[0]} over the base's position", "wide") as (figure, (ax,)):
         edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
         for i, reason in enumerate(why):
             if reason:
@@ -59,7 +58,6 @@ def curve_figure(
             colour, style = (SERIES[1], "-") if k == 0 else (INK, ":")
             ax.axvline(at, color=colour, linestyle=style, linewidth=2.0, zorder=5, label=name)
         ax.set(xlabel=axis, ylabel=label)
-        title(figure, f"{label.split(',')[0]} over the base's position")
         _legend(figure, ax, why)
     return figure
 
@@ -83,10 +81,9 @@ def map_figure(
     if value.shape != (len(x), len(y)) or len(why) != value.size:
         raise InputError("map of positions", value=f"shape {value.shape}", allowed=f"({len(x)}, {len(y)})")
     reason = np.array(why, dtype=object).reshape(value.shape)
-    with house_style():
-        wide = float(np.ptp(x)) / max(float(np.ptp(y)), 1e-9)
-        figure, axes = new_figure((9.0, float(np.clip(7.0 / max(wide, 0.5), 3.6, 7.5))))
-        ax = axes[0]
+    wide = float(np.ptp(x)) / max(float(np.ptp(y)), 1e-9)
+    size = 9.0, float(np.clip(7.0 / max(wide, 0.5), 3.6, 7.5))
+    with drawing(f"{label.split(',')[0]} over the base's position", size) as (figure, (ax,)):
         ax.grid(visible=False)
         for key, (_, colour, hatch) in ZONES.items():
             mask = reason == key
@@ -99,38 +96,24 @@ def map_figure(
         ax.set(xlabel=names[0], ylabel=names[1])
         bar = figure.colorbar(mesh, ax=ax, label=label)
         bar.outline.set_visible(False)
-        title(figure, f"{label.split(',')[0]} over the base's position")
         _legend(figure, ax, why)
     return figure
 
 
-def along_figure(arc_mm: Array, stiffness: Mapping[str, Array], error: Mapping[str, Array]) -> Figure:
-    """Draw stiffness (N/mm) and surface error (um) along the path, (n,) by name, the first boldly.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit.
-    """
-    _check(arc_mm, stiffness)
-    _check(arc_mm, error)
-    with house_style():
-        figure, axes = new_figure((10.0, 6.4), 2, 1, sharex=True)
-        labels = "stiffness along the force, N/mm", "surface error, um"
-        for ax, series, label in zip(axes, (stiffness, error), labels, strict=True):
-            draw_lines(ax, arc_mm, series)
-            ax.set_ylabel(label)
+def along_figure(placements: Mapping[str, Along]) -> Figure:
+    """Draw stiffness (N/mm) and surface error (um) of placements by name along their path, the first boldly."""
+    heading = "Stiffness and predicted surface error along the path"
+    with drawing(heading, (10.0, 6.4), 2, 1, sharex=True) as (figure, axes):
+        for k, (name, one) in enumerate(placements.items()):
+            draw_line(axes[0], one.error.arc_length * 1e3, one.stiffness * 1e-3, name, k)
+            draw_line(axes[1], one.error.arc_length * 1e3, one.error.normal * 1e6, name, k)
+        axes[0].set_ylabel("stiffness along the force, N/mm")
+        axes[1].set_ylabel("surface error, um")
         axes[0].set_ylim(bottom=0.0)
         axes[1].axhline(0.0, color=FAINT, linewidth=1.0, zorder=0)
         axes[1].set_xlabel("path, mm")
-        title(figure, "Stiffness and predicted surface error along the path")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
     return figure
-
-
-def _check(arc_mm: Array, series: Mapping[str, Array]) -> None:
-    if not series or any(v.shape != arc_mm.shape for v in series.values()):
-        raise InputError("figure along the path", value="shapes that do not fit", allowed=f"({len(arc_mm)},) each")
 
 
 def _legend(figure: Figure, ax: Axes, why: Sequence[str]) -> None:

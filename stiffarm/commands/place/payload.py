@@ -52,8 +52,8 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         "aim": problem.goal.aim,
         "mode": placed.how.mode,
         "by_length": problem.goal.by_length,
-        "alpha_mm2_per_N2": number(placed.criterion.alpha),
-        "beta_mm4_per_N4": number(placed.criterion.beta),
+        "alpha_mm2_per_N2": number(placed.after.criterion.alpha),
+        "beta_mm4_per_N4": number(placed.after.criterion.beta),
         "path_points": problem.path.n,
         "path_length_mm": number(1e3 * problem.path.arc_length[-1]),
         "ranges": {

@@ -107,7 +107,7 @@ def where_words(step: PlacedStep, one: Along) -> str:
 def result_section(step: PlacedStep) -> Section:
     """What is recommended beside the other placements."""
     names = tuple(named(step))
-    criterion = step.placed.criterion
+    criterion = step.placed.after.criterion
     blocks: list[Text | Note | Table | Bullets] = [
         Table("Placements", COLUMNS, tuple(table_rows(step)), text_columns=(0, 1), best=0),
         Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in names)),
@@ -208,17 +208,11 @@ def zone(look: Look) -> str:
 
 def along_section(step: PlacedStep, pictures: Pictures) -> Section:
     """Stiffness and error along the path, before and after."""
-    found = named(step)
-    figure = along_figure(
-        1e3 * step.given.path.arc_length,
-        {name: one.stiffness * 1e-3 for name, one in found.items()},
-        {name: one.error.normal * 1e6 for name, one in found.items()},
-    )
     caption = (
         "Above: force over displacement along the cutting force. Below: the error that it leaves on the surface, more "
         "than 0 is material left; static, of the arm and its axes only."
     )
-    return Section("Along the path", (pictures.add(figure, "along", caption),))
+    return Section("Along the path", (pictures.add(along_figure(named(step)), "along", caption),))
 
 
 def motion_section(step: PlacedStep, pictures: Pictures) -> Section:

@@ -24,9 +24,8 @@ from doe.planning.plan import (
     plan,
     seen_by,
 )
-from doe.planning.pose_designs import Method, Zone, pose_design
+from doe.planning.pose_designs import Method, Zone, pose_design, short_tour
 from doe.planning.protocol import Protocol, new_labels
-from doe.planning.tour import short_tour
 from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring

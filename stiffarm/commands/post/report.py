@@ -12,7 +12,7 @@ from machining import singular_distance
 from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty

@@ -8,7 +8,7 @@ import numpy as np
 
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from machining.task import ToolPath
 from robots import Robot
 from robots.arrays import Array

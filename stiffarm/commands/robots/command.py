@@ -13,7 +13,8 @@ from robots import InputError, ModelDescription, bundled_names, load_description
 from robots.robot import robot_from
 from robots.schema.description import Joint
 from robots.schema.quantities import RotationalStiffness
-from stiffarm.session.console import emit_json, say, show_table, user_errors
+from stiffarm.session.console import say, show_table
+from stiffarm.session.frame import command
 from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json
 
@@ -29,35 +30,27 @@ def robots(
 
     Details are joint limits, stiffnesses and masses, with their sources.
     """
-    with user_errors(debug):
+    with command(as_json=as_json, debug=debug) as frame:
         if name is not None:
             description = load_description(name)
             masses = robot_masses(description, robot_from(description))
-            if as_json:
-                described = description.model_dump(mode="json", by_alias=True, exclude_none=True)
-                emit_json(described | {"masses": _masses_payload(masses)})
-                return
-            _show(description, masses)
+            described = description.model_dump(mode="json", by_alias=True, exclude_none=True)
+            frame.answer(described | {"masses": _masses_payload(masses)}, lambda: _show(description, masses))
             return
         found = [load_description(bundled) for bundled in bundled_names()]
-        if as_json:
-            emit_json(
-                {
-                    "robots": [
-                        {
-                            "name": d.name,
-                            "title": d.title,
-                            "joints": len(d.joint),
-                            "load_path": d.load_path,
-                            "readings": _readings(d.name),
-                        }
-                        for d in found
-                    ]
-                }
-            )
-            return
+        content = [
+            {
+                "name": d.name,
+                "title": d.title,
+                "joints": len(d.joint),
+                "load_path": d.load_path,
+                "readings": _readings(d.name),
+            }
+            for d in found
+        ]
         rows = [[d.name, d.title, d.load_path, _readings(d.name) or "-"] for d in found]
-        show_table("Bundled robots", ["name", "title", "load path", "measured readings"], rows)
+        heads = ["name", "title", "load path", "measured readings"]
+        frame.answer({"robots": content}, lambda: show_table("Bundled robots", heads, rows))
 
 
 def _readings(name: str) -> str | None:

@@ -88,13 +88,10 @@ class Pair:
 
     def poses_better(self) -> tuple[int, int]:
         """How many poses the own links predict better, of how many that both predict."""
-        size: dict[str, list[float]] = {}
-        for pose, a, b in zip(self.own.pose, self.own.left_out, self.other.left_out, strict=True):
-            sums = size.setdefault(pose, [0.0, 0.0])
-            sums[0] += a**2
-            sums[1] += b**2
-        both = [(a, b) for a, b in size.values() if np.isfinite(a + b)]
-        return sum(bool(a < b) for a, b in both), len(both)
+        _, of = np.unique(self.own.pose, return_inverse=True)
+        own, other = (np.bincount(of, side.left_out**2) for side in (self.own, self.other))
+        both = np.isfinite(own + other)
+        return int((own < other)[both].sum()), int(both.sum())
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
         "scheme": pair.own.scheme,
         **{
             side.links: {
-                "rms_mm": number(one.rms_mm),
+                "rms_mm": number(one.found.rms_mm),
                 "left_one_pose_out_rms_mm": number(one.left_out_rms_mm),
                 "links_bar_and_crank_share": [number(float(v)) for v in side.share[one.name]],
                 "poses": pose_rows(one),

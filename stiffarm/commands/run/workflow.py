@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, select_loads
+from doe import Measurements, PoseEffects, select_loads, sensitivity_study
 from doe.estimation.campaign import Campaign
+from doe.tables.loaded import select_poses
 from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import save_description
@@ -29,7 +30,6 @@ from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.reading_checks import read_held_out
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
 from surrogate.model import predict_compliance
@@ -56,9 +56,9 @@ def run_all(
     table = frame.readings(given, data, confirm_units=confirm_units)
     remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
+    frame.reads(scheme_file=scheme_file)
     scheme = readings.read_scheme(given.robot, scheme_file)
-    frame.reads(scheme_file=scheme_file, holdout=holdout)
-    kept = None if holdout is None else read_held_out(given, holdout, confirm_units=confirm_units)
+    kept = frame.held_out(given, holdout, confirm_units=confirm_units)
     with frame.folder(seed) as folder:
         with folder.timed("calibration"):
             rigid, effects, compared = _calibrations(given, table, scheme, kept)
@@ -90,15 +90,9 @@ def _calibrations(
         f"({rigid.links} links, median of poses {', '.join(straight)})"
     )
     models = link_models.by_load_path(given)
+    varied, at = scheme.beside.sensitivity.joints, select_poses(used, straight, "sensitivities")
     effects: dict[str, list[PoseEffects]] = {
-        path: steps.sensitivity(
-            one,
-            used,
-            scheme.beside.sensitivity.joints,
-            straight,
-            *scheme.springs.ends,
-        )
-        for path, one in models.items()
+        path: sensitivity_study(one.model, at, varied, *scheme.springs.ends) for path, one in models.items()
     }
     own = link_models.calibrate(models, table, scheme, _say_variant, kept)
     for line in held_out.sentences(held_out.of_variants(own.variants)):

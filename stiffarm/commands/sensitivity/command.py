@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from doe import Measurements
+from doe import Measurements, sensitivity_study
 from doe.estimation.campaign import bundled_campaign, load_campaign
 from doe.estimation.study_plan import Comparison
+from doe.tables.loaded import select_poses
 from fem.arm import Arm
 from robots import InputError
 from stiffarm.commands.sensitivity import factorial
@@ -123,7 +124,7 @@ def sensitivity(
             if chosen is None:
                 result, show = _factorial(given, table, springs, labels, (low, high), folder)
             else:
-                at = table.select(np.isin(np.array(table.pose, dtype=str), labels))
+                at = select_poses(table, labels, "--poses")
                 numbers = load_campaign(campaign) if campaign else names or tuple(f"{j}.stiffness" for j in springs)
                 found = screenings.study(
                     given, at, chosen, numbers, (low, high), component=component or "z",
@@ -171,7 +172,7 @@ def _factorial(
     levels: tuple[float, float],
     folder: OutputFolder | None,
 ) -> tuple[dict[str, Any], Callable[[], None]]:
-    effects = steps.sensitivity(given, table, springs, labels, *levels)
+    effects = sensitivity_study(given.model, select_poses(table, labels, "--poses"), springs, *levels)
     result = {
         "robot": given.robot.name,
         "load_path": given.model.load_path,

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
@@ -121,10 +122,7 @@ class WorkspaceBudget:
 
     def mean_share(self, edges: Array) -> Array:
         """Mean share of each part in each bin (bins, p); NaN where a bin has no pose."""
-        which = np.clip(np.searchsorted(edges, self.reach_mm, side="right") - 1, 0, len(edges) - 2)
-        count = np.bincount(which, minlength=len(edges) - 1)
-        total = np.stack([np.bincount(which, s, minlength=len(edges) - 1) for s in self.budget.share.T], axis=1)
-        return np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
+        return np.asarray(binned_statistic(self.reach_mm, self.budget.share.T, "mean", edges)[0].T)
 
     def quantiles(self, levels: Sequence[float]) -> Array:
         """Quantiles of each part's share (levels, p)."""

@@ -117,23 +117,6 @@ def round_scale(value: float) -> float:
     return min(choices, key=lambda c: abs(np.log(c / value)))
 
 
-def checked_scale(scale: float | None, grid: FieldGrid) -> float:
-    """The scale asked for, or the automatic one.
-
-    Raises
-    ------
-    InputError
-        Zero, negative or not finite.
-    """
-    if scale is None:
-        return automatic_scale(grid)
-    if not 0.0 < scale < np.inf:
-        raise InputError(
-            "--scale", value=scale, allowed="greater than 0", remedy="leave it out for an automatic one, or give 1"
-        )
-    return scale
-
-
 def write_field(
     grid: FieldGrid,
     scale: float,

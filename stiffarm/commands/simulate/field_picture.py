@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.patheffects import withStroke
@@ -42,13 +41,9 @@ _LINE: Final = 0.032
 _LETTER: Final = 0.0125
 
 
-def _energy_colours() -> Colormap:
-    # Viridis: lightness rises all the way for every kind of colour vision; not the map of stiffness, which says
-    # the opposite. Its darkest purple is left out: shading would turn it black.
-    return LinearSegmentedColormap.from_list("energy", mpl.colormaps["viridis"](np.linspace(0.12, 1.0, 256)), N=256)
-
-
-ENERGY_COLOURS: Final = _energy_colours()
+# Viridis: lightness rises all the way for every kind of colour vision; not the map of stiffness, which says the
+# opposite. Its darkest purple is left out: shading would turn it black.
+ENERGY_COLOURS: Final = style.stretch_of("viridis", 0.12, 1.0)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from fem.statics.budget import whole_joints
 from robots import ModelDescription, Robot, content_hash
 from robots.arrays import Array
 from stiffarm.commands.simulate.budgets import pose_budget
-from stiffarm.commands.simulate.field_files import checked_scale, field_grid, write_field
+from stiffarm.commands.simulate.field_files import automatic_scale, field_grid, write_field
 from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, render_field
 from stiffarm.commands.simulate.figures import energy_share_figure
 from stiffarm.pages.style import save_png
@@ -34,7 +34,8 @@ def deformed_arm(
     fields = arm_fields(model, q, wrench, point)
     grid = field_grid(fields)
     budget = pose_budget(model, q, wrench, point)
-    return DeformedArm(description, model.robot, q, wrench, point, fields, grid, budget, checked_scale(scale, grid))
+    drawn = automatic_scale(grid) if scale is None else scale
+    return DeformedArm(description, model.robot, q, wrench, point, fields, grid, budget, drawn)
 
 
 def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints: bool = False) -> dict[str, Any]:

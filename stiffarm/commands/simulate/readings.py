@@ -12,9 +12,9 @@ from fem.arm import Arm
 from robots.arrays import Array
 from stiffarm.commands.simulate.step import head
 from stiffarm.session.console import say_notes
-from stiffarm.session.effect_words import history_notes
 from stiffarm.session.json_text import number
 from stiffarm.session.parsing import DISPLACEMENT_NAMES
+from stiffarm.session.reading_checks import history_notes
 from stiffarm.session.softness import flagged
 
 

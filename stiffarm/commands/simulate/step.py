@@ -12,12 +12,12 @@ from fem.arm import Arm
 from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.statics.loads import LoadedPoses
-from robots import InputError, load_description
+from robots import InputError, load_description, require_positive
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES
+from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES, refuse_given
 from stiffarm.session.softness import flagged
 
 NO_LINKS = "no links described: all bodies rigid"
@@ -110,14 +110,12 @@ def check_request(
         )
     if field and out is None:
         raise InputError("--field writes files and has no folder for them", remedy="give --out DIR")
-    if scale is not None and not field:
-        raise InputError("--scale", value=scale, allowed="only with --field", remedy="add --field or leave it out")
-    if scale is not None and not 0.0 < scale < np.inf:
-        raise InputError("--scale", value=scale, allowed="greater than 0", remedy="1 draws motion at its true size")
-    if load is not None and pose is None:
-        raise InputError("--load", value=load, allowed="only with --pose: a measurement table has its own loads")
-    if unload_from is not None and pose is None:
-        raise InputError("--unload-from", value=unload_from, allowed="only with --pose: a table says its own phases")
+    if not field:
+        refuse_given({"--scale": scale}, "only with --field", "add --field or leave it out")
+    require_positive("--scale", scale, remedy="1 draws motion at its true size")
+    if pose is None:
+        why_not = "only with --pose: a measurement table has its own loads and phases"
+        refuse_given({"--load": load, "--unload-from": unload_from}, why_not, "leave it out")
 
 
 def field_links(model: str, links: str | None) -> str:

@@ -21,14 +21,9 @@ MOST_OFFENCES = 500
 
 def replay_page(found: Verification, title: str) -> str:
     """The page as HTML text; what comes from files is escaped."""
-    return render_page(
-        "replay.html.j2", replay_data(found), ("page_matrices.js",), title=title, verdict=_verdict(found)
-    )
-
-
-def _verdict(found: Verification) -> str:
     n = len(found.errors)
-    return "no offence found" if not n else f"{n} offence{'s' if n > 1 else ''}"
+    said = "no offence found" if not n else f"{n} offence{'s' if n > 1 else ''}"
+    return render_page("replay.html.j2", replay_data(found), ("page_matrices.js",), title=title, verdict=said)
 
 
 def replay_data(found: Verification) -> dict[str, Any]:

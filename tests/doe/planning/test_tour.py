@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from doe.planning.tour import length, short_tour, travel
+from doe.planning.pose_designs import length, short_tour, travel
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 40])

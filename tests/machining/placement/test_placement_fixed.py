@@ -55,7 +55,7 @@ def test_k_sf_of_a_soft_waist_in_closed_form(waist: fem.ArmModel) -> None:
     cell, path = cell_of(rail(limits=(-0.6, -0.1))), line()
     found = place(problem_of(waist, cell, path, "ksf", ANY))
     k = 2e3 / distance_of(np.full(1, -0.1), path.points)[0] ** 2
-    criterion = found.criterion
+    criterion = found.after.criterion
     expected = criterion.alpha * (k**2).sum() + criterion.beta * k.mean() ** 4
     assert found.after.k_sf == pytest.approx(expected, rel=1e-9)
     # Comparable weights: both terms are near 1 at the best position (the criterion is rounded to two digits).

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 from cli_runs import run_here
 from urdf_arms import Arm as MadeArm
+from urdf_arms import casing
 
 import stiffarm as sa
 
@@ -50,6 +53,28 @@ def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
+def test_an_imported_link_is_that_of_the_command_line(tmp_path: Path) -> None:
+    # The tx200's upper arm runs 0.95 m along x of its body; its joints turn about z.
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+    file = tmp_path / "upper arm.stl"
+    casing(0.24, 0.3, -0.15, 1.1).apply_transform(turn).export(file)
+    arm = sa.load("tx200")
+    (link,) = [one.name for one in arm.description.link if one.body == "j2"]
+    made = sa.import_link(arm, file, link, tmp_path / "out", size_mm=50)
+    asked = run_here("import", file, "--out", tmp_path / "asked", "--model", "tx200", "--link", link, "--size-mm", "50")
+    assert asked.code == 0, asked.err
+    for name in ("model.toml", "import.json", "import.png"):
+        assert (made.folder / name).read_bytes() == (tmp_path / "asked" / name).read_bytes(), name
+    assert list(made.to_frame()["link"]) == [link]
+    assert repr(made).startswith("Import of tx200: 1 shell link,")
+    assert made.arm.model.link_kind == "shell"
+    assert made.plot().png == (made.folder / "import.png").read_bytes()
+    assert not [one for one in arm.description.link if one.surface is not None], "the arm given is not changed"
+    with pytest.raises(sa.InputError, match="link: got 'leg'"):
+        sa.import_link(arm, file, "leg", tmp_path / "other")
+
+
 def test_a_length_that_is_none_is_refused(tmp_path: Path) -> None:
     urdf = MadeArm().write(tmp_path / "arm")
     with pytest.raises(sa.InputError, match=r"wall_mm: upper_arm \(mm\): got 0"):
@@ -68,3 +93,24 @@ def test_what_the_shop_floor_finds_draws_itself(tmp_path: Path) -> None:
     assert program.plot().png.startswith(PNG)
     checked = sa.verify(arm, tmp_path / "programs" / "json" / "part.json", PART / "cell.toml")
     assert checked.plot().png.startswith(PNG)
+
+
+def test_a_placement_is_that_of_the_command_line_and_draws_itself(tmp_path: Path) -> None:
+    path, cell = tmp_path / "path.csv", tmp_path / "cell.toml"
+    path.write_text("\n".join((PART / "path.csv").read_text(encoding="utf-8").splitlines()[:6]), encoding="utf-8")
+    rail = '[[linear_axis]]\nname = "rail"\ndirection = [1, 0, 0]\nlimits_mm = [-100, 100]\n'
+    tool = "[tool]\nposition_mm = [200, 0, 80]\nrpy_deg = [0, 90, 0]\n"
+    part = "[part]\nposition_mm = [1200, 200, 600]\n"
+    cell.write_text(f'schema = "stiffarm-cell/1"\n{tool}{part}{rail}', encoding="utf-8")
+    arm = sa.load("kr60-3", links="rigid")
+    gamma = (-180.0, 180.0, 30.0)
+    found = sa.place(arm, path, cell, force_N=(80, 40, -60), gamma_deg=gamma, collisions=False)
+    asked = run_here(
+        "place", "kr60-3", path, "--cell", cell, "--links", "rigid", "--force", "80,40,-60", "--gamma", "-180:180:30",
+        "--no-collisions", "--json",
+    )  # fmt: skip
+    assert asked.code == 0, asked.err
+    assert list(found.to_frame()["e1_mm"]) == asked.json["points"]["e1_mm"]
+    picture = found.plot(tmp_path / "placement.png").png
+    assert picture.startswith(PNG)
+    assert (tmp_path / "placement.png").read_bytes() == picture

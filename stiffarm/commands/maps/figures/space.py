@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from robots import InputError, ModelDescription, Robot, require_one_of
+from robots import ModelDescription, Robot, require_one_of
 from robots.arrays import Array, Bools, Indices, Integers
 from robots.constants import M_TO_MM
 from stiffarm.commands.maps.looks import Look, category_patches, look_bar
@@ -56,8 +56,7 @@ def iso_surfaces(data: MapData, look: Look, levels: Array, cut_mm: float | None)
     """
     import pyvista as pv
 
-    if data.layout.kind not in ("box", "cylinder"):
-        raise InputError("iso-surfaces of a map", value=data.layout.kind, allowed="box, cylinder")
+    require_one_of("iso-surfaces of a map", data.layout.kind, ("box", "cylinder"))
     points, values, shape = _thinned(data, look.name)
 
     def scaled(raw: Array) -> Array:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from machining.stiffness.distribution import Distribution, GammaChoice
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.commands.maps.figures.slices import panel, panels

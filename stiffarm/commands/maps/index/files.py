@@ -18,7 +18,7 @@ from machining.stiffness.distribution import (
     best_gamma,
     why_not_reached,
 )
-from machining.stiffness.units import Shown, shown
+from machining.stiffness.objective import Shown, shown
 from robots import InputError
 from robots.arrays import Array, Bools
 from robots.files.csv_text import columns_text

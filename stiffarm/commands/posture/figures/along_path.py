@@ -12,13 +12,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from machining.cutting import Comparison, SurfaceError
-from robots import InputError, Robot
+from robots import InputError, Robot, require_at_least
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.figure_parts import SERIES, above, angle_label, note, title
+from stiffarm.pages.figure_parts import SERIES, above, angle_label, drawing, note, panels
 from stiffarm.pages.report import Picture
-from stiffarm.pages.style import FAINT, INK, house_style, new_figure
+from stiffarm.pages.style import FAINT, INK
 
 # Told apart without colour too.
 _LINES: Final = ("-", "--", "-.", ":")
@@ -62,32 +62,25 @@ def motion_figure(
     n, many = len(arc_mm), len(labels)
     if not courses or any(q.shape != (n, many) for q in courses.values()) or limits.shape != (many, 2):
         raise InputError("motion figure", value="shapes that do not fit", allowed=f"courses ({n}, {many})")
-    columns = min(3, many)
-    lines = -(-many // columns)
-    with house_style():
-        figure, axes = new_figure((10.0, 0.9 + 2.6 * lines), lines, columns, sharex=True)
-        for j, ax in enumerate(axes[:many]):
+    with panels(heading, many, 3, 10.0, 2.6, 0.9, sharex=True) as (figure, axes):
+        for j, ax in enumerate(axes):
             _panel(ax, arc_mm, {name: q[:, j] for name, q in courses.items()}, limits[j], whole)
             ax.set_title(labels[j], loc="left", pad=4)
-        for ax in axes[many:]:
-            ax.set_visible(False)
-        for ax in axes[max(0, many - columns) : many]:
+        for ax in axes[-3:]:
             ax.set_xlabel("path, mm")
-        title(figure, heading)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 
 
-def draw_lines(ax: Axes, arc_mm: Array, series: Mapping[str, Array]) -> None:
-    """Draw values (n,) by name along the path, the first boldly."""
-    marker = "o" if len(arc_mm) == 1 else ""
-    for k, (name, values) in enumerate(series.items()):
-        width = 2.2 if k == 0 else 1.2
-        ax.plot(arc_mm, values, color=SERIES[k], linewidth=width, zorder=4 - k, label=name, marker=marker)
+def draw_line(ax: Axes, arc_mm: Array, values: Array, name: str, k: int) -> None:
+    """Draw values (n,) along the path as line ``k`` of several, the first of which is bold."""
+    marker, width = "o" if len(arc_mm) == 1 else "", 2.2 if k == 0 else 1.2
+    ax.plot(arc_mm, values, color=SERIES[k], linewidth=width, zorder=4 - k, label=name, marker=marker)
 
 
 def _panel(ax: Axes, arc_mm: Array, angles: Mapping[str, Array], limits: Array, whole: bool) -> None:
-    draw_lines(ax, arc_mm, angles)
+    for k, (name, values) in enumerate(angles.items()):
+        draw_line(ax, arc_mm, values, name, k)
     every = np.concatenate([*angles.values(), *([limits] if whole else [])])
     room = max(5.0, 0.12 * float(np.ptp(every)))
     low, high = float(every.min()) - room, float(every.max()) + room
@@ -122,14 +115,12 @@ def milling_error_figure(
     lengths = [e.arc_length for e in errors.values()]
     if any(one.shape != s.shape or not np.allclose(one, s, rtol=0.0, atol=1e-9) for one in lengths):
         raise InputError("milling error figure: the paths differ", allowed="errors along one path")
-    if len(s) < 2:
-        raise InputError("milling error figure: points of the path", value=len(s), allowed="2 or more")
+    require_at_least("milling error figure: points of the path", len(s), 2)
     if comparison is not None:
         _check(comparison, [e.normal for e in errors.values()])
     rows = 1 if comparison is None else 2
     look: dict[str, Any] = {} if rows == 1 else {"height_ratios": (1.6, 1.0), "sharex": True}
-    with house_style():
-        figure, axes = new_figure((9.0, 4.4 if rows == 1 else 6.6), rows, 1, **look)
+    with drawing(heading, (9.0, 4.4 if rows == 1 else 6.6), rows, 1, **look) as (figure, axes):
         keys: list[Any] = []
         for (name, error), colour, line in zip(errors.items(), SERIES, _LINES, strict=False):
             _curve(axes[0], s, error.normal, error.band, colour, line)
@@ -150,7 +141,6 @@ def milling_error_figure(
         for ax in axes:
             _with_zero(ax)
         axes[-1].set_xlabel("arc length along the path (mm)")
-        title(figure, heading)
     return figure
 
 

@@ -17,13 +17,13 @@ from matplotlib.patheffects import Normal, Stroke
 from machining import Course
 from machining.posture.axes_map import AxesMap, Zone
 from machining.posture.path import PathPosture
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.commands.maps.index.figures import angle_ticks
 from stiffarm.commands.maps.looks import look_bar, look_of
-from stiffarm.pages.figure_parts import title as figure_title
-from stiffarm.pages.style import INK, OKABE_ITO, house_style, new_figure
+from stiffarm.pages.figure_parts import drawing
+from stiffarm.pages.style import INK, OKABE_ITO
 from surrogate.maps.data import Field
 
 TURN: Final = 360.0
@@ -97,11 +97,9 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
         if line.gamma.shape != made.length.shape or line.value.shape != made.length.shape:
             raise InputError(f"course {name}", value=f"shape {line.gamma.shape}", allowed=f"{made.length.shape}")
     x = 1e3 * made.length
-    with house_style():
-        figure, axes = new_figure(
-            (10.5, 7.6 if courses else 5.4), 2 if courses else 1, 1, sharex=True,
-            **({"height_ratios": (2.3, 1.0)} if courses else {}),
-        )  # fmt: skip
+    look: dict[str, Any] = {"height_ratios": (2.3, 1.0)} if courses else {}
+    size = 10.5, 7.6 if courses else 5.4
+    with drawing(title, size, 2 if courses else 1, 1, sharex=True, **look) as (figure, axes):
         window = _cells(figure, axes[0], x, degrees, made)
         for line in courses.values():
             _course(axes[0], x, _turns(np.degrees(line.gamma), *window), line)
@@ -112,7 +110,6 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
         handles = [_line_handle(name, line) for name, line in courses.items()] + _zone_handles(made)
         if handles:
             figure.legend(handles=handles, loc="outside lower left", ncols=3)
-        figure_title(figure, title)
     return figure
 
 

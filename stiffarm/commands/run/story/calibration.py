@@ -170,10 +170,10 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
     heads = ("variant", "parameters", "RMS (mm)", "left-out RMS (mm)", *(["held-out RMS (mm)"] if held else []))
     rows = []
     for v in f.variants:
-        errors_mm = (v.rms_mm, v.left_out_rms_mm, *([held[v.name].rms_mm] if held else []))
+        errors_mm = (v.found.rms_mm, v.left_out_rms_mm, *([held[v.name].rms_mm] if held else []))
         rows.append((v.name, _count(v), *(f"{error:.3f}" for error in errors_mm), _springs(v)))
     errors = {
-        "fit to all poses": {v.name: v.rms_mm for v in f.variants},
+        "fit to all poses": {v.name: v.found.rms_mm for v in f.variants},
         "prediction of poses left out": {v.name: v.left_out_rms_mm for v in f.variants},
     }
     both = f.link_models
@@ -232,7 +232,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
 def _match_picture(variants: Mapping[str, Calibrated], gauge_mm: float, of: str) -> Figure:
     """Vertical readings of variants with the same readings."""
     first = next(iter(variants.values()))
-    vertical = first.component == 2
+    vertical = first.found.overall.component == 2
     poses = [pose for pose, mine in zip(first.pose, vertical, strict=True) if mine]
     simulated = {name: v.predicted_mm[vertical] for name, v in variants.items()}
     heading = f"Measured and simulated deflection by pose, {of}"

@@ -58,7 +58,7 @@ def _error_table(both: LinkModels, best: str) -> Table:
     for pair in both.pairs:
         better, poses = pair.poses_better()
         sides = ((both.other, pair.other), (both.own, pair.own))
-        cells = [f"{v.rms_mm:.4f}" for _, v in sides] + [_millimetres(v.left_out_rms_mm) for _, v in sides]
+        cells = [f"{v.found.rms_mm:.4f}" for _, v in sides] + [_millimetres(v.left_out_rms_mm) for _, v in sides]
         cells += [share_text(side, pair) for side, _ in sides]
         rows.append((pair.own.name, *cells, f"{better} of {poses}"))
     return Table(
@@ -109,8 +109,8 @@ def sentences(both: LinkModels, best: str, gauge_mm: float) -> tuple[str, ...]:
 def _alone(both: LinkModels) -> str:
     """The links' own bending, before any spring is calibrated."""
     first = both.own.variants[0]
-    path = first.model.load_path
-    a, b = (np.abs(side.alone_mm[path][first.component == 2]) for side in (both.own, both.other))
+    path, vertical = first.model.load_path, first.found.overall.component == 2
+    a, b = (np.abs(side.alone_mm[path][vertical]) for side in (both.own, both.other))
     own, other = both.nouns
     start = f"With rigid joints ({path} load path) "
     if not a.any() or not b.any():

@@ -48,7 +48,7 @@ def _key_figures(f: Findings) -> list[KeyFigure]:
             "measured over simulated deflection with rigid joints (median)",
         ),
         KeyFigure(
-            f"{f.best.rms_mm:.3f} mm",
+            f"{f.best.found.rms_mm:.3f} mm",
             f"RMS of the recommended model ({f.best.name} springs) on {len(f.best.found.overall)} readings",
         ),
         KeyFigure(f"{f.best.left_out_rms_mm:.3f} mm", "RMS when it predicts poses it has not seen"),

@@ -24,7 +24,7 @@ from robots import load_description
 from robots.robot import robot_from
 from robots.schema.quantities import RotationalStiffness
 from robots.schema.units import factor
-from stiffarm.commands.diagnose.figures.laws import compliance_over, turn_on_bench
+from stiffarm.commands.diagnose.laws import compliance_over, turn_on_bench
 
 SEED = 8
 BACKLASH = SetSpec(effects=("backlash:j2",), poses=9, design="paper", repeats=1, name="backlash")

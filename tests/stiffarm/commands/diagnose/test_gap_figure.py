@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stiffarm.commands.diagnose.figures.match import gap_figure
+from stiffarm.commands.diagnose.figures import gap_figure
 
 
 def test_the_lines_bear_their_names() -> None:

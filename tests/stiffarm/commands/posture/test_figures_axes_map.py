@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from machining import Objective
 from machining.posture.axes_map import AxesMap, Zone
 from machining.stiffness.distribution import Distribution, best_gamma
-from machining.stiffness.units import shown
+from machining.stiffness.objective import shown
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.maps.index.figures import angle_ticks, draw_gamma_statistics, draw_index_maps

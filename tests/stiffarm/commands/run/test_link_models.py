@@ -202,7 +202,7 @@ def test_shells_beside_beams() -> None:
     for a, b in zip(compared.own.variants, compared.other.variants, strict=True):
         # Links hold 3 to 7 % of the compliance and the casings agree with beams within a quarter of that, so the
         # errors of 0.04 to 0.15 mm can move by the gauge's digit at most.
-        assert a.rms_mm == pytest.approx(b.rms_mm, abs=0.01), a.name
+        assert a.found.rms_mm == pytest.approx(b.found.rms_mm, abs=0.01), a.name
     for path, alone in compared.own.alone_mm.items():
         assert alone == pytest.approx(compared.other.alone_mm[path], rel=0.25)
         assert not np.array_equal(alone, compared.other.alone_mm[path])

@@ -17,11 +17,11 @@ from robots import InputError, load_description
 from stiffarm.commands.simulate.field_files import (
     FieldGrid,
     automatic_scale,
-    checked_scale,
     field_grid,
     round_scale,
     write_field,
 )
+from stiffarm.commands.simulate.step import check_request
 
 W = np.array([0.0, 0.0, -650.0, 0.0, 0.0, 0.0])
 
@@ -159,14 +159,12 @@ def test_the_scale_is_round_and_draws_some_eight_per_cent(grid: FieldGrid) -> No
     assert [round_scale(v) for v in (0.9, 1.3, 1.5, 3.0, 3.3, 8.0, 0.014, 1234.0)] == [
         1.0, 1.0, 2.0, 2.0, 5.0, 10.0, 0.01, 1000.0,
     ]  # fmt: skip
-    assert checked_scale(None, grid) == scale
-    assert checked_scale(1.0, grid) == 1.0
 
 
 def test_bad_scales_and_an_arm_that_does_not_move_are_refused(grid: FieldGrid, tmp_path: Path) -> None:
     for wrong in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="--scale"):
-            checked_scale(wrong, grid)
+            check_request("q2_deg=5", None, None, tmp_path, True, wrong)
     with pytest.raises(InputError, match="largest displacement"):
         automatic_scale(replace(grid, displacement=np.zeros_like(grid.displacement)))
     with pytest.raises(InputError, match=r"\.vtu"):
