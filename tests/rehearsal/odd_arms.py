@@ -42,7 +42,9 @@ tx = {figure(3e6, "N/m")}
 rz = {figure(4e5, "N m/rad")}
 [base]
 tz = {figure(2e7, "N/m")}
+tx = {figure(5e7, "N/m")}
 rx = {figure(5e6, "N m/rad")}
+ry = {figure(8e6, "N m/rad")}
 entry = [{{ rows = ["tx", "ry"], compliance = {figure(1e-9, "rad/N")} }}]
 [load]
 offset = {figure([0.01, 0.02, -0.01], "m")}

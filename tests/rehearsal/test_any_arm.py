@@ -68,7 +68,12 @@ def described() -> ModelDescription:
     d = with_joint(d, 1, stiffness=LogFourierLaw.model_validate(fourier | {"input": "theta2_deg"}))
     table = {"kind": "table", "input": "theta4_deg", "nodes_deg": (-90, 0, 50), "source": "assumed"}
     d = with_joint(d, 3, stiffness=TableLaw.model_validate(table | {"stiffness_Nm_per_rad": (1e5, 3e5, 2e5)}))
-    law = {"inputs": ("theta1_deg", "theta3_deg"), "centre_deg": (0, 10), "half_range_deg": (90, 80), "source": "x"}
+    law = {
+        "inputs": ("theta1_deg", "theta3_deg"),
+        "centre_deg": (0, 10),
+        "half_range_deg": (90, 80),
+        "source": "assumed",
+    }
     law |= {"exponents": ((0, 0), (1, 0), (1, 2)), "coefficients": (13.0, 0.2, -0.3)}
     d = with_joint(d, 4, stiffness=LogPolynomialLaw.model_validate(law))
     return with_joint(d, 0, zero_error=d.joint[1].offset)
