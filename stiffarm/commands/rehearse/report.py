@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from doe.diagnosis.where import least_rms_mm, noise_floor_mm
-from stiffarm.commands.diagnose.figures.match import gap_figure
-from stiffarm.commands.diagnose.figures.ranking import Bar, ranking_figure
+from stiffarm.commands.diagnose.figures import Bar, gap_figure, ranking_figure
 from stiffarm.commands.rehearse import words
 from stiffarm.commands.rehearse.figures import numbers_figure, tally_figure
 from stiffarm.commands.rehearse.step import Rehearsed
