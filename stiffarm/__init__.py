@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
+    from stiffarm.face.rehearsals import Rehearsal, rehearse
     from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     __version__: str
 
 # What stiffarm is made of; a folder of one of these names beside a script would be taken in its place.
-_PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining")
+_PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal")
 
 __all__ = [
     "Arm",
@@ -42,6 +43,7 @@ __all__ = [
     "Posture",
     "Program",
     "Readings",
+    "Rehearsal",
     "Replayed",
     "Simulation",
     "Surrogate",
@@ -64,6 +66,7 @@ __all__ = [
     "post",
     "posture",
     "read_readings",
+    "rehearse",
     "replay",
     "robots_bundled",
     "simulate",

@@ -43,6 +43,9 @@ COMMANDS: dict[str, Entry] = {
     "run": Entry("run", "run", CALIBRATE, "Run everything from readings to report, surrogate and maps."),
     "calibrate": Entry("calibrate", "calibrate", CALIBRATE, "Identify parameters from measured deflections."),
     "diagnose": Entry("diagnose", "diagnose", CALIBRATE, "Find out what the model is missing, and how sure that is."),
+    "rehearse": Entry(
+        "rehearse", "rehearse", CALIBRATE, "Hide an effect in made-up readings and see whether it is found."
+    ),
     "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
     "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
     "query": Entry("query", "query", USE, "Evaluate a surrogate at poses, with error bars."),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,13 @@ import numpy as np
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import Options
-from doe.diagnosis.setting import Setting, setting_of
-from doe.tables.loaded import history_of, loaded_points
+from doe.diagnosis.setting import setting_of
+from doe.diagnosis.where import applied
+from doe.tables.loaded import rms_mm
 from doe.tables.measurements import Measurements
 from doe.tables.reading import read_measurements
 from fem import ArmModel, build_model
-from fem.effects.observed import observed
-from fem.statics.loads import as_loaded
+from rehearsal.scoring import DETECTABLE, family
 from robots import ModelDescription, load_description
 
 # The root, not its folder of tests: that has folders with the names of packages.
@@ -32,10 +32,6 @@ from tests.blind.study import suite
 
 __all__ = ["ABLATIONS", "DETECTABLE", "Row", "SetSpec", "family", "run_set", "suite"]
 
-DETECTABLE = 30.0
-# Effects that act alike and are cured alike: a compensator is a stiffness that varies with the angle, and behind a
-# vertical first axis the joint's tilt is the base's.
-FAMILY = {"gravity-compensator": "angle-dependent-stiffness"}
 # Poses at which the truth is known without noise, to judge the models before and after.
 UNSEEN = 40
 ABLATIONS = {
@@ -77,14 +73,6 @@ class Row:
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
         return asdict(self)
-
-
-def family(code: str) -> str:
-    """Family of a code, for counting."""
-    if code == "joint-tilt:j1":
-        return "base-tilt"
-    kind = code.partition(":")[0]
-    return FAMILY.get(kind, kind)
 
 
 @cache
@@ -140,20 +128,12 @@ def unseen_errors(spec: SetSpec, seed: int, d: Diagnosis) -> tuple[float, float]
     loads = loads[np.argsort(np.abs(loads))]
     sheet = sheet_of(robot.coordinates, np.degrees(np.repeat(q, len(loads), axis=0)), np.tile(loads, len(q)))
     truth = truth_at(spec, seed, sheet)
+    read = np.full((len(truth), 6), np.nan)
     components = np.unique(d.start.data.component)
-    data = opened(filled(sheet), d.start.model)
-    out = []
-    for state in (d.before, d.after):
-        there = setting_like(state.setting, data)
-        error = 1e3 * (truth[:, components] - there[:, components])
-        out.append(float(np.sqrt(np.mean(error**2))))
-    return out[0], out[1]
-
-
-def setting_like(s: Setting, data: Measurements) -> Array:
-    """Displacements (n, 6) that a setting predicts for other readings."""
-    at = as_loaded(s.arm, data.q, data.wrench, loaded_points(s.arm, data))
-    return observed(s.arm, at, s.accepted, history_of(data))
+    read[:, components] = truth[:, components]
+    known = replace(opened(filled(sheet), d.start.model), displacement=read)
+    before, after = (applied(state.setting, known) for state in (d.before, d.after))
+    return rms_mm(before.residual, before.data.component), rms_mm(after.residual, after.data.component)
 
 
 def sheet_of(coordinates: tuple[str, ...], q_deg: Array, fz: Array) -> str:

@@ -3,7 +3,8 @@
     python benchmarks/diagnosis/diagnosis_study.py [--single 300] [--none 200] [--outside 100] [--pairs 60] [--seed 0]
         [--reads z|xyz] [--ablations] [--workers 2] [--write docs/validation/diagnosis_study.md] [--json FILE]
 
-The sets come from ``tests/blind``, which shares no code with the program and uses other laws than the catalogue.
+The sets come from ``tests/blind`` and the package ``rehearsal``, which shares no code with what is tested and uses
+other laws than the catalogue.
 """
 
 from __future__ import annotations

@@ -19,12 +19,16 @@ def joint_keys(q: Array) -> list[tuple[float, ...]]:
     return [tuple(row) for row in np.round(q, 9).tolist()]
 
 
-def check_readings(m: Measurements, faults: Faults) -> None:
-    """Record that nothing was read, loads that are zero, points that are incomplete."""
-    given = ~np.isnan(m.point)
+def check_read(m: Measurements, faults: Faults) -> None:
+    """Record that nothing was read."""
     if not m.used.any():
         faults.add(m.row_numbers[0], "no deflection was read, here or in any row",
                    allowed=f"at least one of {', '.join(DISPLACEMENTS)}", remedy="fill in the readings")  # fmt: skip
+
+
+def check_loads(m: Measurements, faults: Faults) -> None:
+    """Record loads that are zero, and points that are incomplete."""
+    given = ~np.isnan(m.point)
     unloaded = np.asarray(~m.wrench.any(axis=1), dtype=np.bool_)
     if unloaded.all():
         faults.add(m.row_numbers[0], "the load is zero in every component, here and in every row",

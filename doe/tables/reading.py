@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from importlib import resources
 from itertools import compress
@@ -15,7 +15,8 @@ from doe.tables.checks import (
     check_duplicates,
     check_labels,
     check_limits,
-    check_readings,
+    check_loads,
+    check_read,
     joint_keys,
     plausibility_notes,
 )
@@ -48,20 +49,41 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
 
 def measurements_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> Measurements:
     """Readings of a table of text, as :func:`read_measurements`."""
+    m, columns = _checked(table, robot, check_reach, (check_read, check_loads, check_labels, check_duplicates))
+    unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
+    notes = (*column_notes(table, columns, robot), *_unread_notes(m, unread))
+    m = m.select(~unread)
+    return replace(m, notes=(*notes, *plausibility_notes(m)))
+
+
+def read_set_ups(path: str | Path, robot: Robot) -> tuple[Measurements, tuple[str, ...]]:
+    """Every row of a measurement table or of a sheet to fill in, read or not, and its deflection columns.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_measurements`; a sheet in which nothing was read yet is none.
+    """
+    table = mc.read_table(Path(path))
+    m, columns = _checked(table, robot, True, (check_loads, check_labels, check_duplicates))
+    notes = tuple(column_notes(table, columns, robot))
+    return replace(m, notes=notes), tuple(name for name in DISPLACEMENTS if name in columns.known)
+
+
+def _checked(
+    table: RawTable, robot: Robot, check_reach: bool, checks: Sequence[Callable[[Measurements, Faults], None]]
+) -> tuple[Measurements, Columns]:
     faults = Faults(table.name)
     columns = mc.find_columns(table, robot, faults)
     header_fits = not faults.count
     m = _assemble(mc.drop_ragged(table, faults), columns, robot, faults)
     if header_fits and m.n:
-        for check in (check_readings, check_labels, check_duplicates):
+        for check in checks:
             check(m, faults)
         if check_reach:
             check_limits(m.q, m.pose, m.row_numbers, robot, faults)
     faults.raise_if_any("measurements")
-    unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
-    notes = (*column_notes(table, columns, robot), *_unread_notes(m, unread))
-    m = m.select(~unread)
-    return replace(m, notes=(*notes, *plausibility_notes(m)))
+    return m, columns
 
 
 def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Measurements:

@@ -1,7 +1,6 @@
-"""Measurements with a hidden effect, made by mechanics of their own.
+"""The sets of the blind study: measurements of the bundled robots with a hidden effect, none, a stranger, or two.
 
-Nothing here imports the packages under test: kinematics, statics, links and laws are written a second time, and
-the laws of the truth are not those of the catalogue.
+The world that makes them is the package ``rehearsal``, which knows nothing of the packages under test.
 
 - ``sets.make(spec, seed)``: one set, its table and model (for the workflow) and its key (for the study alone);
 - ``sets.more(spec, seed, sheet)``: a proposed measurement sheet, filled in by the same hidden arm;

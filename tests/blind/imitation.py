@@ -11,15 +11,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from . import laws
-from .arm import Arm, Array
-from .evaluate import on_paths
-from .excess import excess_chi2, linear_model
-from .kinematics import Frames, frames
-from .links import link_compliances
-from .noise import Noise
-from .spec import Readings
-from .statics import bar_row, base_rows, joint_rows, tilt_rows, tool_rows
+from rehearsal import laws
+from rehearsal.arm import Arm
+from rehearsal.evaluate import on_paths
+from rehearsal.excess import excess_chi2, linear_model
+from rehearsal.kinematics import Frames, frames
+from rehearsal.links import link_compliances
+from rehearsal.noise import Noise
+from rehearsal.readings import Readings
+from rehearsal.statics import bar_row, base_rows, joint_rows, tilt_rows, tool_rows
+from robots.arrays import Array
 
 Columns = Iterator[tuple[str, Array]]  # code and displacements (n, 3, m)
 
@@ -82,7 +83,7 @@ def loads(arm: Arm, c: Array, r: Readings, at: Frames, rows: Array) -> Columns:
     down = np.zeros((n, 6, 1))
     down[:, 2] = -1
     yield "payload", moved(down)
-    R = at.rotations[:, 6]
+    R = at.hand
     arms = np.stack([np.cross(R[:, :, k], r.force) for k in range(3)], 2)
     yield "load-point-offset", moved(np.concatenate([np.zeros((n, 3, 3)), arms], 1))
     sides = np.stack([np.cross(e, r.force) for e in np.eye(3)], 2)
@@ -99,7 +100,7 @@ def catalogue(arm: Arm, links: str, c: Array, r: Readings) -> Columns:
     unique, index = np.unique(r.q, axis=0, return_inverse=True)
     index = index.ravel()
     poses = frames(arm, unique)
-    at = Frames(**{f.name: getattr(poses, f.name)[index] for f in dataclasses.fields(poses)})
+    at = poses.at(index)
     w = np.concatenate([r.force, np.zeros_like(r.force)], 1)
     rows = joint_rows(arm, poses)[index]
     J, _ = linear_model(arm, "rigid", r)

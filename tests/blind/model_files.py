@@ -3,9 +3,32 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
 
-from .arm import DATA, NOMINAL_SPRINGS, arm
+from rehearsal.arm import Arm
+from rehearsal.described import arm_of
+from robots.library.models import load_description
+
 from .spec import SetSpec
+
+DATA = Path(__file__).resolve().parents[2] / "robots" / "data"
+# The XR701's springs were never published; these are the figures a rigid-link fit of its readings gives.
+NOMINAL_SPRINGS = {
+    "xr701": {"j2": 1.4e6, "j3": 0.76e6, "j4": 1.4e6, "j5": 0.6e6},
+}
+# Newtons, up to half of what the arm carries (xr701) and three quarters (kr60-3).
+LOADS = {"xr701": (150.0, 375.0, 650.0), "kr60-3": (150.0, 300.0, 450.0)}
+# Where joint 2's spring cylinder would have its lever's end.
+UPRIGHT = {"xr701": 0.0, "kr60-3": -1.5707963267948966}
+
+
+@cache
+def arm(name: str) -> Arm:
+    """One of the bundled robots, by its name, with springs."""
+    made, own = arm_of(load_description(name)), NOMINAL_SPRINGS.get(name)
+    return made if own is None else replace(made, stiffness=tuple(own.get(joint) for joint in made.joints))
 
 
 def held_rigid(spec: SetSpec) -> list[str]:

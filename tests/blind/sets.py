@@ -11,21 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from . import nuisance, outside
-from .arm import LOADS, Array, arm
-from .design import campaign
-from .effects import DRAWS, Context
-from .evaluate import Truth, exact
-from .excess import excess_chi2
-from .imitation import best_imitation
-from .kinematics import frames
-from .model_files import free_joints, model_parallelogram, model_toml
-from .noise import Noise
-from .spec import Readings, SetSpec
-from .statics import joint_rows
-from .table import fill, from_sheet, to_csv
+from rehearsal import nuisance
+from rehearsal.evaluate import Truth, exact
+from rehearsal.excess import excess_chi2
+from rehearsal.noise import Noise
+from rehearsal.readings import Readings
+from rehearsal.scoring import DETECTABLE
+from rehearsal.world import Sizes, drawn, spring_factors, stream, torques
+from robots.arrays import Array
 
-DETECTABLE = 30.0
+from . import outside
+from .design import campaign
+from .imitation import best_imitation
+from .model_files import LOADS, UPRIGHT, arm, free_joints, model_parallelogram, model_toml
+from .spec import SetSpec
+from .table import fill, from_sheet, to_csv
 
 
 @dataclass(frozen=True)
@@ -46,16 +46,6 @@ class MadeUp:
         (folder / "keys" / f"{self.name}.json").write_text(json.dumps(self.key, indent=1) + "\n", encoding="utf-8")
 
 
-def stream(seed: int, part: int) -> np.random.Generator:
-    """Each part of a set draws from numbers of its own: more noise never moves the truth."""
-    return np.random.default_rng([seed, part])
-
-
-def split(code: str) -> tuple[str, str]:
-    kind, _, where = code.partition(":")
-    return kind, where
-
-
 @lru_cache(maxsize=16)
 def hidden(spec: SetSpec, seed: int) -> tuple[Truth, Readings, Noise]:
     """Truth, campaign and noise of a set; the same for the same spec and seed."""
@@ -63,33 +53,21 @@ def hidden(spec: SetSpec, seed: int) -> tuple[Truth, Readings, Noise]:
     readings = campaign(nominal, spec, stream(seed, 1))
     if spec.model_path == "other" and "load-path" not in spec.effects:
         raise ValueError("a model with the other load path hides load-path: name it among the effects")
-    rng = stream(seed, 2)
-    gain = np.exp(rng.uniform(np.log(0.5), np.log(2), 6))
-    springs = np.array([np.inf if k is None else k for k in nominal.stiffness]) * gain
+    springs = np.array([np.inf if k is None else k for k in nominal.stiffness]) * spring_factors(6, seed)
     top = np.array([0, 0, -LOADS[spec.robot][-1], 0, 0, 0])
-    tau = np.abs(joint_rows(nominal, frames(nominal, np.unique(readings.q, axis=0))) @ top)
-    torque = np.maximum(np.quantile(tau, 0.8, axis=0), 1.0)
-    effects = []
-    for k, code in enumerate(spec.effects):
-        kind, where = split(code)
-        wanted = spec.laws[k] if k < len(spec.laws) else ""
-        context = Context(nominal, where, stream(seed, 10 + k), tuple(torque), tuple(springs), wanted)
-        if kind in DRAWS:
-            values = DRAWS[kind](context)
-        elif kind in outside.KINDS:
-            values = outside.KINDS[kind](context)
-        else:
-            raise ValueError(f"unknown effect {code!r}; there are {[*DRAWS, *outside.KINDS]}")
-        effects.append({"code": code, "kind": kind, "where": where, **values})
-        if kind == "joint-compliance":
-            springs[context.joint] = values["k_Nm_per_rad"]
-        if kind == "load-path" and spec.model_path == "other":
+    sizes = Sizes(torques(nominal, np.unique(readings.q, axis=0), top), UPRIGHT[spec.robot])
+    # A joint that the XR701's model lacks has any spring: none was published.
+    own = spec.robot != "xr701"
+    effects = drawn(nominal, spec.effects, springs, sizes, seed, laws=spec.laws, more=outside.KINDS, own=own)
+    for effect in effects:
+        if effect["kind"] == "load-path" and spec.model_path == "other":
             # The model is given the other path; the truth stays with the robot's own.
-            effects[-1]["law"] = "parallelogram" if nominal.parallelogram else "serial"
+            effect["law"] = "parallelogram" if nominal.parallelogram else "serial"
     errors = nuisance.draw(nominal, stream(seed, 3), spec.weight_error) if spec.nuisance else nuisance.nothing(nominal)
     floor = stream(seed, 4).uniform(2, 5) if spec.floor_um is None else spec.floor_um
     noise = Noise(spec.noise_share, floor * 1e-6, spec.resolution_um * 1e-6, spec.setup_scatter)
-    return Truth(nominal, 1 / springs, spec.links, errors, tuple(effects), seed), readings, noise
+    truth = Truth(nominal, 1 / springs, spec.links, errors, tuple(effects), seed, outside.STRANGERS)
+    return truth, readings, noise
 
 
 def judged(spec: SetSpec, truth: Truth, r: Readings, noise: Noise) -> dict[str, Any]:
@@ -171,7 +149,7 @@ def more(spec: SetSpec, seed: int, sheet: str, salt: int = 1, taken: int = 0) ->
     (see ``table.from_sheet``); the axes read are those the sheet has columns for, else the set's.
     """
     truth, r, noise = hidden(spec, seed)
-    rows, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1)
+    rows, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1, max(LOADS[spec.robot]))
     extra = dataclasses.replace(extra, clock=extra.clock + taken / len(r))
     if not rows:
         raise ValueError("the sheet has no rows")
@@ -182,7 +160,7 @@ def more(spec: SetSpec, seed: int, sheet: str, salt: int = 1, taken: int = 0) ->
 def truth_at(spec: SetSpec, seed: int, sheet: str) -> Array:
     """Exact displacements (n, 3) in m for the rows of a sheet: what held-out errors are compared with."""
     truth, r, _ = hidden(spec, seed)
-    _, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1)
+    _, order, extra = from_sheet(truth.arm, sheet, int(r.setup.max()) + 1, max(LOADS[spec.robot]))
     out = np.zeros((len(order), 3))
     out[order] = exact(truth, extra)
     return out

@@ -1,14 +1,9 @@
-"""What a set is asked to be, and the table of its readings."""
+"""What a set is asked to be."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-
-from .arm import Array
 
 
 @dataclass(frozen=True)
@@ -47,28 +42,3 @@ class SetSpec:
     def from_dict(cls, values: dict[str, Any]) -> SetSpec:
         """The spec of a key file."""
         return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
-
-
-@dataclass(frozen=True)
-class Readings:
-    """One row a reading, in the order they were taken. A cycle starts from the unloaded arm at rest."""
-
-    q: Array  # (n, 6) rad, as written in the table
-    force: Array  # (n, 3) N, as written in the table
-    setup: NDArray[np.int64]  # (n,) which pose was set up
-    cycle: NDArray[np.int64]  # (n,) rows of one cycle follow one another
-    unloading: NDArray[np.bool_]
-    repeat: NDArray[np.int64]
-    clock: Array  # (n,) 0 at the campaign's first reading, 1 at its last, beyond for extra readings
-    peak: Array = field(default_factory=lambda: np.zeros(0))  # (cycles, 3) load reached before a cycle's first row
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-
-def path_index(cycle: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row and column of each reading in a table with one row a cycle; column 0 is kept for the peak before it."""
-    _, row = np.unique(cycle, return_inverse=True)
-    start = np.r_[True, cycle[1:] != cycle[:-1]]
-    first = np.maximum.accumulate(np.where(start, np.arange(len(cycle)), 0))
-    return row, np.arange(len(cycle)) - first + 1

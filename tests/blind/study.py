@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from rehearsal.scoring import DETECTABLE
+
 from . import outside
-from .effects import codes
-from .sets import DETECTABLE, make
+from .sets import make
 from .spec import SetSpec
 
 ROBOTS = ("xr701", "kr60-3")
@@ -19,6 +20,44 @@ SCATTER = (0.0, 0.005, 0.015)
 WEAK = ("gauge-scale", "joint-compliance:j1", "joint-tilt:j2", "joint-tilt:j3", "joint-tilt:j4", "link-flexibility")
 # Two of one group give a joint two laws for the same torque, or a table two zeros.
 GROUPS = (("hardening", "softening", "backlash", "friction"), ("gauge-zero", "drift"))
+
+
+# Kinds that are tried, and where; the study is balanced over these.
+PLACES: dict[str, tuple[str, ...]] = {
+    "joint-compliance": ("j4", "j5", "j1"),
+    "joint-tilt": ("j1", "j2", "j3", "j4"),
+    "angle-dependent-stiffness": ("j2", "j3", "j5"),
+    "hardening": ("j2", "j3", "j5"),
+    "softening": ("j2", "j3", "j5"),
+    "backlash": ("j2", "j3", "j5"),
+    "friction": ("j2", "j3"),
+    "payload": (),
+    "gravity-compensator": ("j2",),
+    "base-tilt": (),
+    "base-vertical": (),
+    "parallelogram-bar": (),
+    "load-path": (),
+    "link-flexibility": ("forearm", "upper-arm", "carousel"),
+    "tool-compliance": (),
+    "load-point-offset": (),
+    "load-misalignment": (),
+    "joint-zero-offset": ("j2", "j3", "j5"),
+    "gauge-zero": (),
+    "gauge-scale": (),
+    "drift": (),
+    "gear-ripple": ("j2", "j3"),
+    "wrist-coupling": (),
+}
+
+
+def codes(robot: str) -> list[str]:
+    """Every code tried on a robot."""
+    found = []
+    for kind, places in PLACES.items():
+        if robot != "xr701" and kind in ("parallelogram-bar", "load-path"):
+            continue
+        found += [f"{kind}:{where}" for where in places] or [kind]
+    return found
 
 
 def settings(robot: str, effects: tuple[str, ...], rng: np.random.Generator) -> dict[str, Any]:

@@ -7,8 +7,9 @@ import io
 
 import numpy as np
 
-from .arm import LOADS, Arm, Array
-from .spec import Readings
+from rehearsal.arm import Arm
+from rehearsal.readings import Readings, in_cycles
+from robots.arrays import Array
 
 AXES = ("x", "y", "z")
 
@@ -32,16 +33,18 @@ def to_csv(arm: Arm, r: Readings, d: Array, reads: str) -> str:
 
 
 def number(row: dict[str, str], name: str) -> float:
+    """A cell's number, 0 where it is empty or missing."""
     text = (row.get(name) or "").strip()
     return float(text) if text else 0.0
 
 
-def from_sheet(arm: Arm, text: str, first_setup: int) -> tuple[list[dict[str, str]], list[int], Readings]:
+def from_sheet(
+    arm: Arm, text: str, first_setup: int, highest: float
+) -> tuple[list[dict[str, str]], list[int], Readings]:
     """A sheet's rows as they stand, the order in which they are taken, and the readings in that order.
 
-    Rows are taken in the order of ``step`` where it is given. A set-up ends where the pose changes; a cycle ends
-    there too, where the repeat or the direction of the load changes, or where loading follows unloading. A cycle
-    that begins with unloading comes down from the largest load of the sheet (at least that of the campaign).
+    Rows are taken in the order of ``step`` where it is given; set-ups and cycles by
+    :func:`rehearsal.readings.in_cycles`, ``highest`` the largest load (N) of the campaign.
     """
     sample = text.splitlines()[0] if text.strip() else ""
     rows = list(csv.DictReader(io.StringIO(text), delimiter=";" if ";" in sample else ","))
@@ -55,20 +58,9 @@ def from_sheet(arm: Arm, text: str, first_setup: int) -> tuple[list[dict[str, st
     force = np.array([[number(rows[k], f"f{axis}_N") for axis in AXES] for k in order]).reshape(-1, 3)
     down = np.array([(rows[k].get("phase") or "").strip() == "unloading" for k in order], dtype=bool)
     repeat = np.array([int(number(rows[k], "repeat") or 1) for k in order], dtype=int)
-    setup, cycle, peaks = np.zeros(len(q), int), np.zeros(len(q), int), []
-    size = np.linalg.norm(force, axis=1)
-    highest = max(size.max(initial=0.0), max(LOADS[arm.name]))
-    for k in range(len(q)):
-        new_setup = k == 0 or bool(np.any(q[k] != q[k - 1]))
-        turned = k > 0 and force[k] @ force[k - 1] < 0.999 * size[k] * size[k - 1]
-        new_cycle = new_setup or repeat[k] != repeat[k - 1] or turned or (down[k - 1] and not down[k])
-        setup[k] = first_setup if k == 0 else setup[k - 1] + new_setup
-        cycle[k] = 0 if k == 0 else cycle[k - 1] + new_cycle
-        if new_cycle:
-            direction = force[k] / size[k] if size[k] > 0 else np.zeros(3)
-            peaks.append(highest * direction if down[k] else np.zeros(3))
+    setup, cycle, peaks = in_cycles(q, force, down, repeat, highest, first_setup)
     clock = 1 + np.arange(1, len(q) + 1) / 486  # the pace of a campaign of 27 poses
-    return rows, order, Readings(q, force, setup, cycle, down, repeat, clock, np.array(peaks).reshape(-1, 3))
+    return rows, order, Readings(q, force, setup, cycle, down, repeat, clock, peaks)
 
 
 def fill(rows: list[dict[str, str]], order: list[int], d: Array, reads: str) -> str:

@@ -22,7 +22,7 @@ from robots import InputError
 from .samples import Sample
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "stiffarm")
+PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal", "stiffarm")
 # Readers answer small files in milliseconds; five seconds of the processor's time is a file that stops a shop.
 SECONDS = 5.0
 # By the clock, for what waits and does not reckon; a busy machine gives a process a tenth of its time.

@@ -14,6 +14,7 @@ from fem.effects.base import ASSUMED_LAW
 from robots import load_description
 
 ROOT = Path(__file__).resolve().parents[3]
+# Not `rehearsal`: a world that shares nothing names its effects itself.
 PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "stiffarm")
 # Families whose names are also plain words, and the one that a description's load path asks for.
 WORDS = {"payload", "load-path"}

@@ -21,7 +21,7 @@ from robots import load_description
 from robots.arrays import Array
 
 ROOT = Path(__file__).resolve().parents[3]
-PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "stiffarm")
+PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal", "stiffarm")
 
 
 def asked(text: str) -> list[str]:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from .arm import Array
+from robots.arrays import Array
 
 
 def linear(tau: Array, c: Array, p: dict[str, Any]) -> Array:
+    """A spring."""
     return c * tau
 
 
@@ -27,14 +28,14 @@ def slopes(tau: Array, c: Array, p: dict[str, Any]) -> Array:
 
 
 def power(tau: Array, c: Array, p: dict[str, Any]) -> Array:
-    """c t0 (|tau| / t0)^exponent: below one it hardens, above it softens."""
+    """C t0 (|tau| / t0)^exponent: below one it hardens, above it softens."""
     t0 = p["torque_Nm"]
-    return c * t0 * np.sign(tau) * (np.abs(tau) / t0) ** p["exponent"]
+    return np.asarray(c * t0 * np.sign(tau) * (np.abs(tau) / t0) ** p["exponent"])
 
 
 def growing(tau: Array, c: Array, p: dict[str, Any]) -> Array:
-    """c tau (1 + s (|tau| / t0)^1.5)."""
-    return c * tau * (1 + p["s"] * (np.abs(tau) / p["torque_Nm"]) ** 1.5)
+    """C tau (1 + s (|tau| / t0)^1.5)."""
+    return np.asarray(c * tau * (1 + p["s"] * (np.abs(tau) / p["torque_Nm"]) ** 1.5))
 
 
 def gap(tau: Array, c: Array, p: dict[str, Any]) -> Array:
@@ -43,7 +44,7 @@ def gap(tau: Array, c: Array, p: dict[str, Any]) -> Array:
     ``preload_Nm`` shifts the rest position into the gap; the zero is the arm at rest.
     """
     t0, rest = p["closing_Nm"], p["preload_Nm"]
-    return c * tau + p["gap_rad"] * (np.clip((tau + rest) / t0, -1, 1) - np.clip(rest / t0, -1, 1))
+    return np.asarray(c * tau + p["gap_rad"] * (np.clip((tau + rest) / t0, -1, 1) - np.clip(rest / t0, -1, 1)))
 
 
 def play(tau: Array, c: Array, p: dict[str, Any]) -> Array:
@@ -57,11 +58,11 @@ def play(tau: Array, c: Array, p: dict[str, Any]) -> Array:
         for k in range(tau.shape[1]):
             at = np.clip(at, tau[:, k] - slip, tau[:, k] + slip)
             theta[:, k] += (1 - p["stuck_share"]) * weight * at
-    return c * theta
+    return np.asarray(c * theta)
 
 
 def bouc_wen(tau: Array, c: Array, p: dict[str, Any]) -> Array:
-    """tau = theta / c + z with dz = kz (1 - |z/zs|^n (b sign(z dtheta) + 1 - b)) dtheta, driven by the torque."""
+    """Tau = theta / c + z with dz = kz (1 - |z/zs|^n (b sign(z dtheta) + 1 - b)) dtheta, driven by the torque."""
     kz = p["stuck_ratio"] / c[:, 0]
     z, theta, at = np.zeros(len(tau)), np.zeros(len(tau)), np.zeros(len(tau))
     out = np.zeros_like(tau)
@@ -102,18 +103,18 @@ def harmonics(q: Array, p: dict[str, Any]) -> Array:
 
 def bump(q: Array, p: dict[str, Any]) -> Array:
     """1 + a exp(-(q - q0)^2 / (2 width^2))."""
-    return 1 + p["amplitude"] * np.exp(-((q - p["centre_rad"]) ** 2) / (2 * p["width_rad"] ** 2))
+    return np.asarray(1 + p["amplitude"] * np.exp(-((q - p["centre_rad"]) ** 2) / (2 * p["width_rad"] ** 2)))
 
 
 def triangle(q: Array, p: dict[str, Any]) -> Array:
     """1 + a times a triangular wave of one period a turn."""
-    return 1 + p["amplitude"] * 2 / np.pi * np.arcsin(np.sin(q - p["phase_rad"]))
+    return np.asarray(1 + p["amplitude"] * 2 / np.pi * np.arcsin(np.sin(q - p["phase_rad"])))
 
 
 def ripple(q: Array, p: dict[str, Any]) -> Array:
     """1 + A (sin(N q + phase) + 0.25 sin(2 N q)): mesh stiffness with a second harmonic."""
     N = p["teeth"]
-    return 1 + p["amplitude"] * (np.sin(N * q + p["phase_rad"]) + 0.25 * np.sin(2 * N * q))
+    return np.asarray(1 + p["amplitude"] * (np.sin(N * q + p["phase_rad"]) + 0.25 * np.sin(2 * N * q)))
 
 
 def compensator(q: Array, p: dict[str, Any]) -> Array:
@@ -128,10 +129,10 @@ def compensator(q: Array, p: dict[str, Any]) -> Array:
         # Energy k (l - l0)^2 / 2, differentiated twice; up to the factor k.
         first = -a * b * np.sin(angle) / length
         second = -a * b * np.cos(angle) / length - first**2 / length
-        return first**2 + (length - l0) * second
+        return np.asarray(first**2 + (length - l0) * second)
 
     scale = np.abs(stiffness(np.linspace(-np.pi, np.pi, 721))).max()
-    return 1 / (1 + p["share"] * stiffness(q - p["top_rad"]) / scale)
+    return np.asarray(1 / (1 + p["share"] * stiffness(q - p["top_rad"]) / scale))
 
 
 FACTORS = {

@@ -11,23 +11,37 @@ from typing import Any
 
 import numpy as np
 
-from .arm import Arm
+from rehearsal.arm import Arm
 
 
 @dataclass(frozen=True)
 class Context:
-    """What a draw may depend on."""
+    """What a draw may depend on.
+
+    ``upright``: of joint 2, rad, where the upper arm stands; sizes are those of arms of some 2 to 3 m reach under 500 N
+    times ``stiff`` (stiffnesses and torques), ``heavy`` (forces) and ``long`` (lengths of the arm).
+    """
 
     arm: Arm
     where: str
     rng: np.random.Generator
     torque: tuple[float, ...]  # N m, 80 % quantile of |torque| by joint at the largest load
     springs: tuple[float, ...]  # N m/rad as drawn, infinite where rigid
-    wanted: str  # law asked for, or ""
+    upright: float
+    wanted: str = ""  # law asked for, or none
+    stiff: float = 1.0
+    heavy: float = 1.0
+    long: float = 1.0
 
     @property
     def joint(self) -> int:
-        return int(self.where[1:]) - 1
+        """Number of the joint where it sits, from 0."""
+        return self.arm.index(self.where)
+
+    @property
+    def rigid(self) -> float:
+        """Stiffnesses along a line are a torque's over a length squared."""
+        return self.stiff / self.long**2
 
     def pick(self, *laws: str) -> str:
         """The law asked for, or one drawn with equal chance."""
@@ -37,15 +51,19 @@ class Context:
         return self.wanted or drawn
 
     def between(self, low: float, high: float) -> float:
+        """Drawn uniformly."""
         return float(self.rng.uniform(low, high))
 
     def log(self, low: float, high: float) -> float:
+        """Drawn uniformly in the logarithm."""
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
     def angle(self) -> float:
+        """Any angle, rad."""
         return float(self.rng.uniform(-np.pi, np.pi))
 
     def sign(self) -> float:
+        """Plus or minus one."""
         return float(self.rng.choice([-1.0, 1.0]))
 
 
@@ -53,19 +71,22 @@ Draw = Callable[[Context], dict[str, Any]]
 
 
 def joint_compliance(c: Context) -> dict[str, Any]:
+    """A spring where the model is rigid, its own if it has one."""
     low, high = (4e5, 2e6) if c.joint == 0 else (1e5, 1e6)
     own = c.springs[c.joint]
-    k = own if np.isfinite(own) and c.arm.name != "xr701" else c.log(low, high)
+    k = own if np.isfinite(own) else c.log(low, high) * c.stiff
     return {"law": "linear", "k_Nm_per_rad": float(k)}
 
 
 def joint_tilt(c: Context) -> dict[str, Any]:
-    k, ratio = c.log(5e5, 5e6), c.log(1.2, 3)
+    """Two stiffnesses across the axis, fixed in the housing."""
+    k, ratio = c.log(5e5, 5e6) * c.stiff, c.log(1.2, 3)
     pair = [k, k * ratio] if c.rng.random() < 0.5 else [k * ratio, k]
     return {"law": "two-axes", "k_Nm_per_rad": pair}
 
 
 def angle_dependent(c: Context) -> dict[str, Any]:
+    """Three harmonics, a bump, or a triangle over the angle."""
     law = c.pick("harmonics", "bump", "triangle")
     total = c.between(0.10, 0.45)
     if law == "harmonics":
@@ -81,6 +102,7 @@ def angle_dependent(c: Context) -> dict[str, Any]:
 
 
 def hardening(c: Context) -> dict[str, Any]:
+    """Two kinks, or a power below one."""
     t = c.torque[c.joint]
     if c.pick("slopes", "power") == "slopes":
         breaks = [c.between(0.15, 0.35) * t, c.between(0.5, 0.8) * t]
@@ -89,6 +111,7 @@ def hardening(c: Context) -> dict[str, Any]:
 
 
 def softening(c: Context) -> dict[str, Any]:
+    """Two kinks, or a power of one and a half."""
     t = c.torque[c.joint]
     if c.pick("slopes", "growing") == "slopes":
         first = c.between(1.3, 1.8)
@@ -98,6 +121,7 @@ def softening(c: Context) -> dict[str, Any]:
 
 
 def backlash(c: Context) -> dict[str, Any]:
+    """A gap that is crossed in a straight line, from its middle or preloaded."""
     law = c.pick("kink", "kink", "preloaded") if not c.wanted else c.pick("kink", "preloaded")
     closing = c.between(0.02, 0.1) * c.torque[c.joint]
     preload = c.sign() * c.between(0.2, 0.8) * closing if law == "preloaded" else 0.0
@@ -105,7 +129,8 @@ def backlash(c: Context) -> dict[str, Any]:
 
 
 def friction(c: Context) -> dict[str, Any]:
-    slip = c.between(60, 225)
+    """One slider, three of them, or a loop by Bouc and Wen."""
+    slip = c.between(60, 225) * c.stiff
     if c.joint > 2:  # the wrist's gears are smaller
         slip = c.between(0.1, 0.35) * c.torque[c.joint]
     law = c.pick("play", "jenkins", "bouc-wen")
@@ -119,47 +144,54 @@ def friction(c: Context) -> dict[str, Any]:
 
 def payload(c: Context) -> dict[str, Any]:
     """A weight the sheet does not know, hung a little off the tool point."""
-    at = [c.between(-0.08, 0.08), c.between(-0.08, 0.08), c.between(0.0, 0.05)]
-    return {"law": "off-centre", "weight_N": c.between(20, 60), "at_flange_m": at}
+    at = [c.between(-0.08, 0.08) * c.long, c.between(-0.08, 0.08) * c.long, c.between(0.0, 0.05) * c.long]
+    return {"law": "off-centre", "weight_N": c.between(20, 60) * c.heavy, "at_flange_m": at}
 
 
 def gravity_compensator(c: Context) -> dict[str, Any]:
-    upright = 0.0 if c.arm.name == "xr701" else -np.pi / 2
+    """A tension spring between two pins beside joint 2."""
     a, b = c.between(0.25, 0.5), c.between(0.7, 1.0)
-    shape = {"a_m": a, "b_m": b, "rest_m": c.between(0.5, 0.95) * (b - a), "top_rad": upright - np.pi}
+    shape = {"a_m": a, "b_m": b, "rest_m": c.between(0.5, 0.95) * (b - a), "top_rad": c.upright - np.pi}
     return {"law": "compensator", "share": c.between(0.10, 0.40), **shape}
 
 
 def base_tilt(c: Context) -> dict[str, Any]:
-    k, ratio = c.log(2e6, 4e7), c.log(1.0, 3.0)
+    """Two stiffnesses about the base's x and y."""
+    k, ratio = c.log(2e6, 4e7) * c.stiff, c.log(1.0, 3.0)
     pair = [k, k * ratio] if c.rng.random() < 0.5 else [k * ratio, k]
     return {"law": "two-axes", "k_Nm_per_rad": pair}
 
 
 def base_vertical(c: Context) -> dict[str, Any]:
-    return {"law": "contact", "k_N_per_m": c.log(2e6, 3e7), "loss_at_1kN": c.between(0.1, 0.3)}
+    """A contact that gets stiffer with the load."""
+    return {"law": "contact", "k_N_per_m": c.log(2e6, 3e7) * c.rigid, "loss_at_1kN": c.between(0.1, 0.3)}
 
 
 def parallelogram_bar(c: Context) -> dict[str, Any]:
-    return {"law": "stiffening", "k_N_per_m": c.log(3e6, 3e7), "loss_at_3kN": c.between(0.0, 0.25)}
+    """A bar that gets stiffer with its force."""
+    return {"law": "stiffening", "k_N_per_m": c.log(3e6, 3e7) * c.rigid, "loss_at_3kN": c.between(0.0, 0.25)}
 
 
 def load_path(c: Context) -> dict[str, Any]:
+    """The other way for the forearm's moment."""
     return {"law": "serial" if c.arm.parallelogram else "parallelogram"}
 
 
 def link_flexibility(c: Context) -> dict[str, Any]:
+    """A link softer than described, each mode by another share."""
     phi = c.between(0.3, 1.5)
     return {"law": "by-mode", "phi": phi, "modes": {"bending": phi, "shear": 2 * phi, "torsion": phi / 2, "axial": 0.0}}
 
 
 def tool_compliance(c: Context) -> dict[str, Any]:
-    per = c.between(1.5e-7, 6e-7)
+    """Soft across, not the same both ways, and ten times stiffer along."""
+    per = c.between(1.5e-7, 6e-7) / c.rigid
     return {"law": "anisotropic", "c_m_per_N": [per, per * c.between(0.7, 1.3), 0.1 * per]}
 
 
 def load_point_offset(c: Context) -> dict[str, Any]:
-    size, direction = c.between(0.015, 0.045), c.angle()
+    """A point beside the tool point, fixed to the flange."""
+    size, direction = c.between(0.015, 0.045) * c.long, c.angle()
     at = [size * np.cos(direction), size * np.sin(direction), c.sign() * c.between(0, 0.4) * size]
     return {"law": "flange-fixed", "at_flange_m": [float(v) for v in at]}
 
@@ -171,6 +203,7 @@ def load_misalignment(c: Context) -> dict[str, Any]:
 
 
 def joint_zero(c: Context) -> dict[str, Any]:
+    """A zero that is off by up to 3 degrees."""
     return {"law": "exact-geometry", "zero_rad": float(c.sign() * np.radians(c.log(0.3, 3.0)))}
 
 
@@ -180,10 +213,12 @@ def gauge_zero(c: Context) -> dict[str, Any]:
 
 
 def gauge_scale(c: Context) -> dict[str, Any]:
+    """A gauge that reads too much or too little."""
     return {"law": "linear", "scale": c.sign() * c.between(0.02, 0.08)}
 
 
 def drift(c: Context) -> dict[str, Any]:
+    """Settling, or straight with a wave on it."""
     size = c.sign() * c.between(20e-6, 80e-6)
     if c.pick("exponential", "wiggly") == "exponential":
         return {"law": "exponential", "size_m": size, "T": c.between(0.15, 0.6)}
@@ -191,14 +226,44 @@ def drift(c: Context) -> dict[str, Any]:
 
 
 def gear_ripple(c: Context) -> dict[str, Any]:
+    """A mesh with a second harmonic."""
     teeth = int(c.rng.choice([40, 59, 81, 105, 121, 141, 161, 171]))
     return {"law": "ripple", "amplitude": c.between(0.1, 0.3), "teeth": teeth, "phase_rad": c.angle()}
 
 
 def wrist_coupling(c: Context) -> dict[str, Any]:
+    """A torque about one wrist axis turns the other, not quite the same both ways."""
     k4, k5 = c.springs[3], c.springs[4]
     size = c.sign() * c.between(0.3, 0.7) / np.sqrt(k4 * k5)
     return {"law": "asymmetric", "per_Nm": [float(size), float(size * c.between(0.8, 1.2))]}
+
+
+def turned_frame(c: Context) -> dict[str, Any]:
+    """The frame of forces and displacements: levelled to a fraction of a degree, its azimuth set by hand."""
+    turns = [c.between(-0.3, 0.3), c.between(-0.3, 0.3), c.sign() * c.between(1.0, 5.0)]
+    return {"law": "exact-geometry", "turn_rad": [float(np.radians(v)) for v in turns]}
+
+
+def tool_point_offset(c: Context) -> dict[str, Any]:
+    """Loads act and displacements are read at another point of the flange than the sheet says."""
+    at = c.rng.normal(size=3)
+    at = c.between(0.015, 0.05) * c.long * at / np.linalg.norm(at)
+    return {"law": "exact-geometry", "at_flange_m": [float(v) for v in at]}
+
+
+def angle_sign(c: Context) -> dict[str, Any]:
+    """The sheet's angle has the other sign."""
+    return {"law": "exact-geometry"}
+
+
+def angle_offset(c: Context) -> dict[str, Any]:
+    """The sheet's angle counts from another zero, a quarter or half turn away."""
+    return {"law": "exact-geometry", "offset_rad": float(c.rng.choice([-np.pi / 2, np.pi / 2, np.pi]))}
+
+
+def angle_coupling(c: Context) -> dict[str, Any]:
+    """The sheet's angle counts from the horizontal, not from the part before it."""
+    return {"law": "exact-geometry", "share": c.sign()}
 
 
 DRAWS: dict[str, Draw] = {
@@ -225,31 +290,12 @@ DRAWS: dict[str, Draw] = {
     "drift": drift,
     "gear-ripple": gear_ripple,
     "wrist-coupling": wrist_coupling,
+    "turned-frame": turned_frame,
+    "tool-point-offset": tool_point_offset,
+    "angle-sign": angle_sign,
+    "angle-offset": angle_offset,
+    "angle-coupling": angle_coupling,
 }
 # Kinds that say how a joint twists under its torque, and kinds that multiply its compliance.
-TORQUE_LAWS = {"hardening": None, "softening": None, "backlash": "gap", "friction": None}
+TORQUE_LAWS = ("hardening", "softening", "backlash", "friction")
 FACTOR_LAWS = ("angle-dependent-stiffness", "gravity-compensator", "gear-ripple")
-# Where each kind is tried; the study is balanced over these.
-PLACES: dict[str, tuple[str, ...]] = {
-    "joint-compliance": ("j4", "j5", "j1"),
-    "joint-tilt": ("j1", "j2", "j3", "j4"),
-    "angle-dependent-stiffness": ("j2", "j3", "j5"),
-    "hardening": ("j2", "j3", "j5"),
-    "softening": ("j2", "j3", "j5"),
-    "backlash": ("j2", "j3", "j5"),
-    "friction": ("j2", "j3"),
-    "gravity-compensator": ("j2",),
-    "link-flexibility": ("forearm", "upper-arm", "carousel"),
-    "joint-zero-offset": ("j2", "j3", "j5"),
-    "gear-ripple": ("j2", "j3"),
-}
-
-
-def codes(robot: str) -> list[str]:
-    """Every code tried on a robot."""
-    found = []
-    for kind in DRAWS:
-        if robot != "xr701" and kind in ("parallelogram-bar", "load-path"):
-            continue
-        found += [f"{kind}:{where}" for where in PLACES.get(kind, ())] or [kind]
-    return found

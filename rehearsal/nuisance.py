@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .arm import Arm
+from rehearsal.arm import Arm
 
 MODULUS = 0.05  # links: uniform within
 LENGTH_M = 1e-3  # standard deviation of every link dimension that is not zero
@@ -22,10 +22,10 @@ def draw(arm: Arm, rng: np.random.Generator, weight: float) -> dict[str, Any]:
     """
     return {
         "modulus": {link.name: float(1 + rng.uniform(-MODULUS, MODULUS)) for link in arm.links},
-        "translations_m": (rng.normal(0, LENGTH_M, (6, 3)) * (arm.translations != 0)).tolist(),
-        "shifts_m": (rng.normal(0, LENGTH_M, 6) * (arm.shifts != 0)).tolist(),
+        "translations_m": (rng.normal(0, LENGTH_M, (arm.dof, 3)) * (arm.translations != 0)).tolist(),
+        "shifts_m": (rng.normal(0, LENGTH_M, arm.dof) * (arm.shifts != 0)).tolist(),
         "flange_m": (rng.normal(0, LENGTH_M, 3) * (arm.flange != 0)).tolist(),
-        "zeros_rad": rng.normal(0, ZERO_RAD, 6).tolist(),
+        "zeros_rad": rng.normal(0, ZERO_RAD, arm.dof).tolist(),
         "load_scale": float(1 + rng.normal(0, LOAD)),
         "weight_sd": weight,
         "load_seed": int(rng.integers(2**31)),
@@ -36,10 +36,10 @@ def nothing(arm: Arm) -> dict[str, Any]:
     """The same without any error."""
     return {
         "modulus": {link.name: 1.0 for link in arm.links},
-        "translations_m": np.zeros((6, 3)).tolist(),
-        "shifts_m": [0.0] * 6,
+        "translations_m": np.zeros((arm.dof, 3)).tolist(),
+        "shifts_m": [0.0] * arm.dof,
         "flange_m": [0.0] * 3,
-        "zeros_rad": [0.0] * 6,
+        "zeros_rad": [0.0] * arm.dof,
         "load_scale": 1.0,
         "load_seed": None,
     }

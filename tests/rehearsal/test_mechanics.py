@@ -11,16 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blind.design import campaign, poses
+from blind.model_files import arm
+from blind.sets import hidden, make
+from blind.spec import SetSpec
 
-from . import laws, nuisance
-from .arm import Section, arm
-from .design import campaign, poses
-from .evaluate import Truth, exact
-from .kinematics import frames
-from .links import beam, link_compliances, transfer
-from .sets import hidden, make
-from .spec import SetSpec
-from .statics import bar_row
+from rehearsal import laws, nuisance
+from rehearsal.arm import Section
+from rehearsal.evaluate import Truth, exact
+from rehearsal.kinematics import frames
+from rehearsal.links import beam, link_compliances
+from rehearsal.statics import bar_row, transfer
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOTS = ("xr701", "kr60-3")
