@@ -44,6 +44,14 @@ def run(
     points: Annotated[
         int, typer.Option(help="Number of values of each swept coordinate in the map.", min=2, max=200)
     ] = 21,
+    rehearse: Annotated[
+        bool,
+        typer.Option(
+            "--rehearse/--no-rehearse",
+            help="End with a rehearsal: hide an effect in made-up readings at the same set-ups and see whether the "
+            "diagnosis finds it.",
+        ),
+    ] = True,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -56,5 +64,5 @@ def run(
     with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.run.workflow import Options, run_all
 
-        options = Options(links, points, seed, scheme_file, holdout, confirm_units, sets)
+        options = Options(links, points, seed, scheme_file, holdout, confirm_units, sets, rehearse)
         frame.answer(run_all(frame, model, data or (), options))

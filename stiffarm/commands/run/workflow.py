@@ -22,7 +22,8 @@ from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.results import payload as trained_payload
 from stiffarm.commands.maps import sweep
-from stiffarm.commands.run import held_out, link_models, missing, payload
+from stiffarm.commands.rehearse.step import Rehearsed
+from stiffarm.commands.run import held_out, link_models, missing, payload, proof
 from stiffarm.commands.run.findings import Findings, Recommended, slug
 from stiffarm.commands.run.missing import Look
 from stiffarm.commands.run.usual import usual_campaign
@@ -39,7 +40,10 @@ from surrogate.model import predict_compliance
 
 @dataclass(frozen=True)
 class Options:
-    """What was typed: link model, points of the map, seed; files of the scheme and of the readings held out; --set."""
+    """What was typed: link model, points of the map, seed; files of the scheme and of the readings held out; --set.
+
+    ``rehearse``: whether the run ends with a rehearsal.
+    """
 
     links: str | None = None
     points: int = 21
@@ -48,6 +52,7 @@ class Options:
     holdout: Path | None = None
     confirm_units: bool = False
     sets: Sequence[str] | None = None
+    rehearse: bool = True
 
 
 def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) -> dict[str, Any]:
@@ -71,12 +76,17 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, options.points, progress=bar), arm, folder)
         for message in drawn["messages"]:
             say(f"note: {message}")
+        told = None
+        if options.rehearse:
+            with folder.timed("rehearsal"):
+                say("rehearsal: an effect is hidden in made-up readings of this arm")
+                told = proof.rehearse(findings, table, folder, say)
         from stiffarm.commands.run.story.story import write_report
 
-        content = _write_results(findings, drawn, folder)
+        content = _write_results(findings, drawn, told, folder)
         with folder.timed("report"):
             say("report")
-            write_report(findings, drawn, folder)
+            write_report(findings, drawn, told, folder)
     return content
 
 
@@ -183,7 +193,9 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
     return replace(f, factorial=factorial, trained=trained, pose_check=check)
 
 
-def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFolder) -> dict[str, Any]:
+def _write_results(
+    findings: Findings, drawn: dict[str, Any], told: Rehearsed | InputError | None, folder: OutputFolder
+) -> dict[str, Any]:
     """Model TOMLs, surrogates, factorial table and results.json."""
     for variant in findings.variants:
         save_description(variant.description, folder.path(f"models/{slug(variant.name)}.toml"))
@@ -211,6 +223,7 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
             for label, a, b in zip(labels, learned, exact, strict=True)
         ],
         "map": drawn,
+        "rehearsal": proof.payload(told),
     }
     if findings.held_out:
         content["holdout"] = held_out.payload(findings.held_out)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from robots import InputError
 from stiffarm.commands.diagnose.report import VERDICTS
 from stiffarm.commands.diagnose.words import gap_sentence, headline
+from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run.findings import Findings
+from stiffarm.commands.run.proof import proof_section
 from stiffarm.commands.run.story import calibration, results
 from stiffarm.commands.run.story.budget import budget_section
 from stiffarm.commands.run.story.links import links_section
@@ -16,7 +19,9 @@ from stiffarm.pages.report import Bullets, KeyFigure, Section, data_words, write
 from stiffarm.session.outputs import OutputFolder
 
 
-def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder) -> None:
+def write_report(
+    findings: Findings, drawn: dict[str, Any], told: Rehearsed | InputError | None, folder: OutputFolder
+) -> None:
     """Draw all figures and write report.html: the answer, what is missing, then how it was found."""
     f, pictures = findings, Pictures(folder)
     sections = [in_short(f, drawn)]
@@ -36,6 +41,8 @@ def write_report(findings: Findings, drawn: dict[str, Any], folder: OutputFolder
         results.map_section(f, drawn, pictures),
         results.assumptions_section(f),
     ]
+    if told is not None:
+        sections.append(proof_section(told, pictures))
     lede = (
         f"{len(f.data.pose_groups())} measured poses: what the model is missing, how it was calibrated, a surrogate "
         f"and a map. Recommended is the model that best predicts poses it has not seen: {f.best.name}."
