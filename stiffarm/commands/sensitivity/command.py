@@ -69,7 +69,11 @@ def sensitivity(
         Path | None, typer.Option("--campaign", help="Campaign file (TOML) whose parameters and ranges are varied.")
     ] = None,
     component: Annotated[
-        str | None, typer.Option("--component", help="Tool displacement component: x, y, z, rx, ry or rz. Default: z.")
+        str | None,
+        typer.Option(
+            "--component",
+            help="Tool displacement component: x, y, z, rx, ry or rz. Default: the translation that was read largest.",
+        ),
     ] = None,
     samples: Annotated[
         int | None,
@@ -129,7 +133,7 @@ def sensitivity(
                 at = select_poses(table, labels, "--poses")
                 numbers = load_campaign(campaign) if campaign else names or tuple(f"{j}.stiffness" for j in springs)
                 found = screenings.study(
-                    given, at, chosen, numbers, (low, high), component=component or "z",
+                    given, at, chosen, numbers, (low, high), component=component or screenings.read_most(at),
                     samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
                 )  # fmt: skip
                 result, show = _screened(given, found, folder)

@@ -82,7 +82,7 @@ def test_the_serial_chain_is_looked_at_first_where_there_is_a_parallelogram(full
 def test_a_scheme_without_stages_is_refused(cli: Command, tmp_path: Path) -> None:
     text = 'schema = "stiffarm-calibration/1"\nrobot = "kr60-3"\ntitle = "t"\n[[parameter]]\nname = "j2.stiffness"\n'
     (tmp_path / "plain.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "d.csv").write_text("q2_deg,q3_deg,fz_N,dz_mm\n-60,60,-500,-0.6\n-80,70,-500,-0.5\n", encoding="utf-8")
+    (tmp_path / "d.csv").write_text("q2_deg,q3_deg,fz_N,dz_mm\n-60,60,-500,-0.6\n-80,60,-500,-0.5\n", encoding="utf-8")
     outcome = cli("run", "kr60-3", "d.csv", "--scheme-file", "plain.toml", "--out", "o")
     assert outcome.code == 2
     assert "with stages" in outcome.err
