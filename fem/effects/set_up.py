@@ -89,7 +89,7 @@ def _joint_zero(index: int, name: str) -> Effect:
                             meaning="real angle less the one that the controller says")  # fmt: skip
     return Effect(
         f"joint-zero-offset:{name}", f"joint {name} stands at another angle than the controller says", "load", (angle,),
-        law, "joint-zero-offset", usual=ZERO_OFF_BY, chance=BEYOND_MASTERING,
+        law, "joint-zero-offset", usual=ZERO_OFF_BY, chance=BEYOND_MASTERING, lasting=True,
     )  # fmt: skip
 
 
