@@ -95,7 +95,8 @@ def rehearse(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path)
-        frame.reads(sheet=sheet)
+        if sheet is not None:
+            frame.files["sheet"] = sheet
         gauge = Gauge(noise_percent, noise_um, setup_percent, reads)
         request = Request(hide, draws, seed, poses, gauge)
         with frame.folder_if(seed) as folder:

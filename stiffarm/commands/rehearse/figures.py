@@ -30,7 +30,7 @@ def numbers_figure(numbers: Sequence[Number]) -> Figure | None:
             furthest = max(furthest, *(abs(e - 1.0) for e in shown))
             ax.plot(np.nan_to_num(ends, posinf=1e9, neginf=-1e9), [row, row], color=OKABE_ITO["blue"], linewidth=2.5)
             ax.plot([value], [row], "o", color=OKABE_ITO["blue"])
-        named_rows(ax, [f"{n.name} ({n.true:.3g} {n.unit})" for n in drawn])
+        named_rows(ax, [f"{n.name} ({n.true:.3g}{'' if n.unit == '1' else ' ' + n.unit})" for n in drawn])
         room = min(1.1 * furthest, 3.0)
         ax.set_xlim(1.0 - room, 1.0 + room)
         ax.set_ylim(len(drawn) - 0.5, -0.5)

@@ -80,7 +80,7 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
                 kinds.get(h.code, "effect"))
             for h in shown
         ]  # fmt: skip
-        caption = "The candidates as the diagnosis ranked them at its first look, which knew of none of them."
+        caption = "The candidates as the diagnosis ranked them at its first look."
         blocks.append(pictures.add(ranking_figure(bars, "The hidden one among the candidates"), "candidates", caption))
     return Section("The hidden and the found", tuple(blocks))
 

@@ -80,7 +80,8 @@ def _row(n: Number) -> tuple[str, ...]:
     ends = "-" if n.interval95 is None else f"{n.interval95[0]:.4g} to {n.interval95[1]:.4g}"
     inside = "-" if n.is_inside is None else "yes" if n.is_inside else "no"
     found = "-" if n.found is None else f"{n.found:.4g}"
-    return n.name, f"{n.true:.4g} {n.unit}", found, ends, inside
+    unit = "" if n.unit == "1" else f" {n.unit}"
+    return n.name, f"{n.true:.4g}{unit}", found, ends, inside
 
 
 def tally(draws: Sequence[Rehearsed]) -> list[tuple[str, str, str, str]]:
