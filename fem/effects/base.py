@@ -125,6 +125,8 @@ class Effect:
     family. ``slot``: of effects with the same slot at one place only one is weighed, a second one would correct the
     first; empty: none. ``spring``: the joint whose axial spring it is in series with: where that is fitted, nothing is
     left to tell. ``usual``: standard deviation of its only amplitude in every arm, missing or not, SI; 0: none.
+    ``lasting``: whether it acts whenever the arm works, measured or not; None: as usual at its stage, parts of the arm
+    do and loads and gauges do not.
     """
 
     code: str
@@ -141,6 +143,7 @@ class Effect:
     slot: str = ""
     spring: str = ""
     usual: float = 0.0
+    lasting: bool | None = None
 
     def __post_init__(self) -> None:
         require_one_of(f"effect {self.code}: stage", self.stage, STAGES)
@@ -157,6 +160,11 @@ class Effect:
     def needs_clock(self) -> bool:
         """Whether readings must say when, in the whole campaign, they were taken."""
         return self.depends_on == "clock"
+
+    @property
+    def of_the_arm(self) -> bool:
+        """Whether it acts whenever the arm works; else it is of one measurement, of its loads and gauges."""
+        return self.stage in ("model", "arm") if self.lasting is None else self.lasting
 
     @property
     def law_doubt(self) -> float:

@@ -86,7 +86,7 @@ def _joint_zero(index: int, name: str) -> Effect:
                             meaning="real angle less the one that the controller says")  # fmt: skip
     return Effect(
         f"joint-zero-offset:{name}", f"joint {name} stands at another angle than the controller says", "load", (angle,),
-        law, "joint-zero-offset", usual=ZERO_OFF_BY,
+        law, "joint-zero-offset", usual=ZERO_OFF_BY, lasting=True,
     )  # fmt: skip
 
 

@@ -22,8 +22,10 @@ from stiffarm.commands.diagnose.figures import (
     twins_figure,
     where_figure,
 )
+from stiffarm.commands.diagnose.files import Written
 from stiffarm.commands.diagnose.laws import curves_of, law_figure, numbers_figure
 from stiffarm.commands.diagnose.model import springs_of
+from stiffarm.commands.diagnose.space import space_blocks
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
@@ -37,7 +39,7 @@ VERDICTS = {"named": "named", "ambiguous": "not settled", "unknown": "unknown ef
             "uninformative": "readings tell nothing"}  # fmt: skip
 
 
-def write_report(d: Diagnosed, folder: OutputFolder) -> None:
+def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     sections = [in_short(d)]
@@ -46,6 +48,7 @@ def write_report(d: Diagnosed, folder: OutputFolder) -> None:
     if d.in_model:
         sections.append(laws(d, pictures))
     sections.append(shrunk(d, pictures))
+    sections.append(Section("Where in space", tuple(space_blocks(d, written.gaps, written.cost, pictures))))
     if d.tells:
         sections += [not_told(d), next_readings(d), how(d)]
     title = d.given.description.title.split(" (")[0]
