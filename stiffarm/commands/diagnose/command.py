@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.diagnose import payload as diagnosis_payload
@@ -61,6 +62,16 @@ def diagnose(
             max=30,
         ),
     ] = 3,
+    folds: Annotated[
+        int,
+        typer.Option(
+            "--folds",
+            help="Number of parts into which the poses are split at random; without each part the whole diagnosis is "
+            "made anew and predicts it. Fewer than ten poses are left out one at a time; 0 for none.",
+            min=0,
+            max=50,
+        ),
+    ] = FOLDS,
     setup_percent: Annotated[
         float,
         typer.Option(
@@ -93,7 +104,7 @@ def diagnose(
         table = frame.readings(given, data, confirm_units=confirm_units)
         other = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed) as folder:
-            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0)
+            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0, folds)
             with frame.timed("diagnosis"):
                 found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
             say_notes(found.remarks)
