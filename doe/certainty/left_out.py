@@ -18,12 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe.certainty.uncertainty import null_directions
+from doe.certainty.predictive import half_width95
+from doe.certainty.uncertainty import determined_covariance, null_directions
 from doe.estimation.estimate import Estimate, check_enough, seen_columns
 from doe.estimation.least_squares import ROUNDING, bounded_step, minimise, prior_residual
 from doe.estimation.problem import Problem
 from robots import InputError
-from robots.arrays import Array, Bools, Indices
+from robots.arrays import Array, Bools, Indices, Integers
 from robots.progress import Progress
 
 # A pose whose readings hold all but this share of what is known in some direction is left out by a fit anew.
@@ -37,13 +38,16 @@ LEVEL = 1e-9
 TOLD = 100
 
 
-def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[Array, dict[str, str]]:
+def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[Array, Array, dict[str, str]]:
     """Errors (m,) read minus predicted of each pose by an estimate on the others; NaN where they cannot tell.
 
-    A pose that alone determines a parameter is not predicted; the second value says why, by pose.
+    The second value (m,): half widths of the predictions' 95 % intervals, in which the pose's own readings have no part
+    either: the covariance is that of the others, and so is the size of the noise (its make-up is the whole
+    estimate's). A pose that alone determines a parameter is not predicted; the third value says why, by pose.
     """
     p, whole = e.problem, _Whole.of(e)
-    error, reasons = np.full(len(p), np.nan), {}
+    error, variance, size = np.full(len(p), np.nan), np.full(len(p), np.nan), np.ones(len(p))
+    reasons = dict[str, str]()
     order = np.argsort(p.pose, kind="stable")
     ends = np.searchsorted(p.pose[order], np.arange(len(p.poses) + 1))
     for k, label in enumerate(p.poses):
@@ -52,28 +56,46 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
         mine = order[ends[k] : ends[k + 1]]
         step = whole.step_without(mine)
         try:
-            found, unknown = _fitted_anew(e, mine) if step is None else whole.predicted(mine, step)
+            found, spread, unknown = _fitted_anew(e, mine) if step is None else whole.predicted(mine, step)
         except InputError as reason:
             reasons[label] = str(reason)
             continue
         if unknown:
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(unknown)}"
         else:
-            error[mine] = found
-    return error, reasons
+            error[mine], variance[mine], size[mine] = found, spread, whole.size_without(mine)
+    return error, _half_widths(e, error, variance, size, np.bincount(p.pose)[p.pose]), reasons
+
+
+def _half_widths(e: Estimate, error: Array, variance: Array, size: Array, each: Integers) -> Array:
+    """Half widths (m,) of the intervals about predictions with errors (m,) and variances (m,) by the parameters.
+
+    ``size`` (m,): variance of the noise without the pose, over that with it; ``each`` (m,): readings of its pose.
+    """
+    p, half = e.problem, np.full(len(error), np.nan)
+    covariance = determined_covariance(e.rows, e.seen)[0]
+    for n in np.unique(each):
+        mine = (each == n) & ~np.isnan(error)
+        if mine.any():
+            f = (p.value - error)[mine]
+            half[mine] = half_width95(
+                e, p.take(mine), f, variance[mine], covariance, e.jacobian[mine], less=int(n), share=size[mine]
+            )
+    return half
 
 
 @dataclass(frozen=True)
 class _Whole:
     """An estimate's whitened readings as a product ``A = Q R``, ready for poses to be taken out.
 
-    ``Q`` (m, r): orthonormal columns, ``R`` (r, p); ``g`` (r,): Q^T times the whitened residual, priors included;
-    ``white`` (m,): whitened residual; ``held`` (p,): variables that stand at a bound.
+    ``Q`` (m, r): orthonormal columns, ``R`` (r, p), ``turn`` (p, r) its inverse; ``g`` (r,): Q^T times the whitened
+    residual, priors included; ``white`` (m,): whitened residual; ``held`` (p,): variables that stand at a bound.
     """
 
     e: Estimate
     Q: Array
     R: Array
+    turn: Array
     g: Array
     white: Array
     room: tuple[Array, Array]
@@ -98,7 +120,7 @@ class _Whole:
         Q = e.whitened @ turn
         g = Q.T @ white - (slopes @ turn).T @ prior
         low, high = p.bounds
-        return _Whole(e, Q, R, g, white, (low - e.u, high - e.u), seen, null_directions(e.rows, seen))
+        return _Whole(e, Q, R, turn, g, white, (low - e.u, high - e.u), seen, null_directions(e.rows, seen))
 
     def step_without(self, mine: Indices) -> Array | None:
         """The step (p,) of the variables to the estimate without the components ``mine``; None: fit it anew."""
@@ -114,10 +136,33 @@ class _Whole:
             return None
         return step
 
-    def predicted(self, mine: Indices, step: Array) -> tuple[Array, list[str]]:
-        """Errors of the components ``mine`` after a step, and the parameters that they move with unknown."""
-        J = self.e.jacobian[mine]
-        return self.e.residual[mine] - J @ step, moving_with(self.e.problem, J, self.seen, self.null)
+    def predicted(self, mine: Indices, step: Array) -> tuple[Array, Array, list[str]]:
+        """Errors of the components ``mine`` after a step, their variances by the parameters, and unknown ones.
+
+        Unknown: the parameters that these components move with and the others do not determine.
+        """
+        J, Q = self.e.jacobian[mine], self.Q[mine]
+        B = J @ self.turn
+        variance = np.sum(B * np.linalg.solve(np.eye(Q.shape[1]) - Q.T @ Q, B.T).T, axis=1)
+        unknown = moving_with(self.e.problem, J, self.seen, self.null)
+        return self.e.residual[mine] - J @ step, variance, unknown
+
+    def size_without(self, mine: Indices) -> float:
+        """Mean square of the residuals in units of the noise by a fit without the components ``mine``.
+
+        To first order, and bounds aside: the sum of squares falls by ``e^T (I - Q Q^T)^-1 e`` (Cook and Weisberg,
+        section 2.2).
+        """
+        total, spare = float(self.white @ self.white), len(self.white) - self.Q.shape[1]
+        if total == 0.0 or spare <= len(mine):
+            return 1.0
+        Q, own = self.Q[mine], self.white[mine]
+        kept = np.eye(len(own)) - Q @ Q.T
+        size, way = np.linalg.eigh(kept)
+        told = size > SHARE_LEFT
+        drop = float(np.sum((way[:, told].T @ own) ** 2 / size[told]))
+        # Noise that stands at the gauge's resolution is larger than the residuals: no less is known of it then.
+        return float(max(total - drop, 0.0) / (spare - len(mine)) / min(total / spare, 1.0))
 
 
 def _bounded(A: Array, b: Array, low: Array, high: Array) -> Array:
@@ -136,8 +181,8 @@ def _bounded(A: Array, b: Array, low: Array, high: Array) -> Array:
     return bounded_step(A, b, low, high)
 
 
-def _fitted_anew(e: Estimate, mine: Indices) -> tuple[Array, list[str]]:
-    """Errors of the components ``mine`` by a fit to all others, and the parameters that they move with unknown."""
+def _fitted_anew(e: Estimate, mine: Indices) -> tuple[Array, Array, list[str]]:
+    """As :meth:`_Whole.predicted`, by a fit to all others."""
     others = np.ones(len(e.problem), dtype=np.bool_)
     others[mine] = False
     rest = e.problem.take(others)
@@ -149,7 +194,8 @@ def _fitted_anew(e: Estimate, mine: Indices) -> tuple[Array, list[str]]:
     value, J = left.evaluate(u)
     A = np.vstack([V.whiten(rest.evaluate(u)[1]), prior_residual(rest, u)[1]])
     seen = seen_columns(rest, A)
-    return left.value - value, moving_with(rest, J, seen, null_directions(A, seen))
+    S, (_, null) = determined_covariance(A, seen)
+    return left.value - value, np.einsum("ni,ij,nj->n", J, S, J), moving_with(rest, J, seen, null)
 
 
 def moving_with(p: Problem, J: Array, seen: Bools, null: Array) -> list[str]:

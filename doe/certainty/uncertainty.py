@@ -124,26 +124,33 @@ def degrees_of_freedom(e: Estimate, covariance: Array, seen: Bools) -> Array:
 
     ``seen`` (p,): which parameters took part in the fit. NaN where there are fewer readings than those.
     """
+    return satterthwaite(e, covariance, seen, np.eye(len(e.u)), np.diag(covariance))
+
+
+def satterthwaite(e: Estimate, covariance: Array, seen: Bools, D: Array, v: Array, own: Array | None = None) -> Array:
+    """Degrees of freedom (n,) of variances ``v`` (n,) along directions D (p, n) of the variables.
+
+    ``own`` (k, n): slopes of what v has beside ``D^T covariance D`` by the variances of the noise that were estimated.
+    The rest as of :func:`degrees_of_freedom`.
+    """
     p, names = e.problem, e.estimated
     if not names:
-        return np.full(len(e.u), math.inf)
+        return np.full(len(v), math.inf)
     of = likelihood(p, names, e.noise, e.prediction, e.jacobian[:, seen], e.residual, e.weight)
     if of.basis.shape[1] >= len(p):
-        return np.full(len(e.u), math.nan)
+        return np.full(len(v), math.nan)
     at = of.at(e.noise.variances(names))
     information = at.information()
     Y = at.V.solve(e.jacobian) @ covariance
     slopes = []
     for term in of.terms:
-        if term.common:
-            slopes.append(np.sum(of.blocks.add(term.pattern[:, None] * Y) ** 2, axis=0))
-        else:
-            slopes.append(term.pattern @ Y**2)
-    g = np.array(slopes)
+        # The slope of the covariance itself, a matrix as small as there are parameters.
+        way = of.blocks.add(term.pattern[:, None] * Y) if term.common else np.sqrt(term.pattern)[:, None] * Y
+        slopes.append(np.sum(((way.T @ way) @ D) * D, axis=0))
+    g = np.array(slopes) if own is None else np.array(slopes) + own
     scale = 1.0 / np.sqrt(np.diag(information))
     W = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-10, hermitian=True)
     spread = np.einsum("ip,ij,jp->p", g * scale[:, None], W, g * scale[:, None])
-    v = np.diag(covariance)
     return np.asarray(np.where(spread > 0.0, 2.0 * v**2 / np.where(spread > 0.0, spread, 1.0), math.inf))
 
 

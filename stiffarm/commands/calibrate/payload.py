@@ -8,6 +8,7 @@ import numpy as np
 
 from doe.calibration.run import Count as ParameterCount
 from doe.certainty.lack_of_fit import outliers
+from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.noise import Noise, origin
 from doe.estimation.problem import Problem
@@ -40,6 +41,7 @@ def calibration(c: Calibrated) -> dict[str, Any]:
         "parameters": parameters(c.found.count),
         "rms_mm": number(found.rms_mm),
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "left_out_in_interval95": coverage(c.coverage),
         "left_out_not_predicted": c.skipped,
         "remarks": list(c.remarks),
         "poses": poses(c),
@@ -81,6 +83,11 @@ def spring(e: ParameterEstimate) -> dict[str, Any]:
     return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": number(e.value)})
 
 
+def coverage(c: Coverage) -> dict[str, Any]:
+    """How many readings lie in the 95 % intervals of their predictions; those without an interval do not count."""
+    return {"inside": c.inside, "readings": c.readings, "share": number(c.share, 4)}
+
+
 def parameters(n: ParameterCount) -> dict[str, int]:
     """How many parameters were free; of them those at a bound, and those that the readings identify."""
     return {"free": n.free, "at_bound": n.at_bound, "identified": n.identified}
@@ -110,6 +117,7 @@ def answer(c: Calibrated) -> dict[str, Any]:
         "parameters": parameters(c.found.count),
         "rms_mm": number(c.found.rms_mm),
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "left_out_in_interval95": coverage(c.coverage),
         "springs": springs(c),
         "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],
     }
@@ -257,7 +265,7 @@ def holdout(h: Holdout) -> dict[str, Any]:
             "noise_mm": number(float(np.sqrt(np.mean(h.expected[shift] ** 2))) * 1e3) if shift.any() else None,
         }
     return {"data": h.data.source, "data_sha256": h.data.sha256, "readings": len(p), "rms_mm": number(h.rms_mm),
-            "poses": rows, "not_predicted": h.blind}  # fmt: skip
+            "in_interval95": coverage(h.coverage), "poses": rows, "not_predicted": h.blind}  # fmt: skip
 
 
 def poses(c: Calibrated) -> list[dict[str, Any]]:
@@ -273,6 +281,7 @@ def poses(c: Calibrated) -> list[dict[str, Any]]:
             "simulated": number(float(c.predicted_mm[i])),
             # Simulated minus measured, as in the staged scheme.
             "left_out_error": number(-float(c.left_out[i]) * 1e3),
+            "left_out_half_width95": number(float(c.left_out_half95[i]) * 1e3),
         }
         for i in range(len(p))
     ]

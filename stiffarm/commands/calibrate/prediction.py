@@ -10,8 +10,10 @@ import numpy as np
 from doe import Measurements
 from doe.calibration.run import Calibration, run_campaign
 from doe.certainty.left_out import moving_with
+from doe.certainty.predictive import Coverage, half_width95
 from doe.certainty.uncertainty import null_directions
 from doe.estimation.campaign import Campaign
+from doe.estimation.estimate import Estimate
 from doe.estimation.problem import Problem, problem
 from doe.tables.loaded import history_of, rms_mm
 from fem import ArmModel
@@ -28,14 +30,16 @@ _ROUNDING_DEG = 1e-6
 class Holdout:
     """Readings kept out of the calibration: ``error`` (m,) read minus predicted, NaN at poses in ``blind``.
 
-    ``expected`` (m,): standard deviation by the noise found, NaN where studies pose by pose found none; ``blind``: why
-    the calibrated model cannot predict a pose; ``beyond``: poses outside the angles that its laws were made for.
+    ``expected`` (m,): standard deviation by the noise found, ``half_width95`` (m,) of the prediction's interval, both
+    NaN where studies pose by pose found no noise; ``blind``: why the calibrated model cannot predict a pose;
+    ``beyond``: poses outside the angles that its laws were made for.
     """
 
     data: Measurements
     system: Problem
     error: Array
     expected: Array
+    half_width95: Array
     blind: dict[str, str]
     beyond: tuple[str, ...]
 
@@ -44,6 +48,11 @@ class Holdout:
         """RMS error of the translations predicted."""
         known = ~np.isnan(self.error)
         return rms_mm(self.error[known], self.system.component[known])
+
+    @property
+    def coverage(self) -> Coverage:
+        """How many of the readings predicted lie in their intervals."""
+        return Coverage.of(self.error, self.half_width95)
 
 
 def left_out(
@@ -56,10 +65,13 @@ def left_out(
     own: Sequence[Maker] = (),
     history: History | None = None,
     spacing: str = "log",
-) -> tuple[Array, dict[str, str]]:
-    """Errors (m,) of each pose predicted by all stages run again without it; ``history`` of the readings ``used``."""
+) -> tuple[Array, Array, dict[str, str]]:
+    """Errors (m,) of each pose predicted by all stages run again without it, and half widths (m,) of their intervals.
+
+    The third value: why poses are not predicted. ``history`` of the readings ``used``.
+    """
     whole, labels, history = found.overall, np.array(used.pose, dtype=str), history or history_of(used)
-    error, reasons = np.full(len(whole), np.nan), {}
+    error, half, reasons = np.full(len(whole), np.nan), np.full(len(whole), np.nan), dict[str, str]()
     for k, label in enumerate(whole.poses):
         if count is not None:
             count(k, len(whole.poses))
@@ -83,8 +95,31 @@ def left_out(
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(blind)}"
             continue
         then = history.take(np.flatnonzero(labels == label))
-        error[whole.pose == k] = prediction_error(rest.model, mine, rest.effects, then)[0]
-    return error, reasons
+        error[whole.pose == k], system = prediction_error(rest.model, mine, rest.effects, then)
+        half[whole.pose == k] = _half_widths(rest, mine, system)
+    return error, half, reasons
+
+
+def _half_widths(found: Calibration, data: Measurements, system: Problem) -> Array:
+    """Half widths (m,) of the 95 % intervals of readings ``data`` predicted by a calibration; NaN without a noise.
+
+    Of several stages each adds what its parameters' covariance makes of the readings, and the last one's noise counts.
+    """
+    if not found.stages:
+        return np.full(len(system), np.nan)
+    parts, J = np.zeros(len(system)), np.zeros((len(system), 0))
+    for stage in found.stages:
+        J = _derivatives(stage.estimate, data)
+        parts += np.einsum("ni,ij,nj->n", J, stage.certainty.covariance, J)
+    last = found.stages[-1]
+    f = system.evaluate(np.zeros(0))[0]
+    return half_width95(last.estimate, system, f, parts, last.certainty.covariance, J)
+
+
+def _derivatives(e: Estimate, data: Measurements) -> Array:
+    """Derivatives (m, p) of readings ``data`` by the variables of an estimate."""
+    free = e.problem.free
+    return problem(free.model, data, free.parameters, free.laws, free.walls, free.effects).evaluate(e.u)[1]
 
 
 def prediction_error(
@@ -99,9 +134,8 @@ def _blind(found: Calibration, data: Measurements) -> list[str]:
     """Numbers that no stage determined and that readings of ``data`` move with."""
     out: list[str] = []
     for stage in found.stages:
-        e, free = stage.estimate, stage.estimate.problem.free
-        there = problem(free.model, data, free.parameters, free.laws, free.walls, free.effects)
-        out += moving_with(e.problem, there.evaluate(e.u)[1], e.seen, null_directions(e.rows, e.seen))
+        e = stage.estimate
+        out += moving_with(e.problem, _derivatives(e, data), e.seen, null_directions(e.rows, e.seen))
     return out
 
 
@@ -117,7 +151,8 @@ def held_out(found: Calibration, data: Measurements) -> Holdout:
     expected = np.full(len(system), np.nan)
     if found.stages:
         expected = found.stages[-1].estimate.noise.spread(system, system.evaluate(np.zeros(0))[0])
-    return Holdout(data, system, error, expected, blind, _beyond(found, data))
+    half = _half_widths(found, data, system)
+    return Holdout(data, system, error, expected, half, blind, _beyond(found, data))
 
 
 def _beyond(found: Calibration, data: Measurements) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
 from robots.arrays import Array, Integers
+from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.sections import stage_section, study_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.tables import holdout_table
@@ -83,6 +84,8 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             f"against {_mm(c.found.rms_mm)} in the fit."
         )
     ]
+    if c.coverage.readings:
+        blocks.append(Text(f"{_sentence(words.coverage_text(c.coverage, 'poses left out'))}. {words.INTERVAL}"))
     last = c.found.stages[-1].estimate if c.found.stages else None
     h, scatter = c.holdout, "scatter" if last is None else scatter_name(last.problem)
     if h is not None:
@@ -96,6 +99,8 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
                 f"The scatter found ({scatter}) would give {_mm(expected)} by itself."
             )
         )
+        if h.coverage.readings:
+            blocks.append(Text(f"{_sentence(words.coverage_text(h.coverage, 'poses held out'))}."))
         blocks.append(holdout_table(h, scatter))
     if any(np.isfinite(v) for one in errors.values() for v in one.values()):
         noise = {}
@@ -117,6 +122,10 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             Bullets(tuple(reasons)),
         ]
     return Section("Prediction", tuple(blocks))
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _by_pose(error: Array, pose: Integers, component: Integers, labels: tuple[str, ...]) -> dict[str, float]:

@@ -19,6 +19,7 @@ from doe.calibration.run import (
 from doe.calibration.written import with_origin
 from doe.certainty.lack_of_fit import downweighted
 from doe.certainty.left_out import leave_one_pose_out
+from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, certainty
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
@@ -57,7 +58,8 @@ class Request:
 class StageFindings:
     """One stage and all that is said about it; ``read``: its readings, of which its m components are.
 
-    ``left_out`` (m,): errors of poses predicted by the others, ``skipped`` why some are not; ``independent``: the
+    ``left_out`` (m,): errors of poses predicted by the others, ``left_out_half95`` (m,): half widths of these
+    predictions' 95 % intervals, ``skipped`` why some are not predicted; ``independent``: the
     same estimate as if nothing were common to a set-up, None if nothing is; ``full_weight``: with outliers at full
     weight, None without any; ``drawn`` (times, p): bootstrapped values.
     """
@@ -65,6 +67,7 @@ class StageFindings:
     result: StageResult
     read: Measurements
     left_out: Array
+    left_out_half95: Array
     skipped: dict[str, str]
     independent: Certainty | None
     full_weight: StageResult | None
@@ -86,6 +89,7 @@ class Calibrated:
     description: ModelDescription
     stages: tuple[StageFindings, ...]
     left_out: Array
+    left_out_half95: Array
     skipped: dict[str, str]
     holdout: Holdout | None
     remarks: tuple[str, ...]
@@ -131,6 +135,11 @@ class Calibrated:
         """RMS of the translations at poses predicted by a calibration that has not seen them."""
         known = ~np.isnan(self.left_out)
         return rms_mm(self.left_out[known], self.found.overall.component[known])
+
+    @property
+    def coverage(self) -> Coverage:
+        """How many readings at poses left out lie in the 95 % intervals of their predictions."""
+        return Coverage.of(self.left_out, self.left_out_half95)
 
 
 def springs_campaign(
@@ -191,9 +200,9 @@ def calibrate(
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
     if _all_at_once(found):
-        error, skipped = stages[0].left_out, stages[0].skipped
+        error, half, skipped = stages[0].left_out, stages[0].left_out_half95, stages[0].skipped
     else:
-        error, skipped = left_out(
+        error, half, skipped = left_out(
             given.description, build, used, request.campaign, found, count, given.own, history, request.spacing
         )
     shifts = [
@@ -205,7 +214,7 @@ def calibrate(
         *words.points_remark(shifts, points_of(used)),
     )
     return Calibrated(
-        request, used, found, with_origin(found, used, request.loads, remarks), stages, error, skipped,
+        request, used, found, with_origin(found, used, request.loads, remarks), stages, error, half, skipped,
         None if holdout is None else held_out(found, holdout), remarks,
     )  # fmt: skip
 
@@ -229,17 +238,16 @@ def _all_at_once(found: Calibration) -> bool:
 def _findings(
     stage: StageResult, used: Measurements, request: Request, rng: np.random.Generator, count: Progress | None
 ) -> StageFindings:
-    left_out, skipped = (
-        np.full(len(stage.estimate.problem), np.nan),
-        {"all": "a parametric study has no noise model to predict with"},
-    )
+    nothing = np.full(len(stage.estimate.problem), np.nan)
+    left_out, half, skipped = nothing, nothing, {"all": "a parametric study has no noise model to predict with"}
     if stage.study is None:
-        left_out, skipped = leave_one_pose_out(stage.estimate, count)
+        left_out, half, skipped = leave_one_pose_out(stage.estimate, count)
     several = request.bootstrap > 0 and stage.study is None
     return StageFindings(
         stage,
         readings_of(used, stage.stage),
         left_out,
+        half,
         skipped,
         _independent(stage, request.campaign.noise) if stage.estimate.noise.has_common else None,
         without_outliers(stage) if stage.study is None and downweighted(stage.estimate) else None,

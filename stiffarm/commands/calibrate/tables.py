@@ -51,6 +51,8 @@ def say_errors(c: Calibrated) -> None:
         f"RMS {c.found.rms_mm:.3f} mm on {len(c.found.overall)} readings with {c.found.count}; "
         f"poses left out one at a time are predicted {predicted}"
     )
+    if c.coverage.readings:
+        say(words.coverage_text(c.coverage, "poses left out"))
 
 
 def studies_table(c: Calibrated) -> Table:
@@ -107,6 +109,8 @@ def _show_holdout(h: Holdout, c: Calibrated) -> None:
         say(f"note: pose {label} held out is not predicted: {reason}")
     if np.isfinite(h.rms_mm):
         say(f"held out: RMS {h.rms_mm:.3f} mm, against {c.found.rms_mm:.3f} mm in the fit")
+    if h.coverage.readings:
+        say(words.coverage_text(h.coverage, "poses held out"))
 
 
 def holdout_table(h: Holdout, scatter: str) -> Table:

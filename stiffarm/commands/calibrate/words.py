@@ -10,6 +10,7 @@ import numpy as np
 
 from doe.calibration.run import StageResult
 from doe.certainty.lack_of_fit import LackOfFit, downweighted
+from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate
 from doe.estimation.noise import FEWEST_POSES, Noise, estimable
@@ -42,6 +43,21 @@ _SPRING = re.compile(r"[^.]+\.(rz|stiffness)")
 def names_joint_spring(name: str) -> bool:
     """Whether a parameter's name is that of a joint's spring about its own axis."""
     return bool(_SPRING.fullmatch(name)) and name.partition(".")[0] not in ("base", "tool", "bar")
+
+
+# What an interval of a prediction is made of.
+INTERVAL = (
+    "An interval holds the parameters' covariance, the readings' noise and the lack of fit, by a calibration that has "
+    "not seen the pose, with Student's t for what so few readings tell of the noise."
+)
+
+
+def coverage_text(c: Coverage, where: str) -> str:
+    """How many of the readings ``where`` lie in their intervals."""
+    return (
+        f"of {c.readings} readings at {where}, the 95 % interval of the prediction covers {c.inside} "
+        f"({100.0 * c.share:.3g} %)"
+    )
 
 
 def study_remarks(studies: Sequence[PoseStudies]) -> tuple[str, ...]:

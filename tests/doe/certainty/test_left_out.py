@@ -43,7 +43,7 @@ def _drawn(seed: int, poses: int = 15, ranges: tuple[tuple[float, float], ...] |
 @pytest.mark.parametrize("seed", range(5))
 def test_updates_are_fits_anew(seed: int) -> None:
     e = estimate(_drawn(seed), (1e-3, 1e-3))
-    error, reasons = leave_one_pose_out(e)
+    error, _, reasons = leave_one_pose_out(e)
     assert not reasons
     for k in range(len(e.problem.poses)):
         # Both are exact; differences are rounding.
@@ -55,7 +55,7 @@ def test_bounds_that_are_met_or_left_without_a_pose(seed: int) -> None:
     """Two parameters whose best values lie about their bounds: with some poses left out they stand there, or not."""
     p = _drawn(seed, ranges=((-9.0, 9.0), (0.0, 9.0), (-9.0, 0.0), (-9.0, 9.0)))
     e = estimate(p, (1e-3, 1e-3))
-    error, _ = leave_one_pose_out(e)
+    error, _, _ = leave_one_pose_out(e)
     stand = []
     for k in range(len(p.poses)):
         np.testing.assert_allclose(error[p.pose == k], _refitted(e, k), rtol=1e-9, atol=1e-12)
@@ -71,7 +71,7 @@ def test_the_weights_of_outliers_stay() -> None:
     p = replace(p, value=p.value + np.where(np.arange(len(p)) == 7, 5.0, 0.0))
     e = estimate(p, (1e-3, 1e-3))
     assert e.weight[7] < 0.1
-    error, _ = leave_one_pose_out(e)
+    error, _, _ = leave_one_pose_out(e)
     for k in (0, 2, 5):
         np.testing.assert_allclose(error[p.pose == k], _refitted(e, k), rtol=1e-9, atol=1e-12)
 
@@ -82,7 +82,7 @@ def test_a_pose_that_alone_determines_a_parameter_is_not_predicted() -> None:
     A[2:, 1] = 0.0
     p = linear(A, A @ [1.0, 2.0] + 0.01 * rng.normal(size=20), np.arange(20) // 2)
     e = estimate(p, (1e-3, 1e-3))
-    error, reasons = leave_one_pose_out(e)
+    error, _, reasons = leave_one_pose_out(e)
     assert list(reasons) == ["P0"]
     assert "x1" in reasons["P0"]
     assert np.isnan(error[:2]).all()
@@ -91,14 +91,14 @@ def test_a_pose_that_alone_determines_a_parameter_is_not_predicted() -> None:
     A[19, 1] = 1e-2
     p = linear(A, A @ [1.0, 2.0] + 0.01 * rng.normal(size=20), np.arange(20) // 2)
     e = estimate(p, (1e-3, 1e-3))
-    error, reasons = leave_one_pose_out(e)
+    error, _, reasons = leave_one_pose_out(e)
     assert not reasons
     np.testing.assert_allclose(error[:2], _refitted(e, 0), rtol=1e-6)
 
 
 def test_as_many_readings_as_parameters_leave_nothing_to_predict() -> None:
     e = estimate(linear(np.eye(2), np.array([1.0, 2.0])), (1e-3, 1e-3))
-    error, reasons = leave_one_pose_out(e)
+    error, _, reasons = leave_one_pose_out(e)
     assert np.isnan(error).all()
     assert set(reasons) == {"P0", "P1"}
 
@@ -121,7 +121,7 @@ def test_curved_predictions_are_stepped_or_fitted_anew() -> None:
     p = problem_of(model, value, pose)
     noise = Noise((0.05, 0.05))
     e = estimate(p, (1e-3, 1e-3), fixed_noise=noise, robust=False)
-    error, reasons = leave_one_pose_out(e)
+    error, _, reasons = leave_one_pose_out(e)
     assert not reasons
     for k in range(40):
         np.testing.assert_allclose(error[pose == k], _refitted(e, k), atol=1e-4 * noise.white[0])
@@ -135,7 +135,7 @@ def test_twenty_thousand_poses_take_seconds(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(left_out, "_fitted_anew", lambda *_: pytest.fail("a fit anew"))
     said: list[tuple[int, int]] = []
     start = time.process_time()
-    error, _ = leave_one_pose_out(e, lambda k, n: said.append((k, n)))
+    error, _, _ = leave_one_pose_out(e, lambda k, n: said.append((k, n)))
     assert time.process_time() - start < 20.0
     assert len(said) == 100
     assert np.isfinite(error).all()
@@ -143,6 +143,6 @@ def test_twenty_thousand_poses_take_seconds(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_parameters_that_no_reading_moves_with_leave_the_readings_themselves() -> None:
     e = estimate(linear(np.zeros((6, 2)), np.arange(1.0, 7.0)), (1e-3, 1e-3))
-    error, reasons = leave_one_pose_out(e)
+    error, _, reasons = leave_one_pose_out(e)
     assert not reasons
     np.testing.assert_allclose(error, np.arange(1.0, 7.0))

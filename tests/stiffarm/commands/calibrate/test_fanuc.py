@@ -24,3 +24,12 @@ def test_gear_and_tilt_at_every_joint(cli: Command) -> None:
     found = cli("calibrate", "fanuc-r2000ic", "--free", free, "--no-robust", "--json").json
     assert found["rms_mm"] == pytest.approx(0.160, rel=0.02)
     assert found["left_one_pose_out_rms_mm"] == pytest.approx(0.176, rel=0.02)
+
+
+def test_intervals_cover_readings_at_poses_left_out_and_held_out(cli: Command) -> None:
+    found = cli("calibrate", "fanuc-r2000ic", "--json").json
+    covered = found["left_out_in_interval95"]
+    assert covered["readings"] == 129
+    assert 0.90 <= covered["share"] <= 0.98
+    rows = [r for r in found["poses"] if abs(r["left_out_error"]) <= r["left_out_half_width95"]]
+    assert len(rows) == covered["inside"]
