@@ -18,7 +18,6 @@ from stiffarm.commands.run.figures import (
     axis_words,
     data_figure,
     match_figure,
-    size_mm,
     wrist_families,
 )
 from stiffarm.commands.run.findings import Findings
@@ -97,7 +96,7 @@ def idle_joints(f: Findings) -> tuple[str, ...]:
 
 
 def _proportionality(f: Findings, levels: Array) -> str:
-    size = size_mm(f.data)
+    size = f.data.deflection * 1e3
     rows = [np.isclose(f.data.loads_N, load) & ~np.isnan(size) for load in levels]
     means = [size[row].mean() / load * 1e3 for row, load in zip(rows, levels, strict=True)]
     listed = ", ".join(f"{mean:.2f} um/N at {load:g} N" for mean, load in zip(means, levels, strict=True))
