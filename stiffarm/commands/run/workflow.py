@@ -62,6 +62,8 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
     inputs.refuse_effects(given, "the whole chain", remedy)
     frame.reads(scheme_file=options.scheme_file)
     scheme = _scheme(given, table, options.scheme_file)
+    # What it asks for and was not measured is refused before the work.
+    select_poses(select_loads(table, scheme.loads_N), scheme.beside.sensitivity.poses, "sensitivities")
     kept = frame.held_out(given, options.holdout, confirm_units=options.confirm_units)
     with frame.folder(options.seed) as folder:
         with folder.timed("diagnosis"):
