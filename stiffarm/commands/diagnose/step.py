@@ -79,15 +79,19 @@ class Diagnosed:
 
     @property
     def unseen_rms_mm(self) -> tuple[float, float]:
-        """Errors before and after where nothing was chosen or fitted: readings held out, else poses of other folds.
+        """Errors before and after where nothing was chosen or fitted: readings held out, else poses left out."""
+        h = self.held_out
+        return self.left_out_rms_mm if h is None else (h.rms_before_mm, h.rms_after_mm)
 
-        Where neither is there: poses left out one at a time, with effects chosen on all of them.
+    @property
+    def left_out_rms_mm(self) -> tuple[float, float]:
+        """Errors before and after at poses left out: of folds, with effects chosen anew in each.
+
+        Where there are no folds: left out one at a time, with effects chosen on all of them.
         """
-        if self.held_out is None and self.nested is not None:
+        if self.nested is not None:
             return self.nested.rms_before_mm, self.nested.rms_after_mm
-        if self.held_out is None:
-            return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
-        return self.held_out.rms_before_mm, self.held_out.rms_after_mm
+        return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
 
     @property
     def in_model(self) -> tuple[Found, ...]:

@@ -163,8 +163,12 @@ def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Mea
         d = look.found
         if d.in_model and d.used.n == used.n:
             arm, after = look.written.arm, d.found.after
-            errors_mm = after.fit_rms_mm, d.unseen_rms_mm[1]
-            found.append(Recommended("diagnosed", arm.description, arm.model, *errors_mm, len(after.setting.data)))
+            errors_mm = after.fit_rms_mm, d.left_out_rms_mm[1]
+            held_mm = None if d.held_out is None else d.held_out.rms_after_mm
+            count = len(after.setting.data)
+            found.append(
+                Recommended("diagnosed", arm.description, arm.model, *errors_mm, count, held_out_rms_mm=held_mm)
+            )
     return min(found, key=lambda one: one.left_out_rms_mm if np.isfinite(one.left_out_rms_mm) else np.inf)
 
 
