@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from doe import Measurements, select_loads
 from doe.calibration.run import refuse_cut_cycles
+from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
@@ -18,6 +19,7 @@ from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
+from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
 from doe.tables.loaded import history_of, history_of_part
@@ -145,6 +147,8 @@ def diagnose(
     refuse_frozen(given.model, table)
     remarks = _remarks(given, request)
     s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
+    if holdout is not None:
+        s = replace(s, known=standing(s, problem(s.model, holdout, ()).free.at))
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)

@@ -148,7 +148,7 @@ def test_a_package_that_is_missing_asks_for_another_installation(monkeypatch: py
     """An editable installation that is older than the package: nothing hides it."""
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "rehearsal" else find(name))
-    with pytest.raises(ImportError, match="'rehearsal' is missing.*install stiffarm again") as caught:
+    with pytest.raises(ImportError, match=r"'rehearsal' is missing.*install stiffarm again") as caught:
         sa.refuse_strangers()
     assert "hidden" not in str(caught.value)
 
