@@ -38,7 +38,7 @@ def alone(q_deg: np.ndarray, force: np.ndarray) -> Campaign:
         one,
         one,
         zero > 0,
-        np.arange(n) * 60.0,
+        np.linspace(0.0, 600.0, n),
         zero,
         np.full(n, 20.0),
     )

@@ -27,11 +27,8 @@ def imported(tree: ast.AST, place: tuple[str, ...]) -> Iterator[tuple[str, ...]]
             yield from ((*base, alias.name) for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in {"import_module", "__import__"}:
             first = node.args[0] if node.args else None
-            yield tuple(first.value.split(".")) if _is_text(first) else ("what", "nobody", "knows")
-
-
-def _is_text(node: ast.expr | None) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+            known = isinstance(first, ast.Constant) and isinstance(first.value, str)
+            yield tuple(ast.literal_eval(first).split(".")) if known and first else ("what", "nobody", "knows")
 
 
 def foreign_to(parts: tuple[str, ...], world: str) -> bool:
