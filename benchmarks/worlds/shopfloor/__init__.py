@@ -29,8 +29,8 @@ others                     slip of ring, tool and foot; stick-slip; warming; bea
                            two joints in one casing; a worn bar (partial-load-path)
 ========================== ========================================================================================
 
-`link-flexibility` is not hidden: links are rigid here, and what they yield is a nuisance (0.2 to 1.2 % of the softest
-of springs 2 and 3, at each joint and about all axes).
+`link-flexibility` is not hidden: links are rigid here, and what upper arm and forearm yield is a nuisance (0.2 to 1.0 %
+of the softer of springs 2 and 3, at joints 2 to 4 and about all axes).
 
 Time
 ----

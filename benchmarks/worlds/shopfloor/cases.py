@@ -99,7 +99,7 @@ def _truth(rng: np.random.Generator, arm: Robot, hidden: tuple[Hidden, ...]) -> 
     c = 1.0 / (arm.nominal() * np.exp(rng.uniform(np.log(0.5), np.log(2.0), arm.dof)))
     c[sorted(held)] = 0.0
     nuisance = Nuisance(
-        np.radians(rng.normal(0.0, 0.03, arm.dof)), float(rng.uniform(0.002, 0.012) * c[1:3].max()),
+        np.radians(rng.normal(0.0, 0.03, arm.dof)), float(rng.uniform(0.002, 0.010) * c[1:3].max()),
         float(rng.normal(0.0, 0.005)), 0.001, int(rng.integers(2**31)),
     )  # fmt: skip
     mood = (float(rng.uniform(18, 25)), float(rng.uniform(1, 3)), float(rng.uniform(0.2, 1.2)))
