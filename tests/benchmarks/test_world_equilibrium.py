@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import csv
 import importlib
 import json
@@ -13,23 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-WORLD = Path(__file__).resolve().parents[2] / "benchmarks" / "worlds" / "equilibrium"
-OURS = {"robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal", "stiffarm"}
-
-
-def test_it_imports_nothing_of_ours_nor_of_another_world() -> None:
-    """Not even the everyday parts: two worlds that share a mistake would hide it."""
-    for path in WORLD.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names: list[str] = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                assert node.level <= 1, f"{path.name} imports from outside of its folder"
-                names = [] if node.level else [str(node.module)]
-            heads = {name.split(".")[0] for name in names}
-            assert not heads & (OURS | {"benchmarks", "worlds"}), f"{path.name} imports {heads}"
-
 
 def part(name: str) -> Any:
     pytest.importorskip("mujoco", reason="the world stands on MuJoCo: the extra `worlds`")
@@ -39,7 +21,7 @@ def part(name: str) -> Any:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("equilibrium")
-    part("sets").make(out, 5, single=3, none=1, outside=2, pairs=1)
+    part("sets").make(out, 5, single=2, none=1, outside=1, pairs=1)
     return out
 
 
@@ -67,7 +49,8 @@ def test_springs_alone_leave_next_to_nothing_over() -> None:
     hidden, sets = part("hidden"), part("sets")
     wish = sets.wishes(np.random.default_rng(2), "none", 1)[0]
     bare = hidden.draw(wish, 4)
-    feather = replace(bare, rows=[replace(row, force=row.force * 1e-3) for row in bare.rows])
+    rows = [replace(row, force=row.force * 1e-3) for row in bare.rows]
+    feather = replace(bare, rows=rows, nuisance=replace(bare.nuisance, compensated=1.0))
     noise = replace(bare.noise, kind="white", axes=(1e-8, 1e-8, 1e-8))
     assert replace(feather, noise=noise).excess([]) < 0.05
     assert bare.excess([], bare.nuisance) < hidden.DETECTABLE
@@ -119,7 +102,8 @@ def test_a_sheet_is_filled_by_the_same_truth(made: Path) -> None:
     filled = sets.fill(folder, "\n".join(lines) + "\n", 1)
     assert filled == sets.fill(folder, "\n".join(lines) + "\n", 1) != sets.fill(folder, "\n".join(lines) + "\n", 2)
     truth, said = ([float(r["dz_mm"]) for r in csv.DictReader(t)] for t in (lines, filled.splitlines()))
-    assert np.median(np.abs(np.array(said) - truth)) < 0.1 * np.median(np.abs(truth))
+    # White noise of 30 um at most, and 1.5 % of scatter.
+    assert np.median(np.abs(np.array(said) - truth)) < 0.045
 
 
 @pytest.mark.slow

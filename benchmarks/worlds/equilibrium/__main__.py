@@ -26,7 +26,9 @@ def main() -> None:
         folders = make(given.out, given.seed, given.single, given.none, given.outside, given.pairs)
         print(f"{len(folders)} sets in {given.out}")
     else:
-        given.out.write_text(fill(given.set_folder, given.sheet.read_text(encoding="utf-8"), given.visit), encoding="utf-8")
+        given.out.write_text(
+            fill(given.set_folder, given.sheet.read_text(encoding="utf-8"), given.visit), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

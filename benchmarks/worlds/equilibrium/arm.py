@@ -128,8 +128,8 @@ def model_text(arm: Arm, springs: dict[str, float], load_path: str | None = None
     text = re.sub(r"^stiffness = .*\n", "", arm.text, flags=re.MULTILINE)
     for name, value in springs.items():
         entry = f'stiffness = {{ value = {value:.6g}, unit = "N m/rad", source = "assumed" }}\n'
-        pattern = rf'(\[\[joint\]\]\nname = "{re.escape(name)}"\ncoordinate = .*\n(?:sign = .*\n|offset = .*\n|limits = .*\n)+)'
-        text, count = re.subn(pattern, lambda found, entry=entry: str(found.group(1)) + entry, text)
+        head = rf'(\[\[joint\]\]\nname = "{re.escape(name)}"\ncoordinate = .*\n(?:(?:sign|offset|limits) = .*\n)+)'
+        text, count = re.subn(head, rf"\g<1>{entry}", text)
         if count != 1:
             raise ValueError(f"{arm.name}: joint {name} stands {count} times in the description; once is right")
     if load_path:

@@ -63,7 +63,8 @@ def draw_unseen(rng: np.random.Generator, arm: Arm, rows: Sequence[Row], count: 
     """Other set-ups within the same angles, each with one of the same loads, taken from rest."""
     seen = np.array([row.angles for row in rows])
     low, high = seen.min(axis=0), seen.max(axis=0)
-    chain, out = Chain(arm), []
+    chain = Chain(arm)
+    out: list[Row] = []
     while len(out) < count:
         angles = np.round(np.degrees(rng.uniform(low, high)), 2)
         if _stands(chain, arm, np.radians(angles)):

@@ -125,9 +125,7 @@ class Chain:
         mujoco.mj_rne(self.model, self.data, 0, self._bias)
         return np.asarray(force @ self.jacobian(lever) - self._bias[self._slots] @ self.mix)
 
-    def settle(
-        self, angles: Vector, force: Vector, lever: Vector, law: Law, start: Vector
-    ) -> tuple[Vector, Vector]:
+    def settle(self, angles: Vector, force: Vector, lever: Vector, law: Law, start: Vector) -> tuple[Vector, Vector]:
         """Find the equilibrium: each freedom deflected as its law says for the torque at the deflected pose.
 
         Newton's method on the complementary form ``deflection - law(torque(deflection)) = 0``. The residual is that

@@ -24,11 +24,11 @@ class Clock:
     work_s: float
     setup_s: float
     reading_s: float
-    mean_C: float
+    mean_celsius: float
     waves: tuple[tuple[float, float, float], ...]
     iron_lag_s: float
     thermometer: str
-    housing_rise_K: float
+    housing_rise: float
     housing_time_s: float
     days: int
     end_s: float = 0.0
@@ -53,9 +53,9 @@ class Clock:
     def temperature(self, moment: Moment) -> float:
         """Return what the thermometer says, C, before its own noise."""
         if self.thermometer == "air":
-            return self.mean_C + self.waves_at(moment.time_s, 120.0)
-        rise = self.housing_rise_K * (1 - np.exp(-moment.day_s / self.housing_time_s))
-        return float(self.mean_C + self.waves_at(moment.time_s, 2400.0) + rise)
+            return self.mean_celsius + self.waves_at(moment.time_s, 120.0)
+        rise = self.housing_rise * (1 - np.exp(-moment.day_s / self.housing_time_s))
+        return float(self.mean_celsius + self.waves_at(moment.time_s, 2400.0) + rise)
 
     def data(self) -> dict[str, object]:
         """As plain data."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Effect:
     """
 
     family = ""
-    axis: tuple[str, ...] = ("pose", "load")
+    axis: ClassVar[tuple[str, ...]] = ("pose", "load")
     fading = False
     remembers = False
     timed = False

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from .arm import Vector
@@ -21,7 +23,7 @@ class Payload(OfLoad):
     """Hook and shackle that nobody weighed: 20 to 60 N that hang with every load, never without."""
 
     family = "payload"
-    axis = ("load",)
+    axis: ClassVar[tuple[str, ...]] = ("load",)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -31,14 +33,14 @@ class Payload(OfLoad):
     def force(self, force: Vector, row: Row) -> Vector:
         """Add it downward."""
         hung = np.linalg.norm(force) > 0
-        return force - np.array([0, 0, self.number("force_N") * hung])
+        return np.asarray(force - np.array([0, 0, self.number("force_N") * hung]))
 
 
 class LoadPointOffset(OfLoad):
     """The load hangs 15 to 45 mm beside the point that is read."""
 
     family = "load-point-offset"
-    axis = ("pose", "load")
+    axis: ClassVar[tuple[str, ...]] = ("pose", "load")
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -70,7 +72,7 @@ class LoadMisalignment(OfLoad):
     """The load pulls 1.5 to 4.5 deg aside."""
 
     family = "load-misalignment"
-    axis = ("load", "direction", "pose")
+    axis: ClassVar[tuple[str, ...]] = ("load", "direction", "pose")
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -87,7 +89,7 @@ class TurnedFrame(LoadMisalignment):
     """The table's forces and displacements stand in axes turned by 1.5 to 6 deg against the arm's."""
 
     family = "turned-frame"
-    axis = ("direction", "pose", "load")
+    axis: ClassVar[tuple[str, ...]] = ("direction", "pose", "load")
 
     @classmethod
     def places(cls, site: Site) -> list[str]:
@@ -108,7 +110,7 @@ class JointZero(Effect):
     """A joint stands 0.3 to 3 deg off, one way or the other."""
 
     family = "joint-zero-offset"
-    axis = ("pose",)
+    axis: ClassVar[tuple[str, ...]] = ("pose",)
     low, high = 0.3, 3.0
 
     @classmethod
@@ -184,7 +186,7 @@ class GaugeZero(Effect):
     """The gauge was set a little beside its zero: 15 to 45 um in each direction that it reads."""
 
     family = "gauge-zero"
-    axis = ("load",)
+    axis: ClassVar[tuple[str, ...]] = ("load",)
 
     @classmethod
     def places(cls, site: Site) -> list[str]:
@@ -217,10 +219,10 @@ class GaugeScale(GaugeZero):
 
 
 class Drift(GaugeZero):
-    """The gauge wanders by 25 to 90 um: quickly at first and on for ever (log), or late, as sunshine comes in (logistic)."""
+    """The gauge wanders by 25 to 90 um: quickly at first and on for ever (log), or late, with the sun (logistic)."""
 
     family = "drift"
-    axis = ("clock",)
+    axis: ClassVar[tuple[str, ...]] = ("clock",)
     fading = True
     timed = True
 
@@ -238,11 +240,10 @@ class Drift(GaugeZero):
         t, when = row.moment.progress, self.number("when")
         late = 1 / (1 + np.exp(-12 * (t - when)))
         course = late if self.number("law") else np.log1p(t / (0.1 * when)) / np.log1p(1 / (0.1 * when))
-        return displacement + self.vector("amount_m") * course
+        return np.asarray(displacement + self.vector("amount_m") * course)
 
 
 KINDS: list[type[Effect]] = [
     Payload, LoadPointOffset, ToolPointOffset, LoadMisalignment, TurnedFrame, JointZero, AngleOffset, AngleSign,
     AngleCoupling, GaugeZero, GaugeScale, Drift,
 ]  # fmt: skip
-

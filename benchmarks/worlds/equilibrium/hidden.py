@@ -22,7 +22,7 @@ DETECTABLE = 30.0
 UNSEEN = 15.0
 # How often effects are drawn again, by how many there are; and whole campaigns.
 TRIES = {1: 4, 2: 20}
-ATTEMPTS = 8
+ATTEMPTS = 20
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,9 @@ def _draw_campaign(wish: Wish, seed: int, rng: np.random.Generator) -> Hidden:
     families = wish.families
     robot = _fitting_robot(rng, wish)
     arm = arms.load(robot)
-    springs = {n: float(f"{k * 2 ** rng.uniform(-1, 1):.6g}") for n, k in zip(arm.names, arms.SPRINGS[robot], strict=True)}
+    springs = {
+        n: float(f"{k * 2 ** rng.uniform(-1, 1):.6g}") for n, k in zip(arm.names, arms.SPRINGS[robot], strict=True)
+    }
     needs_days = wish.noise == "session" or any("session" in EVERY[f].axis for f in families)
     back = wish.back or any("load history" in EVERY[f].axis and "clock" not in EVERY[f].axis for f in families)
     plan = draw_plan(rng, wish.poses, wish.xyz, back)
@@ -114,7 +116,7 @@ def _draw_campaign(wish: Wish, seed: int, rng: np.random.Generator) -> Hidden:
     clock = draw_clock(rng, thermometer, int(rng.integers(2, 4)) if needs_days else int(rng.integers(1, 3)))
     clock, stamps = moments(clock, [row.pose for row in rows], [row.repeat for row in rows], rng)
     rows = [replace(row, moment=moment) for row, moment in zip(rows, stamps, strict=True)]
-    noise = draw_noise(rng, wish.noise, wish.scatter, wish.outliers)
+    noise = draw_noise(rng, wish.noise, wish.scatter, wish.outliers, max(float(np.linalg.norm(r.force)) for r in rows))
     site = site_of(arm, springs, rows, wish.xyz)
     nuisance = draw_nuisance(rng, arm, plan.levels, float(rng.choice([0.0, 0.9, 1.0])))
     return Hidden(seed, wish.kind, arm, site, [], (), nuisance, noise, clock, point, None, rows)
@@ -144,7 +146,7 @@ def _fitting_robot(rng: np.random.Generator, wish: Wish) -> str:
         ones = dict.fromkeys(arm.names, 1.0)
         site = Site(arm, dict(zip(arm.names, arms.SPRINGS[robot], strict=True)), ones, ones, wish.xyz, 1.0)
         if all(EVERY[family].places(site) for family in wish.families):
-            return robot
+            return str(robot)
     raise ValueError(f"no arm can have {wish.families}")
 
 
@@ -214,6 +216,9 @@ def key(hidden: Hidden, world: str) -> dict[str, Any]:
             "point_m": hidden.point.tolist(),
         },
         "site": {"torques": dict(hidden.site.torques), "held": dict(hidden.site.held), "force": hidden.site.force},
+        "levels_N": list(
+            {r.level: float(np.linalg.norm(r.force)) for r in sorted(rows, key=lambda r: r.level)}.values()
+        ),
         "unseen_state": "rested and fresh before each load (friction, creep); time, warmth and running-in as in the"
         " middle of the campaign, half a day's work done; gauge's zero and scale as in the readings; without noise,"
         " drift, steps, sticking of the gauge, people, slips and the hall's warmth in what is read",
@@ -236,7 +241,12 @@ def hidden_of(data: dict[str, Any]) -> Hidden:
     plain["zeros"], plain["loads"] = tuple(plain["zeros"]), tuple(plain["loads"])
     arm, around = arms.load(data["tags"]["robot"]), data["site"]
     site = Site(
-        arm, data["springs_Nm_per_rad"], around["torques"], around["held"], data["tags"]["reads"] == "xyz", around["force"]
+        arm,
+        data["springs_Nm_per_rad"],
+        around["torques"],
+        around["held"],
+        data["tags"]["reads"] == "xyz",
+        around["force"],
     )
     effects = [effect_of(entry) for entry in data["effects"]]
     return Hidden(

@@ -67,7 +67,9 @@ class Memoryless:
             return float(self.compliance * self.size * (self.reference * np.arcsinh(x) - torque))
         if self.kind == "two-teeth":  # a second pair of teeth comes to bear at the reference: a rounded kink
             over = np.logaddexp(0.0, 12 * (abs(x) - 1)) / 12
-            return float(-self.compliance * self.size * self.reference * np.sign(x) * (over - np.log1p(np.exp(-12)) / 12))
+            return float(
+                -self.compliance * self.size * self.reference * np.sign(x) * (over - np.log1p(np.exp(-12)) / 12)
+            )
         if self.kind == "dead-zone":  # half of the clearance on either flank, the corner rounded by oil and tooth form
             return float(self.size / 2 * x / np.sqrt(1 + x * x))
         if self.kind == "lifting":  # a foot whose edge leaves the floor beyond the reference

@@ -21,7 +21,7 @@ FLOOR = 5e-6
 
 @dataclass(frozen=True)
 class Noise:
-    """Kind and sizes: a share of what is read or of the largest load, m by axis; m that a session has in common."""
+    """Kind and sizes: a share of what is read, m by axis, m that a session has in common, N that count as full load."""
 
     kind: str
     share: float
@@ -30,15 +30,16 @@ class Noise:
     scatter: float
     outliers: bool
     resolution: float
+    full: float
 
 
-def draw_noise(rng: np.random.Generator, kind: str, scatter: float, outliers: bool) -> Noise:
+def draw_noise(rng: np.random.Generator, kind: str, scatter: float, outliers: bool, full: float) -> Noise:
     """Shares of 1 to 4 %, white noise of 5 to 30 um, 10 to 40 um in common within a session."""
-    white = float(np.exp(rng.uniform(np.log(5e-6), np.log(30e-6))))
-    axes = tuple((white * np.exp(rng.uniform(-0.8, 0.8, 3))).tolist()) if kind == "by-axis" else (white,) * 3
+    white = np.exp(rng.uniform(np.log(5e-6), np.log(30e-6), 3))
+    x, y, z = (white if kind == "by-axis" else white[[0, 0, 0]]).tolist()
     session = float(rng.uniform(10e-6, 40e-6)) if kind == "session" else 0.0
     resolution = 1e-5 if rng.random() < 0.25 else 1e-6
-    return Noise(kind, float(rng.uniform(0.01, 0.04)), axes, session, scatter, outliers, resolution)  # type: ignore[arg-type]
+    return Noise(kind, float(rng.uniform(0.01, 0.04)), (x, y, z), session, scatter, outliers, resolution, full)
 
 
 def deviations(noise: Noise, rows: Sequence[Row], true: Vector) -> Vector:
@@ -50,7 +51,7 @@ def deviations(noise: Noise, rows: Sequence[Row], true: Vector) -> Vector:
         out = np.repeat(np.hypot(noise.share * np.linalg.norm(true, axis=1), FLOOR)[:, None], 3, axis=1)
     elif noise.kind == "load":
         size = np.array([np.linalg.norm(row.force) for row in rows])
-        out = np.hypot(out * (size / size.max())[:, None], FLOOR)
+        out = np.hypot(out * (size / noise.full)[:, None], FLOOR)
     return out
 
 
@@ -66,10 +67,10 @@ def blur(noise: Noise, rows: Sequence[Row], true: Vector, rng: np.random.Generat
     out = np.round(out / noise.resolution) * noise.resolution
     wrong: list[int] = []
     if noise.outliers:
-        for i in np.flatnonzero(rng.random(len(rows)) < 1 / 50):
+        for spoilt in np.flatnonzero(rng.random(len(rows)) < 1 / 50).tolist():
             for axis in range(3):
-                wrong.append(int(3 * i + axis))
-                out[i, axis] = _spoilt(out[i, axis], sigma[i, axis], rng)
+                wrong.append(3 * spoilt + axis)
+                out[spoilt, axis] = _spoilt(out[spoilt, axis], sigma[spoilt, axis], rng)
     return out, wrong
 
 
@@ -95,7 +96,7 @@ def excess(
     flat = [(block / sigma).reshape(-1) for block in (*common, *columns, y)]
     prior = np.zeros((len(common), len(flat)))
     prior[:, : len(common)] = np.eye(len(common))
-    small = np.linalg.qr(np.vstack([prior, np.array(flat).T]), mode="r")
+    small = np.asarray(np.linalg.qr(np.vstack([prior, np.array(flat).T]), mode="r"))
     left = small[len(common) :, len(common) :]
     scale = np.linalg.norm(left[:, :-1], axis=0)
     seen = scale > 1e-9 * max(float(scale.max()), 1e-300)

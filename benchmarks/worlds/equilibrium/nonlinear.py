@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Hardening(Effect):
 
 
 class Softening(Hardening):
-    """Ramberg and Osgood's law: the gear gives s = 20 to 70 % more at the largest torque, with an exponent of 2.5 to 4."""
+    """Ramberg and Osgood's law: 20 to 70 % more at the largest torque, with an exponent of 2.5 to 4."""
 
     family = "softening"
     kinds = ("ramberg-osgood",)
@@ -80,7 +81,7 @@ class Friction(Effect):
     """Dahl's friction beside the gear's spring, 60 to 225 N m at shoulder or elbow."""
 
     family = "friction"
-    axis = ("load history", "load")
+    axis: ClassVar[tuple[str, ...]] = ("load history", "load")
     remembers = True
 
     @classmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,7 +18,7 @@ class Creeping(Effect):
     """A gear that goes on giving, and recovers: 5 to 20 % within minutes, 10 to 35 % within the hour."""
 
     family = "creep"
-    axis = ("clock", "load history")
+    axis: ClassVar[tuple[str, ...]] = ("clock", "load history")
     remembers = True
 
     @classmethod
@@ -61,7 +62,7 @@ class Slip(Effect):
     """A fixture slips once in the middle of the campaign: the base, a gear's flange or the tool."""
 
     family = "slip"
-    axis = ("clock", "pose")
+    axis: ClassVar[tuple[str, ...]] = ("clock", "pose")
     fading = True
     timed = True
 
@@ -87,14 +88,16 @@ class Slip(Effect):
     def extras(self, where: Mapping[str, int], site: Site) -> list[Extra]:
         """A step in each."""
         amounts = self.vector("amount")
-        return [Step(where[name], float(a), self.number("when")) for name, a in zip(self._names(), amounts, strict=False)]
+        return [
+            Step(where[name], float(a), self.number("when")) for name, a in zip(self._names(), amounts, strict=False)
+        ]
 
 
 class Warming(Effect):
-    """A joint's gear softens (or, preloaded, stiffens) by 10 to 40 % as it warms over the day, and is cold next morning."""
+    """A joint's gear softens (or, preloaded, stiffens) by 10 to 40 % over the day, and is cold next morning."""
 
     family = "warming"
-    axis = ("clock", "temperature", "session")
+    axis: ClassVar[tuple[str, ...]] = ("clock", "temperature", "session")
     timed = True
 
     @classmethod
@@ -118,7 +121,7 @@ class RunIn(Warming):
     """Bearings settle: a joint is 20 to 60 % softer at first and gets stiffer with each load cycle."""
 
     family = "other:run-in"
-    axis = ("clock", "load history")
+    axis: ClassVar[tuple[str, ...]] = ("clock", "load history")
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -134,7 +137,7 @@ class LooseBase(Effect):
     """Anchors without tension: an edge of the foot lifts beyond some moment."""
 
     family = "loose-base"
-    axis = ("pose", "load")
+    axis: ClassVar[tuple[str, ...]] = ("pose", "load")
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -158,7 +161,7 @@ class CablePackage(Effect):
     """Hoses along the hand: stiffer by up to 20 to 60 % where they are wound up, and they rub."""
 
     family = "cable-package"
-    axis = ("pose", "load history")
+    axis: ClassVar[tuple[str, ...]] = ("pose", "load history")
     remembers = True
 
     @classmethod
@@ -216,7 +219,7 @@ class LoadCellLag(Effect):
     """The load cell remembers: unloading, the true load is 1.5 to 5 % above what it says, most halfway."""
 
     family = "other:load-cell-lag"
-    axis = ("load history", "load")
+    axis: ClassVar[tuple[str, ...]] = ("load history", "load")
 
     @classmethod
     def places(cls, site: Site) -> list[str]:
@@ -239,7 +242,7 @@ class GaugeStick(Effect):
     """The gauge's rod sticks: it follows only once it is 12 to 45 um behind."""
 
     family = "other:gauge-stick"
-    axis = ("load history",)
+    axis: ClassVar[tuple[str, ...]] = ("load history",)
     remembers = True
     fading = True
 

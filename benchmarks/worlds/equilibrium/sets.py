@@ -94,7 +94,7 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     lines = list(csv.DictReader(io.StringIO(sheet_csv), delimiter=";" if ";" in sheet_csv.split("\n")[0] else ","))
     if not lines:
         raise ValueError("the sheet has no rows; pass one with a row for each reading to take")
-    rows = _rows_of(hidden.arm, lines)
+    rows = _rows_of(hidden.arm, lines, np.array(told["levels_N"]))
     _, stamps = moments(hidden.clock, [row.pose for row in rows], [row.repeat for row in rows], rng, visit)
     rows = [replace(row, moment=moment) for row, moment in zip(rows, stamps, strict=True)]
     said, _ = blur(hidden.noise, rows, hidden.truth().readings(rows), rng)
@@ -111,7 +111,7 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     return text.getvalue()
 
 
-def _rows_of(arm: Arm, lines: Sequence[dict[str, str]]) -> list[Row]:
+def _rows_of(arm: Arm, lines: Sequence[dict[str, str]], levels: Vector) -> list[Row]:
     """Rows of a sheet; a missing angle, force or point is 0, as the table's description says."""
 
     def numbers(line: dict[str, str], names: Sequence[str]) -> Vector:
@@ -127,11 +127,10 @@ def _rows_of(arm: Arm, lines: Sequence[dict[str, str]]) -> list[Row]:
         name = line.get("pose") or "/".join(line.get(c) or "0" for c in coordinates)
         repeat = line.get("repeat") or "1"
         found.append((name, repeat, line.get("phase") or "loading", angles, numbers(line, FORCES), i))
-    sizes = sorted({round(float(np.linalg.norm(force)), 3) for *_, force, _ in found})
     repeats = list(dict.fromkeys(repeat for _, repeat, *_ in found))
     return [
         Row(name, repeats.index(repeat) + 1, phase, angles, force, numbers(lines[i], POINT) / 1e3,
-            sizes.index(round(float(np.linalg.norm(force)), 3)))
+            int(np.argmin(np.abs(levels - np.linalg.norm(force)))))
         for name, repeat, phase, angles, force, i in found
     ]  # fmt: skip
 
@@ -149,7 +148,12 @@ def _table(hidden: Hidden, rows: Sequence[Row], said: Vector, rng: np.random.Gen
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *(READ[i] for i in axes)])
     for step, (row, reading) in enumerate(zip(rows, said, strict=True), start=1):
-        cells = [row.pose, row.repeat, *(f"{a:.2f}" for a in np.degrees(row.angles)), *(f"{f + 0:.3f}" for f in row.force)]
+        cells = [
+            row.pose,
+            row.repeat,
+            *(f"{a:.2f}" for a in np.degrees(row.angles)),
+            *(f"{f + 0:.3f}" for f in row.force),
+        ]
         cells += [f"{1e3 * p:.1f}" for p in row.point] if point else []
         if rng is not None:
             cells += [row.phase, step, f"{row.moment.time_s:.0f}"]

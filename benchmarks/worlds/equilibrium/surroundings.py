@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from .arm import Vector
@@ -15,7 +17,7 @@ class People(Effect):
     """From day two on somebody else reads: another lever of the gauge (3 to 9 %), another zero (15 to 60 um)."""
 
     family = "other:people"
-    axis = ("session",)
+    axis: ClassVar[tuple[str, ...]] = ("session",)
     fading = True
     timed = True
 
@@ -40,7 +42,7 @@ class BumpedGauge(People):
     """Someone touched the gauge: 30 to 90 um from then on."""
 
     family = "other:bumped-gauge"
-    axis = ("clock",)
+    axis: ClassVar[tuple[str, ...]] = ("clock",)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -56,7 +58,7 @@ class WarmStand(People):
     """The gauge's aluminium stand, 0.6 to 1.6 m high, grows with the hall's air."""
 
     family = "other:warm-stand"
-    axis = ("temperature", "clock")
+    axis: ClassVar[tuple[str, ...]] = ("temperature", "clock")
 
     @classmethod
     def draw(cls, rng: np.random.Generator, site: Site, place: str) -> Parameters:
@@ -72,7 +74,7 @@ class WarmFrame(People):
     """The arm's iron grows with the hall, hours behind the air: the further out, the more."""
 
     family = "other:warm-frame"
-    axis = ("temperature", "pose", "clock")
+    axis: ClassVar[tuple[str, ...]] = ("temperature", "pose", "clock")
 
     @classmethod
     def places(cls, site: Site) -> list[str]:
@@ -93,7 +95,7 @@ class FloorCreep(People):
     """The floor goes on sagging under the load's moment, by the square of the reach: 20 to 80 um at 1.5 m."""
 
     family = "other:floor-creep"
-    axis = ("clock", "pose", "load")
+    axis: ClassVar[tuple[str, ...]] = ("clock", "pose", "load")
     fading = False
 
     @classmethod
@@ -111,7 +113,7 @@ class FloorCreep(People):
         course = 1 - np.exp(-max(row.moment.progress, 0) / self.number("share"))
         part = row.force[2] / self.number("full_N")
         sag = self.number("sag_m") * course * part * (position[0] ** 2 + position[1] ** 2) / 1.5**2
-        return displacement + np.array([0, 0, sag])
+        return np.asarray(displacement + np.array([0, 0, sag]))
 
 
 KINDS: list[type[Effect]] = [People, BumpedGauge, WarmStand, WarmFrame, FloorCreep]

@@ -19,7 +19,7 @@ NOTHING = np.zeros(3)
 class Nuisance:
     """What is a little off in every set, and not meant to be found.
 
-    Metres by which bodies sit elsewhere (joints + 1, 3), rad of joint zeros, factors on loads (common and by level), factor
+    Metres by which bodies sit elsewhere (joints + 1, 3), rad of joint zeros, factors on loads (by level) and
     on masses, compliance of the casing before the elbow as a share of the shoulder's, and the part of its sag under
     its own weight that the controller compensates.
     """
@@ -193,9 +193,7 @@ class Truth:
             extra.keep(float(torque[extra.freedom]), row.moment)
         return deflection
 
-    def _unloaded(
-        self, stand: Vector, lever: Vector, row: Row, extras: Sequence[Extra], start: Vector
-    ) -> Vector:
+    def _unloaded(self, stand: Vector, lever: Vector, row: Row, extras: Sequence[Extra], start: Vector) -> Vector:
         """Equilibrium before the load; what remembers has come to rest, which depends on it in turn."""
         before = replace(row.moment, progress=-1.0)
         law = self._law(row.angles, before, extras)
