@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from doe.certainty.predictive import birge
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate, estimate, prior_residual
 from doe.estimation.noise import Noise, Origin, origin
@@ -31,7 +32,8 @@ class Outset:
     ``known`` (p, p): information so far about ln value (positive ones) or the value, a vague prior included;
     ``noise``: expected of the new readings, ``noise_origin``: where it is from; ``found``: what the readings so far
     say, empty if they cannot say; ``readings``: how many there are; ``best`` (p,): the estimate itself, None before any
-    reading.
+    reading. ``shown``: the noise with the lack of fit that the readings show as scatter of set-ups, None where they are
+    too few; ``spare``: readings to spare for it; ``blocks``: how many components were read in how many set-ups.
     """
 
     free: FreeModel
@@ -42,6 +44,9 @@ class Outset:
     readings: int = 0
     best: Array | None = None
     noise_origin: Origin = "given"
+    shown: Noise | None = None
+    spare: float = 0.0
+    blocks: int = 0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -94,9 +99,26 @@ def _own(q: Parameter) -> float:
 
 def outset(e: Estimate, c: Certainty) -> Outset:
     """After readings that were estimated from; their noise is expected of the new ones too."""
-    u = design_point(e, c)
+    u, blocks = design_point(e, c), len(np.unique(6 * e.problem.pose + e.problem.component))
+    told = float(len(e.problem) - int(e.seen.sum())) > 0.0
     return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u,
-                   origin(e.problem, given=not e.estimated))  # fmt: skip
+                   origin(e.problem, given=not e.estimated), _with_lack_of_fit(e) if told else None,
+                   float(blocks - int(e.seen.sum())), blocks)  # fmt: skip
+
+
+def _with_lack_of_fit(e: Estimate) -> Noise:
+    """The noise of new readings with the lack of fit as scatter of set-ups.
+
+    Where no set-up has several readings of one component its scatter is in that of the readings, and repeats of new
+    ones will not average it away. Where the noise was given, it is what the residuals have beyond that.
+    """
+    n, larger = _expected(e), birge(e)[0] - 1.0
+    if any(name.startswith("pose") for name in e.estimated):
+        return n
+    if e.estimated:
+        return replace(n, pose=(float(np.hypot(n.pose[0], n.white[0])), float(np.hypot(n.pose[1], n.white[1]))),
+                       pose_share=float(np.hypot(n.pose_share, n.share)))  # fmt: skip
+    return replace(n, pose=(n.white[0] * math.sqrt(larger), n.white[1] * math.sqrt(larger)))
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:

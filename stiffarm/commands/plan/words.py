@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from doe.certainty.uncertainty import ParameterEstimate
+from doe.planning.forecast import SPREAD, USUAL, WITHIN, Forecast
+from doe.planning.outset import Outset
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
 from robots.constants import NORMAL_95
@@ -74,7 +76,7 @@ def rigid_from(f: Foresight) -> float:
 
     Deflections are linear in compliances, so their standard deviation is that at the planned value.
     """
-    return f.planned_for / (NORMAL_95 * f.after)
+    return f.planned_for / (NORMAL_95 * f.promised)
 
 
 def told(f: Foresight, found: ParameterEstimate | None) -> str:
@@ -84,12 +86,14 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
     if not f.seen:
         return f"{p.name}: no reading of this plan moves with it (known: {was}); load or read in other directions"
     if p.scale == "linear":
-        now, then = (quantity(NORMAL_95 * sd, p.unit) for sd in (f.after, f.before))
-        return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.shrink)}"
-    factor = factor95(f.after)
+        now, then = (quantity(NORMAL_95 * sd, p.unit) for sd in (f.promised, f.before))
+        return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.promised_shrink)}"
+    factor = factor95(f.promised)
     if factor > HARDLY:
-        return f"{p.name}: still open, these readings hardly tell it by itself (was: {was}); {_times(f.shrink)}"
-    rest = f"(was: {was}); {_times(f.shrink)}"
+        return (
+            f"{p.name}: still open, these readings hardly tell it by itself (was: {was}); {_times(f.promised_shrink)}"
+        )
+    rest = f"(was: {was}); {_times(f.promised_shrink)}"
     if not is_open(found) or p.scale != "compliance":
         return f"{p.name}: known {_within(factor)} {rest}"
     at = quantity(f.planned_for, p.unit, 2)
@@ -100,6 +104,28 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
         return f"{p.name}: known {_within(factor)} {assumed} {rest}"
     return (f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one is told from a rigid one up to "
             f"{quantity(limit, p.unit, 2)}")  # fmt: skip
+
+
+def rests_on(start: Outset, found: Forecast) -> str:
+    """What the promised intervals rest on."""
+    n = found.noise
+    parts = [f"{1e3 * n.pose[0]:.2g} mm"] if n.pose[0] else []
+    parts += [f"{100.0 * n.pose_share:.2g} % of the deflection"] if n.pose_share else []
+    size = " and ".join(parts) or "nothing beyond the readings' noise"
+    if not found.seen:
+        size = f"{100.0 * USUAL:.2g} % of the deflection ({_usual_range()} in four campaigns of five)"
+        source = "no reading shows the model's lack of fit yet, so the usual one is assumed"
+    else:
+        source = f"the model's lack of fit is the one that the {start.readings} readings so far show"
+    return (
+        f"the intervals promised are kept in nine campaigns of ten: {source}, {size} a set-up, which repeats do not "
+        f"average away; springs within a factor {WITHIN:g} of the values planned for"
+    )
+
+
+def _usual_range() -> str:
+    low, high = (100.0 * USUAL * math.exp(side * 1.2816 * SPREAD) for side in (-1.0, 1.0))
+    return f"{low:.1g} to {high:.2g} %"
 
 
 def _within(factor: float) -> str:
