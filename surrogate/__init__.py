@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from surrogate.arm_scope import scope_of
+    from surrogate.arm_scope import inputs_that_matter, scope_of
     from surrogate.asking import QueryResult, full_poses, query
     from surrogate.maps.data import MapData
     from surrogate.maps.layouts import default_sweep
@@ -34,6 +34,7 @@ __all__ = [
     "compliance_matrix",
     "default_sweep",
     "full_poses",
+    "inputs_that_matter",
     "load_surrogate",
     "predict",
     "predict_compliance",

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fem import ArmModel, deflection
 from robots import InputError, Robot, require_one_of
 from robots.arrays import Array
 from robots.frames import unit_vector
@@ -14,8 +15,8 @@ from surrogate.designs import space_filling_design
 from surrogate.expansion import TURN
 from surrogate.scope import Couplings, Scope
 
-# Poses by which whole turns and the influence of fixed coordinates are judged.
-_PROBES = 256
+# Poses by which whole turns and the influence of coordinates are judged, and how many are drawn to find such.
+_PROBES, _DRAWN = 256, 8192
 # Relative change that is rounding, in numbers that went through some hundred operations.
 _SAME = 1e-9
 
@@ -111,6 +112,28 @@ def reduced_box(scope: Scope) -> tuple[Array, Array]:
     middle = 0.5 * (scope.lower + scope.upper)
     lower, upper = np.where(free, middle - np.pi, scope.lower), np.where(free, middle + np.pi, scope.upper)
     return np.maximum(lower, scope.lower), np.minimum(upper, scope.upper)
+
+
+def inputs_that_matter(model: ArmModel, direction: Sequence[float] = (0.0, 0.0, -1.0)) -> tuple[str, ...]:
+    """Joint coordinates that the deflection along a load depends on, by random poses; all of an arm that is rigid."""
+    robot, rng = model.robot, np.random.default_rng(0)
+    low, high = robot.limits.T
+    drawn = rng.uniform(low, high, (_DRAWN, robot.dof))
+    base = drawn[robot.reachable(drawn)][:_PROBES]
+    load = np.concatenate([unit_vector(direction, "load direction"), np.zeros(3)])
+
+    def along(q: Array) -> Array:
+        return np.asarray(deflection(model, q, load) @ load)
+
+    if not len(base) or not (here := along(base)).all():
+        return robot.coordinates
+    out = []
+    for column, name in enumerate(robot.coordinates):
+        q = base.copy()
+        q[:, column] = rng.uniform(low[column], high[column], len(q))
+        if np.abs(along(q) / here - 1.0).max() > _SAME:
+            out.append(name)
+    return tuple(out)
 
 
 def influence_of_fixed(

@@ -1,4 +1,4 @@
-"""Which effects these readings might show, in which shapes; which they cannot tell, by name or from one another."""
+"""Which effects these readings might show, in which shapes; which they cannot tell."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import cho_solve
+from scipy.linalg import solve_triangular
 
 from doe.diagnosis.evidence import Base, Whitened, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.signatures import Signature, shape_count, signatures
-from doe.diagnosis.weighing import as_if
+from doe.diagnosis.signatures import Signature, shapes, signature, signatures
+from doe.diagnosis.weighing import as_if, extended
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect, PlacedEffect
+from robots import InputError
 from robots.arrays import Array
 
 # Without priors amplitudes and springs have standard deviations larger by this.
@@ -26,21 +27,35 @@ SEEN = 2.0
 MANY, KEPT = 40, 8
 # An effect of usual size must raise chi-square by this to be told by name.
 TESTABLE = 30.0
-# Chi-square by which two effects must differ to be told apart by these readings.
-APART = 9.0
-# Set-ups scatter at least this much where twins are looked for, unless they are known to scatter less.
-USUAL_SETUP = 0.01
+# An effect without sizes that lags behind nothing missing by this log evidence, at any noise, is ruled out.
+RULED_OUT = 25.0
 
 
-def candidates_of(s: Setting, *, priors: bool = True) -> dict[str, list[Signature]]:
-    """Signatures of every effect that these readings might show, by code."""
+def candidates_of(s: Setting, *, priors: bool = True, further: bool = False) -> dict[str, list[Signature]]:
+    """Signatures of every effect that these readings might show, by code; ``further``: something was found already."""
     taken = {e.effect.code for e in s.accepted}
     out = {
-        code: signatures(s, effect)
+        code: possible(s, effect) if effect.gross else signatures(s, effect)
         for code, effect in s.known.items()
-        if code not in taken and impossible(s, effect) is None and not _same_law(effect, s.accepted)
+        if code not in taken
+        and not (further and effect.gross)
+        and impossible(s, effect) is None
+        and not _same_law(effect, s.accepted)
     }
+    out = {code: some for code, some in out.items() if some}
     return out if priors else {code: [_vague(c) for c in some] for code, some in out.items()}
+
+
+def possible(s: Setting, effect: Effect) -> list[Signature]:
+    """Signatures of those shapes with which the arm can stand as it was read at all."""
+    out = []
+    for values in shapes(effect):
+        try:
+            out.append(signature(s, effect, values))
+        except InputError:
+            # At these angles a parallelogram would be flat: the convention cannot be that one.
+            continue
+    return out
 
 
 def _vague(c: Signature) -> Signature:
@@ -51,21 +66,28 @@ def _vague(c: Signature) -> Signature:
 def pruned(
     s: Setting, base: Base, weight: Array, noises: Sequence[Noise], candidates: dict[str, list[Signature]]
 ) -> dict[str, list[Signature]]:
-    """Candidates of many shapes with those only that count for something, by a few of the noises.
+    """Candidates of many shapes with those only that count for something, by a few of the noises; none ruled out.
 
     The evidence stays an average over all shapes: what is left out adds next to nothing to it.
     """
+    gross = {code: some for code, some in candidates.items() if some[0].effect.gross}
+    lead = dict.fromkeys(gross, -np.inf)
     many = [code for code, some in candidates.items() if len(some) > MANY]
     kept: dict[str, set[int]] = {code: set() for code in many}
     flat = [c for code in many for c in candidates[code]]
-    for noise in (noises[0], noises[len(noises) // 2], noises[-1]) if many else ():
-        fits = iter(fit_all(Whitened(base, covariance(s, noise, weight)), flat))
+    for noise in (noises[0], noises[len(noises) // 2], noises[-1]) if many or gross else ():
+        w = Whitened(base, covariance(s, noise, weight))
+        for code, some in gross.items():
+            best = max(Whitened(extended(s, base, c), w.V).log_evidence for c in some)
+            lead[code] = max(lead[code], best - w.log_evidence)
+        fits = iter(fit_all(w, flat))
         for code in many:
             z = np.array([next(fits).log_evidence for _ in candidates[code]])
             kept[code] |= set(np.argsort(-z)[:KEPT].tolist())
     return {
         code: [c for i, c in enumerate(some) if code not in kept or i in kept[code]]
         for code, some in candidates.items()
+        if code not in gross or lead[code] > -RULED_OUT
     }
 
 
@@ -95,20 +117,26 @@ def hidden_among(
     common = min(noise.pose_share, 0.01)
     w = Whitened(base, covariance(s, with_setup(noise, common), weight))
     hidden, usual = {}, {}
+    every = [c for some in candidates.values() for c in some]
+    columns = [as_if(s, base, c, w.V)[:, None] if c.shift is not None else c.columns for c in every]
+    WX = w.V.whiten(np.hstack(columns)) if columns else np.zeros((len(s.data), 0))
+    shows = np.sum(WX**2, axis=0) - np.sum(solve_triangular(w.L, w.W.T @ WX, lower=True) ** 2, axis=0)
+    ends = np.cumsum([x.shape[1] for x in columns])
+    excess = {id(c): shows[end - x.shape[1] : end] for c, x, end in zip(every, columns, ends, strict=True)}
     for code, some in candidates.items():
-        found = []
-        for c in some:
-            if c.shift is not None:
-                WX = w.V.whiten(as_if(s, base, c, w.V)[:, None])
-                found.append(float(w.schur(WX, WX)[0, 0]))
-                continue
-            WX = w.V.whiten(c.columns)
-            size = np.sqrt(c.mean**2 + c.sd**2)
-            found.append(float(np.mean(np.diag(w.schur(WX, WX)) * size**2) * (len(size) if c.positive.all() else 1.0)))
+        found = [_usual_excess(c, excess[id(c)]) for c in some]
         usual[code] = float(np.median(found))
         if max(found) < SEEN:
             hidden[code] = max(found)
     return hidden, usual
+
+
+def _usual_excess(c: Signature, shows: Array) -> float:
+    """Rise of chi-square by an effect of usual size, of the rises (a,) by its columns."""
+    if c.shift is not None:
+        return float(shows[0])
+    rise = shows * (c.mean**2 + c.sd**2)
+    return float(np.mean(rise) * (len(rise) if c.positive.all() else 1.0))
 
 
 def not_testable(s: Setting, r: Ranking, found: Sequence[str] = ()) -> dict[str, str]:
@@ -137,58 +165,3 @@ def _hidden(excess: float) -> str:
     if excess < 1e-6:
         return "no reading moves with it, or the springs take up all that it does"
     return f"springs and noise take up what it does: chi-square would rise by {excess:.1g}"
-
-
-def twins(s: Setting, r: Ranking, weight: Array, codes: Sequence[str] | None = None) -> dict[str, tuple[str, ...]]:
-    """For each code, other codes that these readings could not tell from it.
-
-    An effect as large as fitted (or of usual size where it is not there) is imitated by another one, whatever its
-    sizes and shapes, as well as it can be beside springs and noise; what is left is the chi-square between them.
-    """
-    noise = r.best.noise
-    w = Whitened(r.base, covariance(s, with_setup(noise, min(noise.pose_share, USUAL_SETUP)), weight))
-    wanted = [h for h in r.hypotheses if h.signature is not None and h.signature.shift is None]
-    if codes is not None:
-        wanted = [h for h in wanted if h.code in codes]
-    # A law of very many shapes would imitate anything somehow: its best one stands for it.
-    columns = {
-        h.code: [
-            _cleared(w, c.columns)
-            for c in (signatures(s, h.signature.effect) if shape_count(h.signature.effect) <= MANY else [h.signature])
-        ]
-        for h in r.hypotheses
-        if h.signature is not None and h.signature.shift is None
-    }
-    out: dict[str, tuple[str, ...]] = {}
-    for h in wanted:
-        assert h.signature is not None  # noqa: S101 - chosen so
-        size = np.where(h.signature.mean > 0.0, h.signature.mean, h.signature.sd)
-        amplitude = h.fit.mean if h.fit is not None and h.fit.excess > APART else size
-        shape = _cleared(w, h.signature.columns) @ amplitude
-        strength = float(shape @ shape)
-        if strength < APART:
-            continue
-        out[h.code] = tuple(
-            code for code, some in columns.items() if code != h.code and _left(shape, some, strength) < APART
-        )
-    return out
-
-
-def _cleared(w: Whitened, X: Array) -> Array:
-    """Whitened columns (m, k) without what springs and the model's other numbers can follow, softly."""
-    WX = w.V.whiten(X)
-    follow = cho_solve((w.L, True), w.W.T @ WX)
-    # What the priors still charge for following stands in rows of its own.
-    return np.vstack([WX - w.W @ follow, np.sqrt(w.base.precision)[:, None] * follow])
-
-
-def _left(shape: Array, imitations: Sequence[Array], most: float) -> float:
-    """Least sum of squares that any of the imitations leaves of a shape."""
-    left = most
-    for A in imitations:
-        G = A.T @ A
-        size = np.sqrt(np.maximum(np.diag(G), 1e-300))
-        b = (A.T @ shape) / size
-        gain = float(b @ np.linalg.lstsq(G / np.outer(size, size), b, rcond=1e-9)[0])
-        left = min(left, most - gain)
-    return left

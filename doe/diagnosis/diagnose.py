@@ -6,14 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from doe.diagnosis.candidates import not_testable, twins
+from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
 from doe.diagnosis.known import Refit, accept, base_of, refit
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting, replicate_weights
-from doe.diagnosis.signatures import shape_count
+from doe.diagnosis.signatures import shape_count, signature
+from doe.diagnosis.twins import APART, Likeness, beside_twins, likely_amplitude, twins_of
 from doe.estimation.noise import Noise, within_readings
 from doe.plausibility.passive_arm import told_by
 from doe.tables.loaded import rms_mm
@@ -93,17 +94,61 @@ class Diagnosis:
     def not_testable(self) -> dict[str, str]:
         """Codes that these readings cannot judge, with the reason."""
         found = [f.code for f in (*self.effects, *self.provisional)]
+        # What would give the same readings as what was found was judged with it.
+        found += self.same
         look = min(len(found), len(self.rankings) - 1)
         return not_testable(self.after.setting, self.rankings[look], found)
 
+    @property
+    def same(self) -> tuple[str, ...]:
+        """Codes that would give the very same readings as what was found."""
+        taken = len(self.effects) + len(self.provisional)
+        return tuple(dict.fromkeys(code for d in self.decisions[:taken] for code in d.same))
+
     def twins(self, codes: Sequence[str] | None = None) -> dict[str, tuple[str, ...]]:
-        """For each code (of ``codes``), those that these readings could not tell from it."""
-        return twins(self.start, self.rankings[0], self.weight, codes)
+        """For each code (of ``codes``), those that these readings could not tell from it.
+
+        What was found is asked about with all else that was found in the model; its rivals, and all others, where they
+        were ranked. One that hardly shows there, so that anything would imitate it, has no entry.
+        """
+        found = [f.code for f in (*self.effects, *self.provisional)]
+        r = self.ranking if not found else self.rankings[min(len(found), len(self.rankings)) - 1]
+        best = {h.code: h.signature for h in r.hypotheses if h.signature is not None}
+        out = {}
+        ranked = Likeness(self._without(found[-1]) if found else self.start, r.best.noise, self.weight)
+        for code in [*best] if codes is None else codes:
+            if code in found:
+                placed = next(e for e in self.after.setting.accepted if e.effect.code == code)
+                like = Likeness(self._without(code), self.after.refit.noise, self.weight)
+                # Straight like the columns that imitate it: what bends with a large turn would tell it from itself.
+                own = signature(like.s, placed.effect, placed.values)
+                change = like.change(own, placed.values[placed.effect.amplitudes])
+            elif code in best:
+                like = ranked
+                own = signature(like.s, best[code].effect, best[code].values)
+                change = like.change(own, likely_amplitude(r.of(code)))
+                if like.strength(change) < APART:
+                    continue
+            else:
+                continue
+            out[code] = twins_of(like, change, code, best)
+        return out
+
+    def _without(self, code: str) -> Setting:
+        """The setting with all that was found but one."""
+        s = self.after.setting
+        return s.moved(s.springs, [e for e in s.accepted if e.effect.code != code])
 
     @property
     def ranking(self) -> Ranking:
-        """The ranking that the verdict rests on: the last one that found something, or the first."""
-        return self.rankings[max(len(self.effects) - 1, 0)]
+        """The ranking that the verdict rests on."""
+        return self.rankings[self.look]
+
+    @property
+    def look(self) -> int:
+        """Number of the look that the verdict rests on: the one after all names if something beside them is open."""
+        named = len(self.effects)
+        return named if named and self.provisional else max(named - 1, 0)
 
 
 def diagnose(s: Setting, options: Options = Options(), progress: Messages | None = None) -> Diagnosis:  # noqa: B008
@@ -118,9 +163,13 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
     found: list[_Pick] = []
     told = told_by(s.data)
     here, total = s, 0.0
-    for look in range(MOST + 1):
-        r = rank(here, weight, options)
-        d = decide(r, further=bool(found)) if told.anything else Decision("uninformative", None, told.words)
+    for look in range(MOST + 1 if options.for_record else MOST):
+        r = rank(here, weight, options, further=bool(found))
+        d = (
+            beside_twins(here, r, weight, decide(r, further=bool(found)))
+            if told.anything
+            else Decision("uninformative", None, told.words)
+        )
         rankings.append(r)
         decisions.append(d)
         say(f"look {look + 1}: {_words(r) if told.anything else 'these readings tell nothing about the arm'}")
@@ -131,11 +180,11 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
-        found.append(_Pick(d.hypothesis, gain, d.kind != "ambiguous"))
+        found.append(_Pick(d.hypothesis, gain, d.kind != "ambiguous", d.reason))
         if len(found) == 2:
             here, found = _swapped(s, here, found, weight, options, say)
     # Both models at the scatter that the better one leaves: by its own the poorer one would fit its springs loosely.
-    noise = rankings[min(len(found), len(rankings) - 1)].of(NONE).noise
+    noise = rankings[len(found)].of(NONE).noise if len(found) < len(rankings) else found[-1].hypothesis.noise
     before = state_of(s, noise, weight)
     after = state_of(here, noise, weight) if found else before
     all_found = tuple(
@@ -152,11 +201,12 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
 
 @dataclass(frozen=True)
 class _Pick:
-    """A hypothesis taken up, the log evidence it gained, and whether no other explains as much."""
+    """A hypothesis taken up, the log evidence it gained, whether no other explains as much, and why not."""
 
     hypothesis: Hypothesis
     gain: float
     named: bool
+    reason: str
 
 
 def _words(r: Ranking) -> str:
@@ -171,13 +221,13 @@ def _swapped(
     given = len(s.accepted)
     others = (*here.accepted[:given], *here.accepted[given + 1 :])
     alone = refit(s.moved(here.springs, others), second.hypothesis.noise, weight).setting
-    r = rank(alone, weight, options)
-    d = decide(r)
+    r = rank(alone, weight, options, further=True)
+    d = beside_twins(alone, r, weight, decide(r))
     say(f"the first again: {_words(r)}")
     if d.hypothesis is None:
         return here, found
     gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
-    again = _Pick(d.hypothesis, gain, d.kind == "named")
+    again = _Pick(d.hypothesis, gain, d.kind == "named", d.reason)
     if d.hypothesis.code == first.hypothesis.code:
         return here, [again, second]
     # Order of acceptance is order of the accepted: the second one now stands first.
@@ -228,6 +278,5 @@ def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pi
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
     if not all(pick.named for pick in found):
-        reasons = (d.reason for d in decisions if d.kind == "ambiguous" and d.hypothesis is not None)
-        return "ambiguous", next(reasons, "with both in, one of them may be another")
+        return "ambiguous", next(pick.reason for pick in found if not pick.named)
     return "named", "explains the readings and predicts poses left out"

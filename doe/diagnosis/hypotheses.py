@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from doe.diagnosis.evidence import Base, Fitted, LeftOut
@@ -34,22 +35,27 @@ FURTHER, GAIN = 0.9, 5.5
 
 @dataclass(frozen=True)
 class Options:
-    """How to weigh hypotheses; the parts that an ablation may leave out."""
+    """How to weigh hypotheses; the parts that an ablation may leave out.
+
+    ``for_record``: whether to look once more after the last effect that can be taken up.
+    """
 
     pose_term: bool = True
     priors: bool = True
     by: Worth = "evidence"
     prior_none: float = PRIOR_NONE
     noise: NoisePrior = NoisePrior()  # noqa: RUF009 - frozen
+    for_record: bool = True
 
 
 @dataclass(frozen=True)
 class Hypothesis:
     """One line of the ranking.
 
-    ``code``: of an effect, "none" or "unknown"; ``log_evidence``; ``bic``; ``probability``; ``left_out``: each pose
-    predicted from the others; ``signature`` and ``fit``: the effect's best shape and its amplitudes; ``noise``: the
-    noise that goes best with it; ``usual_excess``: rise of chi-square by an effect of usual size.
+    ``code``: of an effect, "none" or "unknown"; ``log_evidence``; ``bic``; ``probability``; ``judged``: each pose
+    predicted from the others, and the RMS error (mm), worked out when asked for; ``signature`` and ``fit``: the
+    effect's best shape and its amplitudes; ``noise``: the noise that goes best with it; ``usual_excess``: rise of chi-
+    square by an effect of usual size.
     """
 
     code: str
@@ -57,11 +63,24 @@ class Hypothesis:
     bic: float
     probability: float
     noise: Noise
-    left_out: LeftOut
-    lopo_rms_mm: float
+    judged: Callable[[], tuple[LeftOut, float]] = field(repr=False)
     signature: Signature | None = None
     fit: Fitted | None = None
     usual_excess: float = math.nan
+
+    @cached_property
+    def _judged(self) -> tuple[LeftOut, float]:
+        return self.judged()
+
+    @property
+    def left_out(self) -> LeftOut:
+        """Each pose predicted from the others."""
+        return self._judged[0]
+
+    @property
+    def lopo_rms_mm(self) -> float:
+        """RMS error of that, mm."""
+        return self._judged[1]
 
     def worth(self, by: Worth) -> float:
         """What it weighs by, in logarithms."""
@@ -114,11 +133,15 @@ def log_priors(s: Setting, codes: Sequence[str], options: Options) -> dict[str, 
 
 @dataclass(frozen=True)
 class Decision:
-    """What a ranking says: its kind, the effect to take up (if any), and why in a few words."""
+    """What a ranking says: its kind, the effect to take up (if any), and why in a few words.
+
+    ``same``: codes of effects that would give the very same readings.
+    """
 
     kind: Kind
     hypothesis: Hypothesis | None
     reason: str
+    same: tuple[str, ...] = ()
 
 
 def decide(r: Ranking, *, further: bool = False) -> Decision:

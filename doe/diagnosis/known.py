@@ -22,10 +22,10 @@ ROUNDS, HALVINGS = 12, 5
 LAST = 1e-3
 
 
-def base_of(s: Setting) -> Base:
-    """Columns and priors of everything but the candidates."""
+def base_of(s: Setting, doubts: Array | None = None) -> Base:
+    """Columns and priors of everything but the candidates; ``doubts`` (m, d) in place of the setting's own."""
     springs = s.spring_columns, s.typical - s.springs, SPRING * s.typical, -s.springs
-    parts = [springs, _errors(s), _accepted(s)]
+    parts = [springs, _errors(s, s.doubts if doubts is None else doubts), _accepted(s)]
     columns = np.hstack([p[0] for p in parts])
     mean, sd, floor = (np.concatenate([p[k] for p in parts]) for k in (1, 2, 3))
     return Base(columns, s.residual - columns @ mean, sd**-2.0, floor - mean)
@@ -36,8 +36,8 @@ def base_mean(s: Setting) -> Array:
     return np.concatenate([s.typical - s.springs, np.zeros(error_count(s)), _accepted_priors(s)[0]])
 
 
-def _errors(s: Setting) -> tuple[Array, Array, Array, Array]:
-    columns = np.hstack([s.errors, s.doubts])
+def _errors(s: Setting, doubts: Array) -> tuple[Array, Array, Array, Array]:
+    columns = np.hstack([s.errors, doubts])
     n = columns.shape[1]
     return columns, np.zeros(n), np.ones(n), np.full(n, -np.inf)
 
@@ -158,26 +158,39 @@ def _moved(s: Setting, step: Array) -> tuple[Array, list[PlacedEffect]]:
 
 
 def refit(s: Setting, noise: Noise, weight: Array) -> Refit:
-    """Springs and accepted effects with the least sum of squares, priors included, at a given noise."""
+    """Springs and accepted effects with the least sum of squares, priors included, at a given noise.
+
+    What effects' laws may be off by grows with the effects, so a sum of squares that is judged by each point's own
+    doubt would rather leave a part of an effect to it than fit the effect. The doubt is held while the numbers are
+    fitted, then taken anew, until they rest.
+    """
     square, w = _at(s, noise, weight)
     for _ in range(ROUNDS):
-        step = w.u + base_mean(s)
-        for half in range(HALVINGS):
-            there = s.moved(*_moved(s, 0.5**half * step))
-            found, ahead = _at(there, noise, weight)
-            if found < square:
+        doubts, before = s.doubts, square
+        for _ in range(ROUNDS):
+            step = w.u + base_mean(s)
+            for half in range(HALVINGS):
+                there = s.moved(*_moved(s, 0.5**half * step))
+                found, ahead = _at(there, noise, weight, doubts)
+                if found < square:
+                    break
+            else:
                 break
-        else:
+            gain, s, square, w = square - found, there, found, ahead
+            if gain < LAST:
+                break
+        if before - square < LAST:
             break
-        gain, s, square, w = square - found, there, found, ahead
-        if gain < LAST:
-            break
+        square, w = _at(s, noise, weight)
     return Refit(s, noise, w.inverse, square)
 
 
-def _at(s: Setting, noise: Noise, weight: Array) -> tuple[float, Whitened]:
-    """Sum of squares with priors at the setting's own numbers (its model errors at their best), ready for a step."""
-    base = base_of(s)
+def _at(s: Setting, noise: Noise, weight: Array, doubts: Array | None = None) -> tuple[float, Whitened]:
+    """Sum of squares with priors at the setting's own numbers (its model errors at their best), ready for a step.
+
+    ``doubts`` as in :func:`base_of`.
+    """
+    base = base_of(s, doubts)
     w = Whitened(base, covariance(s, noise, weight))
     here = -base_mean(s)
     n, e = len(s.free), error_count(s)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from doe.diagnosis.candidates import VAGUE, candidates_of, hidden_among, pruned
-from doe.diagnosis.evidence import Base, Fitted, Whitened, leave_one_pose_out
+from doe.diagnosis.evidence import Base, Fitted, LeftOut, Whitened, leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, free_columns
 from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, plain_noises, with_setup
@@ -32,17 +32,18 @@ LEADERS = 6
 FEW = 80
 
 
-def rank(s: Setting, weight: Array, options: Options = Options()) -> Ranking:  # noqa: B008 - frozen
-    """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers."""
+def rank(s: Setting, weight: Array, options: Options = Options(), *, further: bool = False) -> Ranking:  # noqa: B008
+    """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers; ``further``: not the first look."""
     base = base_of(s)
     if not options.priors:
         base = replace(base, precision=base.precision / VAGUE**2, floor=np.full(len(base.floor), -np.inf))
-    candidates = candidates_of(s, priors=options.priors)
+    candidates = candidates_of(s, priors=options.priors, further=further)
     free = free_columns(s, base)
     first = fitted_noise(s, free, weight)
     hidden, usual = hidden_among(s, base, weight, first, candidates)
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
-    noises = _noises(s, free, weight, first, options)
+    curved = list(discrepancies(s))
+    noises = _noises(s, free, weight, first, curved[0], options)
     candidates = pruned(s, base, weight, noises, candidates)
     table = [at_noise(s, base, weight, noise, candidates, options) for noise in noises]
     # The noise that goes with each leader, where the base alone would call its effect scatter.
@@ -51,15 +52,14 @@ def rank(s: Setting, weight: Array, options: Options = Options()) -> Ranking:  #
     noises += more
     table += [at_noise(s, base, weight, noise, candidates, options) for noise in more]
     wild = Options(options.pose_term, options.priors, options.by, options.prior_none, NoisePrior(WILD))
-    smooth = [unknown_at(s, base, weight, n, wild) for n in _calm_and_wild(noises, table)]
+    smooth = [unknown_at(s, base, weight, n, curved, wild) for n in _calm_and_wild(noises, table)]
     unknown = [*smooth, *(rough_at(s, base, row, wild, options) for row in table)]
     return _ranked(s, base, weight, table, unknown, candidates, hidden, usual, options)
 
 
-def _noises(s: Setting, free: Array, weight: Array, first: Noise, options: Options) -> list[Noise]:
+def _noises(s: Setting, free: Array, weight: Array, first: Noise, smooth: Array, options: Options) -> list[Noise]:
     """Noise by the base alone, and where readings may follow a smooth discrepancy, with more and less scatter."""
     out = around(first)
-    smooth = next(iter(discrepancies(s)))
     calm = fitted_noise(s, np.hstack([free, _strongest(smooth, len(s.data.poses) // 3)]), weight, first)
     out += around(calm)
     out += [with_setup(calm, share) for share in (0.005, 0.01, 0.02, 0.03)]
@@ -107,9 +107,11 @@ def _ranked(
     def line(
         code: str, z: float, bic: float, noise: Noise, wide: Base, c: Signature | None = None, fit: Fitted | None = None
     ) -> Hypothesis:
-        left = leave_one_pose_out(wide, covariance(s, noise, weight), s.data.pose)
-        rms = rms_mm(left.error, s.data.component)
-        return Hypothesis(code, z, -2.0 * bic, math.nan, noise, left, rms, c, fit, usual.get(code, math.nan))
+        def judged() -> tuple[LeftOut, float]:
+            left = leave_one_pose_out(wide, covariance(s, noise, weight), s.data.pose)
+            return left, rms_mm(left.error, s.data.component)
+
+        return Hypothesis(code, z, -2.0 * bic, math.nan, noise, judged, c, fit, usual.get(code, math.nan))
 
     none = np.array([row.none for row in table])
     bic = max(row.none_bic for row in table)

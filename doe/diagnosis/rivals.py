@@ -58,7 +58,7 @@ class Question:
 def question_of(s: Setting, d: Diagnosis) -> Question:
     """The ranking that the verdict rests on while its name is open, else the one of what comes after that name."""
     found = len(d.effects) + len(d.provisional)
-    k = min(max(len(d.effects) - 1, 0), len(d.rankings) - 1)
+    k = min(d.look, len(d.rankings) - 1)
     families = {family_of(s, code) for code in d.rankings[k].credible()}
     if d.verdict != "ambiguous" and len(families) < FEWEST and found == k + 1 < len(d.rankings):
         k += 1
@@ -80,7 +80,8 @@ def _question(s: Setting, r: Ranking) -> Question:
         # Twins of one family are no question that a reading could answer: there is always something else beside them.
         if len({family_of(s, code) for code in kept}) < FEWEST:
             kept.append(h.code)
-    hidden = tuple(r.hidden)
+    # A gross error of the table is no matter of further readings.
+    hidden = tuple(code for code in r.hidden if not s.known[code].gross)
     prior = log_priors(s, [*(h.code for h in r.hypotheses), *hidden], Options())
     # What cannot be seen is as likely as nothing missing, relative to what each was beforehand.
     log = {code: r.of(code).log_evidence + prior[code] for code in kept}

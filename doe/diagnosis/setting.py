@@ -14,7 +14,7 @@ from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
-from fem.effects.observed import observed
+from fem.effects.observed import observed, spring_influences
 from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
 from fem.free.parameters import parameter
@@ -122,6 +122,10 @@ class Setting:
     @cached_property
     def spring_columns(self) -> Array:
         """Derivatives (m, s) of the readings by the free springs' compliances."""
+        p = self.data
+        exact = spring_influences(self.arm, p.free.at, self.accepted, self.free, self.history)
+        if exact is not None:
+            return np.asarray(exact[p.row, p.component])
         columns = [self._slope(k) for k in range(len(self.free))]
         return np.stack(columns, axis=1) if columns else np.zeros((len(self.data), 0))
 
@@ -192,10 +196,12 @@ def setting_of(
     own: Sequence[Maker] = (),
     free: Sequence[str] | None = None,
     history: History | None = None,
+    known: dict[str, Effect] | None = None,
 ) -> Setting:
     """A model's springs fitted to readings, ready to be asked what is missing.
 
-    ``history`` of the readings where these are part of a table; by default what they say themselves.
+    ``history`` of the readings where these are part of a table; by default what they say themselves. ``known``: the
+    catalogue where it has been worked out.
 
     Raises
     ------
@@ -209,7 +215,7 @@ def setting_of(
     index = [model.robot.joint_names.index(name) for name in joints]
     usual = np.array([ARM if k < 3 else WRIST for k in index])
     typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
-    known = catalogue(model, description, own)
+    known = known or catalogue(model, description, own)
     s = Setting(
         description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
         np.zeros((len(p), 0)), known, tuple(accepted),

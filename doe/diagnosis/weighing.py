@@ -9,7 +9,7 @@ loading and unloading.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,9 +57,11 @@ def at_noise(
     best: dict[str, tuple[float, float, Signature, Fitted | None]] = {}
     for code, some in candidates.items():
         if some[0].shift is not None:
-            other = Whitened(extended(s, base, some[0]), V)
-            bic = -0.5 * (V.log_det + other.square)
-            best[code] = (other.log_evidence + density, bic, some[0], None)
+            wide = [Whitened(extended(s, base, c), V) for c in some]
+            z = np.array([one.log_evidence for one in wide])
+            top = int(np.argmax(z))
+            worth = float(logsumexp(z)) - math.log(len(some))
+            best[code] = (worth + density, -0.5 * (V.log_det + wide[top].square), some[top], None)
             continue
         found = [fits[id(c)] for c in some]
         z = np.array([f.log_evidence for f in found])
@@ -90,11 +92,13 @@ def extended(s: Setting, base: Base, c: Signature) -> Base:
     return replace(base, columns=columns, residual=base.residual - c.shift - (c.springs - base.columns[:, :n]) @ mean)
 
 
-def unknown_at(s: Setting, base: Base, weight: Array, noise: Noise, options: Options) -> tuple[Noise, float, Base]:
-    """Log evidence of a discrepancy, averaged over its lengths and sizes, and the best one as a base."""
+def unknown_at(
+    s: Setting, base: Base, weight: Array, noise: Noise, smooth: Sequence[Array], options: Options
+) -> tuple[Noise, float, Base]:
+    """Log evidence of a discrepancy, averaged over its lengths and sizes (``smooth``), and the best one as a base."""
     V = covariance(s, noise, weight)
     out: list[tuple[float, Base]] = []
-    for columns in discrepancies(s):
+    for columns in smooth:
         wide = base.beside(columns)
         out.append((Whitened(wide, V).log_evidence, wide))
     z = np.array([one[0] for one in out])

@@ -54,7 +54,7 @@ def apply_estimates(
         tables.of("joint", law.joint)["stiffness"] = law_table(names, law.basis, values, source).model_dump()
     data["sources"] = {source: "calibration", **data["sources"]}
     applied = ModelDescription.model_validate(data)
-    _check_passive(applied)
+    check_passive(applied)
     return applied
 
 
@@ -114,7 +114,7 @@ def law_table(
     )
 
 
-def _check_passive(description: ModelDescription) -> None:
+def check_passive(description: ModelDescription) -> None:
     """Refuse compliance matrices that would give energy back."""
     places: list[tuple[str, PlaceStiffness | None, Joint | None]] = [("base", description.base, None)]
     places.append(("tool", None if description.tool is None else description.tool.stiffness, None))

@@ -22,8 +22,10 @@ def level_grid(levels: list[Array]) -> Array:
     return np.stack([g.ravel() for g in np.meshgrid(*levels, indexing="ij")], axis=1)
 
 
-def factorial_poses(robot: Robot, plan: Factorial) -> Array:
+def factorial_poses(robot: Robot, plan: Factorial, *, whole: bool = True) -> Array:
     """Poses (n, dof) rad of the (adjusted) full factorial; coordinates that it does not name stand at zero.
+
+    Not ``whole``: poses that the robot cannot take are left out.
 
     Raises
     ------
@@ -34,7 +36,10 @@ def factorial_poses(robot: Robot, plan: Factorial) -> Array:
     rows = _combinations(plan)
     q = np.zeros((len(rows), robot.dof))
     q[:, columns] = np.radians(np.array(rows))
-    bad = np.flatnonzero(~robot.reachable(q))
+    reachable = robot.reachable(q)
+    if not whole:
+        return np.asarray(q[reachable])
+    bad = np.flatnonzero(~reachable)
     if bad.size:
         raise InputError(
             f"factorial run {int(bad[0]) + 1} cannot be taken: {'; '.join(robot.violations(q[bad[0]]))}",

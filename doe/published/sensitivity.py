@@ -16,13 +16,15 @@ from robots.arrays import Array
 
 @dataclass(frozen=True)
 class PoseEffects:
-    """Main effects of the springs on the deflection at one pose.
+    """Main effects of the springs on the largest deflection read at one pose.
 
-    ``effect_mm`` (k,): mean deflection at the high level minus that at the low level; ``share`` (k,):
-    its part of the summed absolute effects; ``runs_mm`` (2^k,): the runs in standard order.
+    ``component``: 0 to 2, the translation that was read largest; ``effect_mm`` (k,): how much less it is at the high
+    level than at the low one, on average; ``share`` (k,): its part of the summed absolute effects; ``runs_mm``
+    (2^k,): the runs in standard order.
     """
 
     pose: str
+    component: int
     joints: tuple[str, ...]
     effect_mm: Array
     share: Array
@@ -37,15 +39,15 @@ class PoseEffects:
 def sensitivity_study(
     model: ArmModel, data: Measurements, joints: tuple[str, ...], low: float, high: float
 ) -> list[PoseEffects]:
-    """Two-level factorial of k_j in {low, high} N m/rad at every pose of ``data``, Z deflection.
+    """Two-level factorial of k_j in {low, high} N m/rad at every pose of ``data``.
 
-    Springs that are not varied are rigid. Deflection is a sum over springs, so all interactions are
-    exactly zero and the main effects tell everything. Several loads at a pose: the largest one counts.
+    Springs that are not varied are rigid. Deflection is a sum over springs, so all interactions are exactly zero and
+    the main effects tell everything. At each pose the largest translation that was read counts.
 
     Raises
     ------
     InputError
-        Bounds out of order, an unknown joint, or a pose without a Z reading.
+        Bounds out of order, an unknown joint, or a pose where no translation was read.
     """
     if not 0.0 < low < high:
         raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
@@ -57,14 +59,16 @@ def sensitivity_study(
     influence, rest = spring_parts(model, data)
     out = []
     for pose, rows in data.pose_groups().items():
-        vertical = rows[data.used[rows, 2]]
-        if vertical.size == 0:
-            raise InputError(f"pose {pose} has no Z reading", remedy="the sensitivity study needs dz_mm")
-        index = vertical[np.argmax(np.abs(data.displacement[vertical, 2]))]
-        runs = (rest[index, 2] + compliance @ influence[index, 2, columns]) * 1e3
+        size = np.where(data.used[rows, :3], np.abs(data.displacement[rows, :3]), -1.0)
+        row, component = np.unravel_index(int(size.argmax()), size.shape)
+        if size[row, component] < 0.0:
+            raise InputError(f"pose {pose} has no reading of a translation", remedy="give dx_mm, dy_mm or dz_mm")
+        index = rows[row]
+        runs = (rest[index, component] + compliance @ influence[index, component, columns]) * 1e3
         # Half the runs have a factor high, half low: the contrast over half their number is the effect.
-        effect = design.T @ runs / (len(runs) / 2)
+        towards = 1.0 if data.displacement[index, component] > 0.0 else -1.0
+        effect = -towards * design.T @ runs / (len(runs) / 2)
         total = np.abs(effect).sum()
         share = np.abs(effect) / total if total > 0.0 else np.zeros_like(effect)
-        out.append(PoseEffects(pose, joints, effect, share, runs))
+        out.append(PoseEffects(pose, int(component), joints, effect, share, runs))
     return out

@@ -2,6 +2,8 @@
 
 Stages, in the order in which they act on a prediction:
 
+- ``frame``: forces and readings are stated in other axes than the base's; the law gives the rotation (3, 3) from these
+  to the base's. Forces go through it before all else, displacements back before a gauge reads them.
 - ``model``: the arm has another compliance; the law turns an :class:`ArmModel` into another one.
 - ``load``: the arm carries another load, or stands elsewhere; the law turns the loaded poses into others.
 - ``arm``: a part gives way by a law of its own (not linear, or with a memory); the law returns the displacement that
@@ -25,7 +27,7 @@ from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.schema.units import DIMENSIONS, factor
 
-Stage = Literal["model", "load", "arm", "gauge"]
+Stage = Literal["frame", "model", "load", "arm", "gauge"]
 Role = Literal["amplitude", "shape"]
 Scale = Literal["linear", "compliance"]
 DependsOn = Literal["torque", "angle", "clock"]
@@ -33,9 +35,15 @@ DependsOn = Literal["torque", "angle", "clock"]
 # What a law may be off by, as a share of the effect (one standard deviation each way): laws of torque, angle and clock
 # are assumed, a structure's compliance is nearly straight, and geometry is exact.
 ASSUMED_LAW, NEARLY_STRAIGHT, EXACT = 0.1, 0.04, 0.0
-DOUBTS: dict[Stage, float] = {"model": NEARLY_STRAIGHT, "load": EXACT, "arm": ASSUMED_LAW, "gauge": EXACT}
+DOUBTS: dict[Stage, float] = {
+    "frame": EXACT,
+    "model": NEARLY_STRAIGHT,
+    "load": EXACT,
+    "arm": ASSUMED_LAW,
+    "gauge": EXACT,
+}
 
-STAGES: tuple[Stage, ...] = ("model", "load", "arm", "gauge")
+STAGES: tuple[Stage, ...] = ("frame", "model", "load", "arm", "gauge")
 
 
 @dataclass(frozen=True)
@@ -111,11 +119,11 @@ class Effect:
     """A candidate that a model may be missing.
 
     ``code``: family and place, ``backlash:j2``; ``words``: what it is, for a report. ``law(subject, situation, v)``:
-    ``subject`` is an ArmModel (stage "model"), LoadedPoses ("load"), None ("arm"; returns (n, 6) on top) or
-    displacements (n, 6) ("gauge"). v (k,): amplitudes and shapes in the order of ``parameters``; a stiffness comes as
-    a compliance. ``needs_history``: readings must say in which order loads were put on. ``family``: effects that act
-    alike and are cured alike. ``own``: a user's (:mod:`fem.effects.catalogue`): what its law gives is checked, and
-    nothing is taken for granted of how it depends on the springs.
+    ``subject`` is None (stage "frame"; returns (3, 3)), an ArmModel ("model"), LoadedPoses ("load"), None ("arm";
+    returns (n, 6) on top) or displacements (n, 6) ("gauge"). v (k,): amplitudes and shapes in the order of
+    ``parameters``; a stiffness comes as a compliance. ``needs_history``: readings must say in which order loads were
+    put on. ``family``: effects that act alike and are cured alike. ``own``: a user's (:mod:`fem.effects.catalogue`):
+    what its law gives is checked, and nothing is taken for granted of how it depends on the springs.
 
     What a diagnosis asks of it:
 
@@ -125,6 +133,9 @@ class Effect:
     family. ``slot``: of effects with the same slot at one place only one is weighed, a second one would correct the
     first; empty: none. ``spring``: the joint whose axial spring it is in series with: where that is fitted, nothing is
     left to tell. ``usual``: standard deviation of its only amplitude in every arm, missing or not, SI; 0: none.
+    ``gross``: of a kind that nothing hides behind: asked about only while nothing has been found.
+    ``lasting``: whether it acts whenever the arm works, measured or not; None: as usual at its stage, parts of the arm
+    do and loads and gauges do not.
     """
 
     code: str
@@ -141,6 +152,8 @@ class Effect:
     slot: str = ""
     spring: str = ""
     usual: float = 0.0
+    gross: bool = False
+    lasting: bool | None = None
 
     def __post_init__(self) -> None:
         require_one_of(f"effect {self.code}: stage", self.stage, STAGES)
@@ -157,6 +170,11 @@ class Effect:
     def needs_clock(self) -> bool:
         """Whether readings must say when, in the whole campaign, they were taken."""
         return self.depends_on == "clock"
+
+    @property
+    def of_the_arm(self) -> bool:
+        """Whether it acts whenever the arm works; else it is of one measurement, of its loads and gauges."""
+        return self.stage in ("model", "arm") if self.lasting is None else self.lasting
 
     @property
     def law_doubt(self) -> float:

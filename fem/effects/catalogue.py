@@ -13,6 +13,7 @@ import numpy as np
 
 from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
+from fem.effects.frames import frame_effects
 from fem.effects.joint_laws import joint_laws
 from fem.effects.observed import observed
 from fem.effects.set_up import set_up_effects
@@ -110,7 +111,7 @@ def catalogue(
     """
     effects = [*structure(model), *wrist_coupling(model), *_of_links(model, description)]
     effects += _other_path(model, description)
-    effects += [*joint_laws(model), *set_up_effects(model)]
+    effects += [*joint_laws(model), *set_up_effects(model), *frame_effects(model)]
     for make in own:
         effects += list(make(model))
     out: dict[str, Effect] = {}

@@ -15,7 +15,8 @@ from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.situation import History, Situation, plain_history
 from fem.model import ArmModel
-from fem.statics.loads import LoadedPoses
+from fem.statics.flexibility import spring_influence
+from fem.statics.loads import LoadedPoses, turned
 from robots import InputError
 from robots.arrays import Array
 
@@ -49,7 +50,9 @@ def _checked(effect: Effect, subject: Any, situation: Situation | None, given: A
         if not isinstance(given, ArmModel):
             raise InputError(what, value=type(given).__name__, allowed="an ArmModel", remedy="return the changed model")
         return given
-    if effect.stage == "load":
+    if effect.stage == "frame":
+        pairs = [(given, np.eye(3), "rotation")]
+    elif effect.stage == "load":
         if not isinstance(given, LoadedPoses):
             raise InputError(what, value=type(given).__name__, allowed="LoadedPoses", remedy="return the changed loads")
         pairs = [(getattr(given, name), getattr(subject, name), name) for name in ("q", "wrench", "point")]
@@ -78,18 +81,50 @@ def observed(
     again.
     """
     before = start or Situation(model, at, history or plain_history(len(at)))
-    changed, loads = model, at
-    for e in _of_stage(effects, "model"):
-        changed = act(e, changed, None)
-    for e in _of_stage(effects, "load"):
-        loads = act(e, loads, before.of(changed, at))
+    changed, loads, R = _loaded(model, at, effects, before)
     d = deflection(changed, loads.q, loads.wrench, loads.point)
     situation = before.of(changed, loads)
     for e in _of_stage(effects, "arm"):
         d = d + act(e, None, situation)
+    if R is not None:
+        d = np.hstack([d[:, :3] @ R, d[:, 3:] @ R])
     for e in _of_stage(effects, "gauge"):
         d = act(e, d, situation)
     return np.asarray(d)
+
+
+def spring_influences(
+    model: ArmModel,
+    at: LoadedPoses,
+    effects: Sequence[PlacedEffect],
+    joints: Sequence[str],
+    history: History | None = None,
+) -> Array | None:
+    """Derivatives (n, 6, k) of the readings by the compliances of joints' springs, exact; None with a law on top."""
+    if any(e.effect.stage in ("arm", "gauge") for e in effects):
+        return None
+    before = Situation(model, at, history or plain_history(len(at)))
+    changed, loads, R = _loaded(model, at, effects, before)
+    influence = spring_influence(changed, loads.q, loads.wrench, loads.point)[0]
+    columns = influence[:, [model.robot.joint_names.index(name) for name in joints]]
+    if R is not None:
+        columns = np.concatenate([columns[..., :3] @ R, columns[..., 3:] @ R], axis=2)
+    return np.moveaxis(columns, 1, 2)
+
+
+def _loaded(
+    model: ArmModel, at: LoadedPoses, effects: Sequence[PlacedEffect], before: Situation
+) -> tuple[ArmModel, LoadedPoses, Array | None]:
+    """The arm with what is missing of it, its loads as they act, and the rotation from the table's axes to its own."""
+    R = None
+    for e in _of_stage(effects, "frame"):
+        R = act(e, None, before) if R is None else R @ act(e, None, before)
+    changed, loads = model, at if R is None else turned(model, at, R)
+    for e in _of_stage(effects, "model"):
+        changed = act(e, changed, None)
+    for e in _of_stage(effects, "load"):
+        loads = act(e, loads, before.of(changed, loads))
+    return changed, loads, R
 
 
 def _of_stage(effects: Sequence[PlacedEffect], stage: str) -> list[PlacedEffect]:

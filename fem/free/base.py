@@ -78,7 +78,7 @@ def _with_entries(place: Table) -> Table:
 
 
 Scale = Literal["compliance", "log", "linear"]
-Shifts = Literal["zero", "load", "tilt", "point"]
+Shifts = Literal["zero", "load", "tilt", "point", "frame"]
 # Of a link by its wall (m): flexibility and its derivative by ln(wall).
 Flexibility = Callable[[float], tuple[Array, Array]]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.effects.base import EffectParameter, PlacedEffect
+from fem.effects.frames import TURNED_FRAME
 from fem.free.base import SHIFT, TURN, Figure, Flexibility, Given, Kind, Parameter, Scale, Tables
 from fem.model import ArmModel, LinkPart
 from fem.springs import RIGID, SumSpring
@@ -262,6 +263,21 @@ class _Zero(_Shift):
 
 
 @dataclass(frozen=True)
+class _Frame(_Shift):
+    """A turn of the frame in which forces and displacements are stated; in a file it is an effect."""
+
+    def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
+        name, code = TURNED_FRAME.parameters[p.index[0]].name, TURNED_FRAME.code
+        table = next((one for one in tables.data["effect"] if one["code"] == code), None)
+        if table is None:
+            table = {"code": code, "parameters": {}, "note": TURNED_FRAME.words}
+            tables.data["effect"] = (*tables.data["effect"], table)
+        old = table["parameters"].get(name)
+        before = 0.0 if old is None else old["value"] * factor("angle", old["unit"])
+        table["parameters"] = {**table["parameters"], name: figure(float(np.degrees(value + before)), "deg")}
+
+
+@dataclass(frozen=True)
 class _Law(Kind):
     """A coefficient of ln(stiffness) of a joint over angles; laws are put into a model and written whole."""
 
@@ -297,11 +313,14 @@ KINDS: tuple[Kind, ...] = (
     # Where the load acts, from the read point, in flange axes; by what its direction is off, about the base's axes.
     _Shift("load", shifts="load", place="load", most=0.2, usual=0.03, triples=(("load", "offset"),)),
     _Shift(
-        "tilt", shifts="tilt", place="load", names=("tilt_x", "tilt_y"), unit="rad", most=math.radians(10.0),
+        "tilt", shifts="tilt", place="load", names=("tilt_x", "tilt_y", "tilt_z"), unit="rad", most=math.radians(10.0),
         usual=math.radians(3.0), triples=(("load", "tilt"),),
     ),
     # Where the read and loaded point is, in flange axes.
     _Shift("point", shifts="point", place="point", most=0.5, usual=0.03),
+    # By what the table's axes are turned, about the base's.
+    _Frame("frame", shifts="frame", place="frame", names=("rx", "ry", "rz"), unit="rad", most=math.radians(30.0),
+           usual=math.radians(3.0)),
     _Modulus("modulus", is_linear=True),
     _Wall("wall", has_sections=True),
     LAW,

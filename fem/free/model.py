@@ -21,6 +21,7 @@ import numpy as np
 
 from fem.compiled.compliance import deflection
 from fem.effects.base import PlacedEffect
+from fem.effects.frames import turned_further
 from fem.effects.observed import observed
 from fem.effects.situation import History, Situation, plain_history
 from fem.free.base import Flexibility, Given, Parameter, Shifts
@@ -78,7 +79,7 @@ class FreeModel:
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Displacements (n, 6) and derivatives (n, 6, p) by the estimator's variables u (p,)."""
-        if self.effects:
+        if self._acts:
             value = self._observed(u)
             return value, self._differences(u, value)
         value, J = self._placed(u)
@@ -90,13 +91,13 @@ class FreeModel:
 
     def displacement(self, u: Array) -> Array:
         """Displacements (n, 6) alone, at a fraction of the work where angles or points are free."""
-        if self.effects:
+        if self._acts:
             return self._observed(u)
         return self._placed(u)[0]
 
     def displacements(self, u: Array) -> Array:
         """Displacements (r, n, 6) for many sets of variables u (r, p): as many at once as memory serves best."""
-        if self.effects or self._one_at_a_time:
+        if self._acts or self._one_at_a_time:
             return np.array([self.displacement(one) for one in u]).reshape(len(u), len(self.at), 6)
         out, at = np.empty((len(u), len(self.at), 6)), self.at
         step = max(ROWS // max(len(at), 1), 1)
@@ -125,11 +126,21 @@ class FreeModel:
         at = LoadedPoses(self.at.q[kept], self.at.wrench[kept], self.at.point[kept])
         return replace(self, at=at, history=history), np.searchsorted(kept, rows)
 
+    @property
+    def _acts(self) -> bool:
+        """Whether there is more between loads and readings than the arm: effects, or a frame that may be turned."""
+        return bool(self.effects) or any(p.kind.shifts == "frame" for p in self.parameters)
+
     def _observed(self, u: Array) -> Array:
         """Displacements (n, 6) with effects."""
         arm = self._arm(u)
         model = changed_model(arm, self.parameters, self.laws, self.walls, u)
         effects = changed_effects(self.effects, self.parameters, u)
+        if (turn := self._shift(u, "frame")).any():
+            effects = turned_further(effects, turn)
+            # Loads are turned before they are placed: what the variables add to their place is undone with the rest.
+            offset, tilt = model.load_offset + self._shift(u, "load"), model.load_tilt + self._shift(u, "tilt")
+            model = replace(model, load_offset=offset, load_tilt=tilt)
         moved = self._moved(u, self.at, arm)
         start = self._start if moved is self.at and arm is self.model else None
         return observed(model, moved, effects, self.history or plain_history(len(self.at)), start)

@@ -4,7 +4,8 @@ Names: ``PLACE.ROW`` is a stiffness (``j2.rz``, also ``j2.stiffness``; ``base.rx
 tz (N/m) and rx, ry, rz (N m/rad) in the place's axes; ``PLACE.ROW-ROW`` an entry of the compliance off the
 diagonal; ``LINK.modulus`` (Pa) and ``LINK.wall`` (m, a factor of all its walls); ``bar.stiffness`` (N/m);
 ``JOINT.zero`` (rad), ``load.x|y|z`` (m: where the load acts, from the read point, flange axes),
-``load.tilt_x|tilt_y`` (rad: the load's direction about the base axes), ``point.x|y|z`` (m: read and loaded point,
+``load.tilt_x|tilt_y|tilt_z`` (rad: the load's direction about the base axes), ``frame.rx|ry|rz`` (rad: the table's
+frame of forces and displacements about the base axes), ``point.x|y|z`` (m: read and loaded point,
 flange axes, of all readings: the model's tool point, and points that readings bring themselves); ``JOINT.law[k]`` the
 coefficients of ln(stiffness) over joint angles (:mod:`fem.springs`); ``CODE.NAME`` a number of an effect that the
 model has (``backlash:j2.gap``). What each kind is: :mod:`fem.free.kinds`.

@@ -102,6 +102,13 @@ def as_read(model: ArmModel, at: LoadedPoses) -> LoadedPoses:
     return LoadedPoses(at.q, np.hstack([at.wrench[:, :3] @ back.T, moment @ back.T]), at.point)
 
 
+def turned(model: ArmModel, at: LoadedPoses, R: Array) -> LoadedPoses:
+    """Loads that the model's table states in axes which ``R`` (3, 3) turns into the base's."""
+    read = as_read(model, at)
+    wrench = np.hstack([read.wrench[:, :3] @ R.T, read.wrench[:, 3:] @ R.T])
+    return placed(model.robot, LoadedPoses(at.q, wrench, at.point), model.load_offset, model.load_tilt)
+
+
 def as_loaded(model: ArmModel, q: Array, wrench: Array, point: Array) -> LoadedPoses:
     """Nominal loads as the model says that they act."""
     return placed(model.robot, LoadedPoses(q, wrench, point), model.load_offset, model.load_tilt)

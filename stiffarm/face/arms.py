@@ -144,7 +144,13 @@ class Picture:
         return self
 
 
-def load(model: str | Path, *, links: str | None = None, load_path: str | None = None) -> Arm:
+def load(
+    model: str | Path,
+    *,
+    links: str | None = None,
+    load_path: str | None = None,
+    values: Mapping[str, float | str] | None = None,
+) -> Arm:
     """A robot arm by bundled name, from a model TOML or from a URDF.
 
     Parameters
@@ -152,20 +158,22 @@ def load(model: str | Path, *, links: str | None = None, load_path: str | None =
     model : a bundled name (:func:`stiffarm.robots_bundled`) or a path
     links : "beam", "shell" or "rigid"; default: as the model was calibrated, else beam
     load_path : "parallelogram" or "serial"; default: the model's
+    values : parameter name -> value in place of the model's, SI or text with a unit, as in ``{"j2.stiffness": 1.4e6}``
 
     Raises
     ------
     InputError
-        No such model, a file that does not fit the schema, or an arm too soft for linear statics.
+        No such model, a file that does not fit the schema, a parameter that the arm does not have, or an arm too soft
+        for linear statics.
 
     Examples
     --------
     >>> import stiffarm as sa
-    >>> sa.load("xr701").name
+    >>> sa.load("xr701", values={"j2.stiffness": 1.4e6}).name
     'xr701'
     """
     with called():
-        return as_face(inputs.read_model(str(model), links, load_path))
+        return as_face(inputs.read_model(str(model), links, load_path, sets=values))
 
 
 def robots_bundled() -> tuple[str, ...]:

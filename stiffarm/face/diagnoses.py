@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
 from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calls import called
@@ -95,6 +96,7 @@ def diagnose(
     holdout: Readings | None = None,
     next_poses: int = 3,
     setup_percent: float = 100.0 * SETUP,
+    folds: int = FOLDS,
     seed: int = 0,
 ) -> Diagnosis:
     """Find what the model is missing: where it disagrees with readings, which effect explains it, how sure that is.
@@ -109,6 +111,7 @@ def diagnose(
     holdout : readings to judge the result by
     next_poses : how many set-ups to propose where something is not settled
     setup_percent : scatter between set-ups to expect, in percent of the deflection
+    folds : in which the whole diagnosis is made anew to predict poses that it has not seen; 0 for none
     seed : of the random numbers
 
     Raises
@@ -121,7 +124,7 @@ def diagnose(
     >>> import stiffarm as sa
     >>> arm = sa.load("xr701")
     >>> data = sa.read_readings(sa.bundled("xr701"), arm)
-    >>> sa.diagnose(arm, data, loads_N=[650], load_path="serial", next_poses=0).effects
+    >>> sa.diagnose(arm, data, loads_N=[650], load_path="serial", next_poses=0, folds=0).effects
     ('load-path',)
     """
     from doe.diagnosis.where import noise_floor_mm
@@ -133,7 +136,7 @@ def diagnose(
     with called():
         given = arm if load_path is None else arm.with_load_path(as_load_path(load_path))
         request = Request(tuple(map(float, loads_N)), None if free is None else tuple(free), next_poses, seed,
-                          setup_percent / 100.0)  # fmt: skip
+                          setup_percent / 100.0, folds)  # fmt: skip
         found = ask(given, readings.table, request, holdout=None if holdout is None else holdout.table)
         made = arm
         if found.tells:

@@ -150,10 +150,9 @@ def fit(
     1
     """
     from stiffarm.commands.fit.learning import learning_task
-    from stiffarm.session.steps import default_inputs
-    from surrogate import train
+    from surrogate import inputs_that_matter, train
 
-    names = default_inputs(arm.model) if inputs is None else tuple(inputs)
+    names = inputs_that_matter(arm.model, direction) if inputs is None else tuple(inputs)
     for name in names:
         require_one_of("inputs", name, arm.coordinates)
     along = tuple(float(v) for v in np.array(direction, dtype=np.float64) / np.linalg.norm(direction))

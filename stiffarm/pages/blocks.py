@@ -10,14 +10,14 @@ from stiffarm.session.outputs import OutputFolder
 
 
 class Pictures:
-    """Saves figures into the output folder and hands them to the report."""
+    """Saves figures into the output folder and hands them to the report; ``before``: what their names begin with."""
 
-    def __init__(self, folder: OutputFolder) -> None:
-        self.folder = folder
+    def __init__(self, folder: OutputFolder, before: str = "") -> None:
+        self.folder, self.before = folder, before
 
     def add(self, figure: Figure, name: str, caption: str) -> Picture:
         """Save a figure under ``figures/`` and return it with its caption."""
-        path = self.folder.path(f"figures/{name}.png")
+        path = self.folder.path(f"figures/{self.before}{name}.png")
         save_png(figure, path)
         return Picture(path, caption, name.replace("_", " "))
 

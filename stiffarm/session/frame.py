@@ -52,12 +52,19 @@ class Frame:
         *,
         effect: Sequence[Path] | None = None,
         without: str | None = None,
+        sets: Sequence[str] | None = None,
     ) -> Arm:
-        """The model asked for; ``effect``: files of own effects, else as :func:`stiffarm.session.inputs.read_model`."""
+        """The model asked for.
+
+        ``effect``: files of own effects; ``sets``: what ``--set`` says; else as
+        :func:`stiffarm.session.inputs.read_model`.
+        """
         from stiffarm.session.inputs import model_hash, read_model
         from stiffarm.session.own_effects import own_effects, own_files
+        from stiffarm.session.parsing import parse_settings
 
-        given = read_model(name, links, load_path, own=own_effects(effect), without=without)
+        values = parse_settings(sets or (), "--set")
+        given = read_model(name, links, load_path, own=own_effects(effect), without=without, sets=values)
         self.files |= {**own_files(effect), "model": model_hash(given)}
         return given
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import get_args
 
@@ -17,13 +17,20 @@ from stiffarm.session.softness import refuse_too_soft
 
 
 def read_model(
-    name: str, links: str | None, load_path: str | None, *, own: tuple[Maker, ...] = (), without: str | None = None
+    name: str,
+    links: str | None,
+    load_path: str | None,
+    *,
+    own: tuple[Maker, ...] = (),
+    without: str | None = None,
+    sets: Mapping[str, str | float] | None = None,
 ) -> Arm:
     """Load and build a model; links default to what it was calibrated with, else beams.
 
     ``shell:distributing`` and ``shell:rigid`` choose how the flanges of all shell links are coupled; the choice goes
     into the description, so that a calibrated model keeps it. ``without``: what the command makes from the linear arm
-    alone ("the map"): effects that this leaves out are named. A model so soft that none of its results would hold is
+    alone ("the map"): effects that this leaves out are named. ``sets``: values of parameters in place of the model's
+    (:func:`doe.model_file.changed.changed`). A model so soft that none of its results would hold is
     refused.
     """
     description = load_description(name)
@@ -43,10 +50,23 @@ def read_model(
             description = described_with_load_path(description, path)
     with _announced(kind, description):
         arm = Arm.of(description, kind, path, own)
-    refuse_too_soft(description, arm.model)
+        if sets:
+            from doe.model_file.changed import changed
+
+            arm = Arm.of(changed(arm, sets, "--set"), kind, path, own)
+    refuse_too_soft(arm.description, arm.model)
     if arm.effects and without is not None:
         say(f"note: not in {without}: {', '.join(e.effect.code for e in arm.effects)}")
     return arm
+
+
+def why_links(description: ModelDescription, asked: str | None) -> str:
+    """Why a model's links are what they are: :func:`read_model` with ``asked`` as its links."""
+    if asked is not None:
+        return "as asked"
+    if description.calibration is not None:
+        return "as the model was calibrated"
+    return "the default of a model that was not calibrated; --links shell or --links rigid takes others"
 
 
 def as_load_path(text: str) -> LoadPath:

@@ -37,6 +37,15 @@ Links = Annotated[
 LoadPathOpt = Annotated[
     str | None, typer.Option("--load-path", help="Load path: parallelogram or serial. Default: the model's.")
 ]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Replace one parameter of the model, as in j2.stiffness=1.4e6 or forearm.modulus=70GPa (SI without a "
+        "unit). May be repeated.",
+    ),
+]
 ConfirmUnits = Annotated[
     bool,
     typer.Option(

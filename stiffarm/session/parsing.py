@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -101,6 +101,20 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
         else:
             out[name] = value
     raise_any(option, faults)
+    return out
+
+
+def parse_settings(texts: Sequence[str], option: str) -> dict[str, str]:
+    """Read ``name=value`` texts, each name once; what names and values may be, the model says."""
+    out: dict[str, str] = {}
+    for text in texts:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value):
+            remedy = "write a parameter, =, and its value"
+            raise InputError(option, value=text, allowed="NAME=VALUE, as in j2.stiffness=1.4e6", remedy=remedy)
+        if name in out:
+            raise InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one")
+        out[name] = value
     return out
 
 

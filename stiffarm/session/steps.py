@@ -23,7 +23,7 @@ VERTICAL = (0.0, 0.0, -1.0)
 
 @dataclass(frozen=True)
 class RigidJoints:
-    """The first model: flexible links, rigid joints. (m,) per equation; mm. ``links``: kind of links."""
+    """The first model: flexible links, rigid joints. (m,) per reading; mm. ``links``: kind of links."""
 
     links: LinkKind
     pose: tuple[str, ...]
@@ -42,17 +42,21 @@ def links_alone(given: Arm, data: Measurements) -> Array:
 
 
 def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None = None) -> RigidJoints:
-    """Simulate the vertical readings with rigid joints, to see how much the links alone give."""
-    data = data.select(data.used[:, 2])
+    """Simulate the readings with rigid joints, to see how much the links alone give: the largest translation of each.
+
+    Raises
+    ------
+    InputError
+        No translation was read.
+    """
+    data = data.select(np.asarray(data.used[:, :3].any(axis=1)))
     if not data.n:
-        raise InputError(
-            f"{data.source}: no vertical deflection was read",
-            allowed="readings in the column dz_mm",
-            remedy="`stiffarm calibrate --scheme global` takes readings in any direction",
-        )
+        raise InputError(f"{data.source}: no translation was read", allowed="readings in dx_mm, dy_mm or dz_mm")
     if poses is not None:
         data = select_poses(data, poses, "rigid joints")
-    both = data.displacement[:, 2] * 1e3, links_alone(given, data)[:, 2] * 1e3
+    size = np.where(data.used[:, :3], np.abs(data.displacement[:, :3]), -1.0)
+    largest = np.arange(data.n), size.argmax(axis=1)
+    both = data.displacement[largest] * 1e3, links_alone(given, data)[largest] * 1e3
     return RigidJoints(given.model.link_kind, data.pose, *both)
 
 
@@ -79,14 +83,8 @@ class FactorialRuns:
     stiffness_N_per_mm: Array  # noqa: N815 - the unit as the shop writes it
 
 
-def factorial_runs(model: ArmModel, plan: Factorial) -> FactorialRuns:
-    """Structural stiffness (vertical load) over an adjusted full factorial."""
-    q = factorial_poses(model.robot, plan)
+def factorial_runs(model: ArmModel, plan: Factorial, *, whole: bool = True) -> FactorialRuns:
+    """Structural stiffness (vertical load) over an adjusted full factorial; not ``whole``: of what can be reached."""
+    q = factorial_poses(model.robot, plan, whole=whole)
     columns = [model.robot.coordinate_index(name) for name in plan.inputs]
     return FactorialRuns(plan.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)
-
-
-def default_inputs(model: ArmModel) -> tuple[str, ...]:
-    """Joint coordinates that move the stiffness: all but the first, and but the last of six."""
-    names = model.robot.coordinates
-    return names[1:5] if model.robot.dof == 6 else names[1:]

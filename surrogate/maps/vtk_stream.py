@@ -11,7 +11,7 @@ tools do not read the files; those of VTK do (ParaView, pyvista).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -104,10 +104,45 @@ def write_vtp(data: MapData, path: Path, *, single: bool = False) -> None:
         An array name is used twice, or the file cannot be written.
     """
     n = int(np.count_nonzero(data.reached))
+    piece, section, write_vertices = _vertices(n)
+    _write_reached(data, path, "PolyData", n, piece, section, write_vertices, single)
+
+
+def write_points(
+    path: Path, points: Array, vectors: Mapping[str, tuple[Array, str]], texts: Mapping[str, Sequence[str]]
+) -> None:
+    """Write points (n, 3) mm as vertices of polygonal data with vectors: name -> ((n, 3) or (n,), unit).
+
+    ``texts``: field data, strings by name. NaN stands where a component is not known.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    n = len(points)
+    piece, topology, write_vertices = _vertices(n)
+    arrays = {
+        DataArray(name, _POINT, n, 1 if values.ndim == 1 else values.shape[1], unit): values
+        for name, (values, unit) in vectors.items()
+    }
+    place = DataArray("Points", _POINT, n, components=3)
+    sections = [Section("PointData", tuple(arrays)), Section("CellData"), Section("Points", (place,)), topology]
+    with (
+        whole_file(path, ".vtp") as temporary,
+        AppendedFile(temporary, "PolyData", {}, piece, texts, sections) as file,
+    ):
+        for array, values in {**arrays, place: points}.items():
+            file.write(array, 0, values)
+        write_vertices(file)
+
+
+def _vertices(n: int) -> tuple[dict[str, str], Section, Callable[[AppendedFile], None]]:
+    """A vertex at each of n points: attributes of the piece, its section, and what writes that."""
     connectivity = DataArray("connectivity", _index_type(n), n)
     offsets = DataArray("offsets", _index_type(n), n)
 
-    def write_vertices(file: AppendedFile) -> None:
+    def write(file: AppendedFile) -> None:
         for rows in row_blocks(n):
             number = np.arange(rows.start, rows.stop, dtype=np.int64)
             file.write(connectivity, rows.start, number)
@@ -115,8 +150,7 @@ def write_vtp(data: MapData, path: Path, *, single: bool = False) -> None:
 
     piece = {"NumberOfPoints": str(n), "NumberOfVerts": str(n)}
     piece |= dict.fromkeys(("NumberOfLines", "NumberOfStrips", "NumberOfPolys"), "0")
-    section = Section("Verts", (connectivity, offsets))
-    _write_reached(data, path, "PolyData", n, piece, section, write_vertices, single)
+    return piece, Section("Verts", (connectivity, offsets)), write
 
 
 def _write_reached(

@@ -212,7 +212,13 @@ CASES: dict[str, tuple[Case, ...]] = {
     "tilt": (
         Case(("load.tilt_x",), arm(load=LOAD)),
         Case(("load.tilt_x", "load.tilt_y"), only_z=True),
+        Case(("load.tilt_z",), arm(load=LOAD)),
         Case(("load.tilt_y",), arm(("payload",), load=LOAD), load_path="serial"),
+    ),
+    "frame": (
+        Case(("frame.rx", "frame.rz")),
+        Case(("frame.ry", "load.x"), arm(load=LOAD), points="own"),
+        Case(("frame.rz", "j2.stiffness"), arm(("turned-frame",))),
     ),
     "point": (
         Case(("point.x", "point.z", "j2.stiffness"), points="own"),

@@ -28,6 +28,7 @@ from stiffarm.session.options import (
     Out,
     SchemeFile,
     Seed,
+    Sets,
     TablesArg,
 )
 from stiffarm.session.reading_checks import history_notes
@@ -105,6 +106,7 @@ def calibrate(
     scheme_file: SchemeFile = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -122,7 +124,7 @@ def calibrate(
         parsing.refuse_together({"--joints": joints, "--free": free, "--campaign": campaign})
         parsing.refuse_together({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = parsing.parse_loads(loads)
-        given = frame.model(model, links, load_path, effect=effect)
+        given = frame.model(model, links, load_path, effect=effect, sets=sets)
         table = frame.readings(given, data, confirm_units=confirm_units)
         staged = general_calibration.is_staged(
             scheme, given, scheme_file, named=free is not None or campaign is not None

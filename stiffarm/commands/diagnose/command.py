@@ -7,14 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from doe import write_measurements
+from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
-from robots import save_description
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.diagnose import payload as diagnosis_payload
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
-from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
@@ -30,6 +28,7 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
+    Sets,
     TablesArg,
 )
 from stiffarm.session.outputs import OutputFolder
@@ -63,6 +62,16 @@ def diagnose(
             max=30,
         ),
     ] = 3,
+    folds: Annotated[
+        int,
+        typer.Option(
+            "--folds",
+            help="Number of parts into which the poses are split at random; without each part the whole diagnosis is "
+            "made anew and predicts it. Fewer than ten poses are left out one at a time; 0 for none.",
+            min=0,
+            max=50,
+        ),
+    ] = FOLDS,
     setup_percent: Annotated[
         float,
         typer.Option(
@@ -78,6 +87,7 @@ def diagnose(
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -89,33 +99,28 @@ def diagnose(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         chosen_loads = parsing.parse_loads(loads) or ()
-        given = frame.model(model, links, load_path, effect=effect)
+        given = frame.model(model, links, load_path, effect=effect, sets=sets)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
         table = frame.readings(given, data, confirm_units=confirm_units)
         other = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed) as folder:
-            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0)
+            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0, folds)
             with frame.timed("diagnosis"):
                 found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
             say_notes(found.remarks)
-            content = diagnosis_payload.diagnosis(found)
-            if folder is not None:
-                _write(found, content, folder)
+            content = diagnosis_payload.diagnosis(found) if folder is None else _write(found, folder)
         frame.answer(content, lambda: _show(found))
 
 
-def _write(found: Diagnosed, content: dict[str, Any], folder: OutputFolder) -> None:
-    """diagnosis.json, pictures, report.html, and model.toml where the readings tell anything about the arm."""
+def _write(found: Diagnosed, folder: OutputFolder) -> dict[str, Any]:
+    """All files, the report last; returns what diagnosis.json holds."""
+    from stiffarm.commands.diagnose.files import write_files
     from stiffarm.commands.diagnose.report import write_report
 
-    folder.write_json("diagnosis.json", content)
-    if found.tells:
-        save_description(described(found), folder.path("model.toml"))
-    if found.proposal is not None:
-        path, columns = folder.path("next_readings.csv"), found.proposal.protocol.columns
-        write_measurements(found.proposal.sheet, path, found.given.robot, to_fill=columns)
+    written = write_files(found, folder)
     with folder.timed("report"):
-        write_report(found, folder)
+        write_report(found, written, folder)
+    return written.content
 
 
 def _show(found: Diagnosed) -> None:

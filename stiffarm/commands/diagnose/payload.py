@@ -17,7 +17,7 @@ from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-diagnosis/1"
-LEFT_OUT = "leave-one-pose-out"
+LEFT_OUT, NESTED = "leave-one-pose-out", "nested folds"
 # Of each look so many candidates are listed.
 LISTED = 8
 
@@ -107,8 +107,9 @@ def gap(d: Diagnosed) -> dict[str, Any]:
 
     The noise floor is that of the best explanation: the model before takes what is missing for noise.
     """
-    h = d.held_out
-    out: dict[str, Any] = {"held_out_by": LEFT_OUT if h is None else h.data.source}
+    h, n = d.held_out, d.nested
+    by = LEFT_OUT if n is None else NESTED
+    out: dict[str, Any] = {"held_out_by": by if h is None else h.data.source}
     states = {"before": d.found.before, "after": d.found.after}
     for (name, state), far in zip(states.items(), d.unseen_rms_mm, strict=True):
         out[name] = {
@@ -118,6 +119,13 @@ def gap(d: Diagnosed) -> dict[str, Any]:
             "left_one_pose_out_rms_mm": number(state.left_out_rms_mm),
         }
     out["before"]["least_rms_of_any_springs_mm"] = number(least_rms_mm(d.found.before.setting))
+    out["nested"] = n and {
+        "folds": n.folds,
+        "seed": d.request.seed,
+        "before_rms_mm": number(n.rms_before_mm),
+        "after_rms_mm": number(n.rms_after_mm),
+        "effects": [list(codes) for codes in n.found],
+    }
     if h is not None:
         out |= {"holdout_sha256": h.data.sha256, "holdout_readings": len(h.before), "holdout_remarks": list(h.remarks)}
     return out

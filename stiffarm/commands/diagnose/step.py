@@ -12,6 +12,7 @@ from doe.calibration.run import refuse_cut_cycles
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
+from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
 from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
@@ -38,7 +39,7 @@ class Request:
 
     ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those that the readings see;
     ``next_poses``: how many set-ups to propose where something is not settled; ``setup``: scatter between set-ups to
-    expect, as a share of the deflection.
+    expect, as a share of the deflection; ``folds``: in which the whole diagnosis is made anew, 0 for none.
     """
 
     loads: tuple[float, ...] = ()
@@ -46,6 +47,7 @@ class Request:
     next_poses: int = 3
     seed: int = 0
     setup: float = SETUP
+    folds: int = FOLDS
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Diagnosed:
     """A finished diagnosis with all that is said about it.
 
     ``used``: the readings it rests on; ``where``: groups by pose, load, direction and phase; ``twins``: by code, those
-    that these readings could not tell from it; ``remarks``: what the reader must know of input and choice.
+    that these readings could not tell from it; ``remarks``: what the reader must know of input and choice;
+    ``nested``: errors at poses that the whole diagnosis had not seen.
     """
 
     request: Request
@@ -67,6 +70,7 @@ class Diagnosed:
     remarks: tuple[str, ...]
     proposal: NextReadings | None = None
     calibrated: Calibrated | None = None
+    nested: Nested | None = None
 
     @property
     def tells(self) -> bool:
@@ -75,7 +79,12 @@ class Diagnosed:
 
     @property
     def unseen_rms_mm(self) -> tuple[float, float]:
-        """Errors before and after where the fit has not seen the readings: those held out, else poses left out."""
+        """Errors before and after where nothing was chosen or fitted: readings held out, else poses of other folds.
+
+        Where neither is there: poses left out one at a time, with effects chosen on all of them.
+        """
+        if self.held_out is None and self.nested is not None:
+            return self.nested.rms_before_mm, self.nested.rms_after_mm
         if self.held_out is None:
             return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
         return self.held_out.rms_before_mm, self.held_out.rms_after_mm
@@ -123,6 +132,7 @@ def diagnose(
         Readings of one pose only, a gauge that stood still, poses held out that are in the table, or fewer readings
         than springs.
     """
+    check_folds(request.folds)
     if holdout is not None:
         refuse_seen(table, holdout)
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
@@ -134,7 +144,8 @@ def diagnose(
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)
-    found = find_missing(s, Options(noise=NoisePrior(request.setup)), progress=say)
+    options = Options(noise=NoisePrior(request.setup))
+    found = find_missing(s, options, progress=say)
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
@@ -150,7 +161,21 @@ def diagnose(
         remarks,
         _proposal(found, request, say),
         _calibrated(given, table, request, found),
+        _nested(s, used, request, options, found, say),
     )
+
+
+def _nested(
+    s: Setting, used: Measurements, request: Request, options: Options, found: Diagnosis, say: Callable[[str], None]
+) -> Nested | None:
+    """The whole diagnosis made anew in every fold; None where there is no such figure."""
+    if found.verdict == "uninformative":
+        return None
+    reason = why_not_nested(used, request.folds)
+    if reason is None:
+        return nested(s, used, options, folds=request.folds, seed=request.seed, progress=say)
+    say(f"note: how well the diagnosis predicts poses it has not seen is not known: {reason}")
+    return None
 
 
 def _asked(found: Diagnosis) -> list[str]:

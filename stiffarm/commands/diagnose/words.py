@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
+from doe.diagnosis.nested import Nested
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
@@ -103,17 +104,32 @@ def gap_sentence(d: Diagnosed) -> str:
     a, b = d.unseen_rms_mm
     if not d.in_model:
         text = f"The model with fitted springs is {before.fit_rms_mm:.3f} mm (RMS) off its readings"
-        where = "at poses left out one at a time" if h is None else f"on {h.data.source}, which it has not seen"
+        where = f"at {unseen_poses(d)}" if h is None else f"on {h.data.source}, which it has not seen"
         read = rms_mm(before.setting.data.value, before.setting.data.component)
         if not d.tells:
             return f"{text}, which are {read:.3f} mm (RMS) themselves, and {a:.3f} mm {where}."
         return f"{text} and {a:.3f} mm {where}; {_floor(d)}."
-    where = "At poses left out one at a time" if h is None else f"On {h.data.source}, which nothing was fitted to,"
+    where = f"At {unseen_poses(d)}" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
         f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). "
         f"{_sentence(_floor(d))}."
     )
+
+
+def unseen_poses(d: Diagnosed) -> str:
+    """Which poses the shown error is at, where no readings were held out."""
+    if d.nested is None:
+        return "poses left out one at a time"
+    if d.nested.folds == len(d.found.start.data.poses):
+        return "poses it has not seen (one at a time, effects chosen anew without it)"
+    return f"poses it has not seen ({d.nested.folds} folds, effects chosen anew in each)"
+
+
+def nested_sentence(n: Nested) -> str:
+    """What the folds found."""
+    chosen = ", ".join(f"{code} in {count} of {n.folds}" for code, count in n.chosen.items())
+    return f"Found without the poses left out: {chosen or 'nothing, in any fold'}."
 
 
 def _floor(d: Diagnosed) -> str:
@@ -225,6 +241,12 @@ def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
 
 def next_sentence(d: Diagnosed) -> str:
     """What to do next."""
+    if d.found.verdict == "ambiguous" and d.found.same:
+        return (
+            f"In these readings {_and([f.code for f in d.found.provisional] or ['it'])} cannot be told from "
+            f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
+            "readings measured against the robot's base, the tool point); further readings help only where they differ."
+        )
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."
     return NEXT[d.found.verdict]

@@ -16,7 +16,7 @@ from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.json_text import number
-from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg
+from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg, Sets
 
 DEFAULT_LOAD = "fz_N=-650"
 
@@ -38,6 +38,7 @@ def export(
         typer.Option("--links", help="Link model: shell (flanges as in the model), shell:rigid or shell:distributing."),
     ] = "shell",
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -61,7 +62,7 @@ def export(
                 remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",
             )
         wrench = parsing.parse_load(load)
-        given = frame.model(model, links, load_path, without="the export")
+        given = frame.model(model, links, load_path, without="the export", sets=sets)
         q = parsing.parse_pose(given.robot, pose[0])
         with frame.folder() as folder:
             from fem.reference.calculix.arm import arm_deck

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from robots import InputError
-from stiffarm.session import inputs, parsing, steps
+from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
@@ -19,8 +19,10 @@ from stiffarm.session.options import (
     LoadPathOpt,
     ModelArg,
     Seed,
+    Sets,
 )
 from stiffarm.session.parsing import parse_word
+from surrogate import inputs_that_matter
 
 
 def fit(
@@ -98,6 +100,7 @@ def fit(
     ] = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -131,10 +134,10 @@ def fit(
             name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
-        given = frame.model(model, links, load_path, without="the surrogate")
+        given = frame.model(model, links, load_path, without="the surrogate", sets=sets)
         if note := inputs.no_springs_note(given):
             say(f"note: {note}")
-        names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or steps.default_inputs(given.model)
+        names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
         others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
         scalar = None
         if quantity != learning.STIFFNESS:

@@ -20,7 +20,7 @@ from stiffarm.commands.identify.step import JointTwists, Request
 from stiffarm.session import inputs
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.options import ConfirmUnits, Debug, Json, LoadPathOpt, ModelArg, Out, Seed
+from stiffarm.session.options import ConfirmUnits, Debug, Json, LoadPathOpt, ModelArg, Out, Seed, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers, parse_word
 
@@ -78,6 +78,7 @@ def identify(
     confirm_units: ConfirmUnits = False,
     seed: Seed = 0,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -92,7 +93,7 @@ def identify(
         request = _request(law, branches, flange, window, seed)
         _check_tables(tables, out, synthetic=synthetic)
         # The two arms of a joint are taken as rigid: what they give way by is in the joint's stiffnesses.
-        given = frame.model(model, "rigid", load_path)
+        given = frame.model(model, "rigid", load_path, sets=sets)
         inputs.refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
         other = frame.held_out(given, holdout, confirm_units=confirm_units)
         data = None if synthetic else joint_twist_run.read_tables(given, tables or ())

@@ -17,7 +17,7 @@ from stiffarm.commands.index import results as index_results
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
 from stiffarm.session.task_options import NormalOpt, ToolOpt
@@ -61,6 +61,7 @@ def index(
     ] = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -70,7 +71,7 @@ def index(
     Also the Rayleigh quotient, directional stiffness, weakest and stiffest direction, and isotropy.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the indices")
+        given = frame.model(model, links, load_path, without="the indices", sets=sets)
         q, labels = _poses(given, pose, table)
         question = index_results.IndexQuestion(
             q,

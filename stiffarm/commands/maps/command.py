@@ -20,7 +20,7 @@ from stiffarm.commands.maps.request import MERITS, SHORTS
 from stiffarm.session.console import progress, say, say_notes, user_errors
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.inputs import model_hash
-from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed
+from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from surrogate.maps.layouts import PLANES
 
@@ -145,6 +145,7 @@ def joints_command(
     work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -157,9 +158,9 @@ def joints_command(
             refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
             for name in (name for name, value in refused.items() if value is not None):
                 raise InputError(f"{name} cannot be combined with --surrogate", remedy="leave one of them out")
-            content = _surrogate_map(model, frame, surrogate_file, points, layers, pictures, links, load_path)
+            content = _surrogate_map(model, frame, surrogate_file, points, layers, pictures, links, load_path, sets)
         else:
-            content = _arm_map("joints", model, frame, own | shared, (html, svg, pictures), seed, links)
+            content = _arm_map("joints", model, frame, own | shared, (html, svg, pictures), seed, links, sets)
         _say(content, frame)
 
 
@@ -195,6 +196,7 @@ def slice_command(
     work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -203,7 +205,7 @@ def slice_command(
     own = {"--plane": plane, "--at": at, "--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("slice", model, frame, own | shared, (html, svg, pictures), seed, links), frame)
+        _say(_arm_map("slice", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
 
 
 @map_command.command("box")
@@ -229,6 +231,7 @@ def box_command(
     work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -237,7 +240,7 @@ def box_command(
     own = {"--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("box", model, frame, own | shared, (html, svg, pictures), seed, links), frame)
+        _say(_arm_map("box", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
 
 
 @map_command.command("cylinder")
@@ -268,6 +271,7 @@ def cylinder_command(
     work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -276,7 +280,7 @@ def cylinder_command(
     own = {"--r": r, "--phi": phi, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("cylinder", model, frame, own | shared, (html, svg, pictures), seed, links), frame)
+        _say(_arm_map("cylinder", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
 
 
 _PART = f"Values along {{0}} of the part, in mm: {_FORM}. One of --x, --y and --z may be one number."
@@ -342,6 +346,7 @@ def index_command(
     work: Work = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
@@ -360,7 +365,7 @@ def index_command(
     with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
         asked, formats = asking.read_request(options), formats_of("index", options)
-        given = frame.model(model, links, load_path, without="the map")
+        given = frame.model(model, links, load_path, without="the map", sets=sets)
         wanted = Files(formats, pictures=pictures, svg=svg, html=html, dask=dask, work=work)
         with frame.folder(seed) as folder, progress("map points") as bar:
             content = files.make_index_map(given, asked, folder, wanted, seed, bar)
@@ -395,7 +400,7 @@ def _show(content: Mapping[str, Any]) -> None:
 
 def _arm_map(
     kind: str, model: str, frame: Frame, options: Mapping[str, Text], drawn: tuple[bool, bool, bool], seed: int,
-    links: Text,
+    links: Text, sets: list[str] | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Quantities of the arm over joints or space, from the model."""
     from stiffarm.commands.maps import step
@@ -405,7 +410,7 @@ def _arm_map(
 
     # Before the model: shells take a while, and a wrong option need not wait for them.
     check_options(kind, options)
-    given = frame.model(model, links, options["--load-path"], without="the map")
+    given = frame.model(model, links, options["--load-path"], without="the map", sets=sets)
     require_springs(given, "map")
     asked = read_map_options(given, kind, options, seed)
     html, svg, pictures = drawn
@@ -419,12 +424,13 @@ def _arm_map(
 
 
 def _surrogate_map(
-    model: str, frame: Frame, file: Path, points: int, layers: Text, pictures: bool, links: Text, load_path: Text
-) -> dict[str, Any]:
+    model: str, frame: Frame, file: Path, points: int, layers: Text, pictures: bool, links: Text, load_path: Text,
+    sets: list[str] | None,
+) -> dict[str, Any]:  # fmt: skip
     """Structural stiffness over the joint coordinates, from a surrogate."""
     from stiffarm.commands.maps import sweep
 
-    given = frame.model(model, links, load_path, without="the map")
+    given = frame.model(model, links, load_path, without="the map", sets=sets)
     learned = sweep.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")

@@ -24,7 +24,7 @@ from stiffarm.commands.place import payload as placement_payload
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.softness import require_springs
@@ -145,6 +145,7 @@ def place(
     ] = True,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -156,7 +157,7 @@ def place(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         cutting = _force(force, force_axes, milling)
-        given = frame.model(model, links, load_path, without="the placement")
+        given = frame.model(model, links, load_path, without="the placement", sets=sets)
         require_springs(given, "placement")
         described = read_cell(cell)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))

@@ -30,6 +30,7 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
+    Sets,
 )
 from stiffarm.session.outputs import OutputFolder
 
@@ -169,6 +170,7 @@ def plan(
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     seed: Seed = 0,
     as_json: Json = False,
@@ -180,7 +182,7 @@ def plan(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         _check_kind(poses, design_only, iso)
-        given = frame.model(model, links, load_path, without="the plan")
+        given = frame.model(model, links, load_path, without="the plan", sets=sets)
         zone = plan_options.parse_zone(given.description, floor, keep_out or (), clearance)
         if iso:
             _refuse({"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--free": free}, True)

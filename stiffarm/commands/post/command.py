@@ -26,7 +26,7 @@ from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.targets import parse_targets
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
@@ -127,6 +127,7 @@ def post(
     seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -136,7 +137,7 @@ def post(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         targets = parse_targets(formats, coordinates)
-        given = frame.model(model, links, load_path, without="the programs")
+        given = frame.model(model, links, load_path, without="the programs", sets=sets)
         setup = read_setup(model, given.robot, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         if compensate and cut is None:

@@ -22,7 +22,7 @@ from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.softness import require_springs
@@ -124,6 +124,7 @@ def posture(
     seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -134,7 +135,7 @@ def posture(
     posture.csv, posture.json and a report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the postures")
+        given = frame.model(model, links, load_path, without="the postures", sets=sets)
         setup = read_setup(model, given.robot, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")

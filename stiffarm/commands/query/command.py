@@ -138,7 +138,9 @@ def _poses(learned: Surrogate, pose: list[str] | None, table: Path | None) -> tu
     if table is not None:
         from stiffarm.session.pose_tables import read_pose_table
 
-        return read_pose_table(learned.inputs, learned.fixed_deg, table)
+        # Where turning a coordinate changes nothing, a table may have it anywhere.
+        held = {name: v for name, v in learned.fixed_deg.items() if learned.fixed_influence.get(name, 1.0) > 0.0}
+        return read_pose_table(learned.inputs, held, table)
     values = [parsing.parse_pairs(text, "--pose", learned.inputs) for text in pose or ()]
     remarks = [
         f"{'pose' if len(rows) == 1 else 'poses'} {', '.join(rows)}: {name} is not given and taken as 0"

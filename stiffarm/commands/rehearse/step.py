@@ -213,7 +213,9 @@ def rehearse(
         axes = np.flatnonzero(world.read.any(axis=0))
         d[:, axes] = world.without_noise(unseen)[:, axes]
         truth = replace(truth, displacement=d)
-    found = diagnosing.diagnose(given, table, diagnosing.Request(next_poses=0, seed=seed), holdout=truth, say=say)
+    found = diagnosing.diagnose(
+        given, table, diagnosing.Request(next_poses=0, seed=seed, folds=0), holdout=truth, say=say
+    )
     verdict = verdict_of(found)
     known = world.code in found.found.start.known
     gap = None if found.held_out is None else found.unseen_rms_mm

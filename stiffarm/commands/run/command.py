@@ -10,12 +10,13 @@ import typer
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
-    DataArg,
     Debug,
     Json,
     Links,
     SchemeFile,
     Seed,
+    Sets,
+    TablesArg,
 )
 
 
@@ -24,11 +25,10 @@ def run(
         str,
         typer.Argument(
             metavar="[MODEL]",
-            help="Robot to run: a bundled name, a model TOML or a URDF. It needs a calibration scheme, bundled"
-            " or given.",
+            help="Robot to run: a bundled name, a model TOML or a URDF.",
         ),
     ] = "xr701",
-    data: DataArg = None,
+    data: TablesArg = None,
     scheme_file: SchemeFile = None,
     holdout: Annotated[
         Path | None,
@@ -39,20 +39,30 @@ def run(
     ] = None,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
+    sets: Sets = None,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results; it is created if needed.")] = Path("out"),
     points: Annotated[
         int, typer.Option(help="Number of values of each swept coordinate in the map.", min=2, max=200)
     ] = 21,
+    rehearse: Annotated[
+        bool,
+        typer.Option(
+            "--rehearse/--no-rehearse",
+            help="End with a rehearsal: hide an effect in made-up readings at the same set-ups and see whether the "
+            "diagnosis finds it.",
+        ),
+    ] = True,
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
     """Run everything from readings to report, surrogate and maps.
 
-    First model, sensitivity, calibration, surrogate, maps and one report that tells the whole story.
+    Diagnosis, first model, sensitivity, calibration, surrogate, maps and one report that tells the whole story. A
+    published scheme is carried out stage by stage where there is one; else all springs are calibrated at once.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        from stiffarm.commands.run.workflow import run_all
+        from stiffarm.commands.run.workflow import Options, run_all
 
-        content = run_all(frame, model, data, scheme_file, links, points, seed, holdout, confirm_units=confirm_units)
-        frame.answer(content)
+        options = Options(links, points, seed, scheme_file, holdout, confirm_units, sets, rehearse)
+        frame.answer(run_all(frame, model, data or (), options))

@@ -32,6 +32,8 @@ _HATCHES: Final = ("////", "xxxx", "....")
 _BARS_UPRIGHT, _BARS_BARE = 36, 90
 # From this many characters on, the labels of the poses stand upright.
 _LABELS_UPRIGHT = 100
+# More loads than these are no levels: bars then stand pose by pose.
+MOST_LEVELS: Final = 6
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,18 @@ def wrist_families(data: Measurements, robot: Robot) -> dict[str, str]:
     return out
 
 
+def size_mm(data: Measurements) -> Array:
+    """Length (n,) in mm of what was read of each displacement, rotations aside; NaN where nothing was."""
+    translation = np.where(data.used[:, :3], data.displacement[:, :3], 0.0)
+    return np.where(data.used[:, :3].any(axis=1), np.linalg.norm(translation, axis=1) * 1e3, np.nan)
+
+
+def axis_words(data: Measurements) -> str:
+    """What is read: ``|dz|``, or the length of several components."""
+    read = [name for k, name in enumerate(("dx", "dy", "dz")) if data.used[:, k].any()]
+    return f"|{read[0]}|" if len(read) == 1 else f"|({', '.join(read)})|"
+
+
 def data_figure(
     data: Measurements,
     *,
@@ -61,7 +75,9 @@ def data_figure(
     doubts: Sequence[Doubt] = (),
     families: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Draw the measured |dz| (mm) of each pose, grouped by load; repeats as their mean with the range.
+    """Draw the deflection (mm) read in each pose, grouped by load; repeats as their mean with the range.
+
+    Of more than :data:`MOST_LEVELS` loads, each pose has one bar.
 
     Parameters
     ----------
@@ -73,12 +89,14 @@ def data_figure(
     Raises
     ------
     InputError
-        No reading of dz.
+        No translation was read.
     """
-    dz = np.abs(data.displacement[:, 2]) * 1e3
-    if np.isnan(dz).all():
-        raise InputError(f"{data.source}: no dz_mm reading to draw", remedy="give dz_mm for at least one row")
+    size = size_mm(data)
+    if np.isnan(size).all():
+        raise InputError(f"{data.source}: no translation was read", remedy="give dx_mm, dy_mm or dz_mm")
     loads, poses = _load_groups(data.loads_N), list(data.pose_groups())
+    if len(loads) > MOST_LEVELS:
+        loads = [(float("nan"), list(range(data.n)))]
     names = list(dict.fromkeys(families.values())) if families else []
     names = names if len(names) <= len(SERIES) else []
     bars = len(loads) * len(poses)
@@ -88,19 +106,20 @@ def data_figure(
     upright = bars * longest > _LABELS_UPRIGHT
     # What stands below the pose labels, in points: upright ones are as high as they are long.
     below_pt = 10.0 + 6.0 * max(longest, 2)
-    heading = "Measured vertical deflection of every pose and load"
+    heading = "Measured deflection of every pose and load"
     with drawing(heading, (10.0, 5.0 + 0.25 * len(doubts))) as (figure, (ax,)):
         for (load, rows), at in zip(loads, places, strict=True):
             pale = any(_same_load(load, other) for other in excluded_loads_N)
             for x, pose in zip(at, poses, strict=True):
-                mine = dz[[i for i in rows if data.pose[i] == pose]]
+                mine = size[[i for i in rows if data.pose[i] == pose]]
                 colour = SERIES[names.index(families[pose])] if families and names else SERIES[0]
                 hatches = [i for i, d in enumerate(doubts) if _applies(d, pose, load)][:1]
                 used.update(hatches)
                 look: dict[str, Any] = {"facecolor": paler(colour) if pale else colour}
                 look |= {"hatch": _HATCHES[hatches[0] % 3]} if hatches else {}
                 _data_bar(ax, float(x), mine[~np.isnan(mine)], look, bars)
-            text = f"{load:.4g} N" + (" (not used to calibrate)" if pale else "")
+            each = f"{data.loads_N.min():.3g} to {data.loads_N.max():.4g} N, each pose under its own load"
+            text = each if np.isnan(load) else f"{load:.4g} N" + (" (not used to calibrate)" if pale else "")
             below = {"xycoords": ("data", "axes fraction"), "weight": "bold", "size": 10}
             note(ax, text, (float(at.mean()), 0.0), (0, -(below_pt if upright else 22.0)), va="top", **below)
         ax.set_xticks(places.ravel(), poses * len(loads), size=8.5, rotation=90 if upright else 0)
@@ -108,10 +127,11 @@ def data_figure(
         ax.grid(visible=False, axis="x")
         ax.set(
             xlim=(-1.2, places[-1, -1] + 1.2),
-            ylim=(0.0, (1.08 if bars <= _BARS_UPRIGHT else 1.14) * float(np.nanmax(dz))),
-            ylabel="measured deflection |dz| (mm)",
+            ylim=(0.0, (1.08 if bars <= _BARS_UPRIGHT else 1.14) * float(np.nanmax(size))),
+            ylabel=f"measured deflection {axis_words(data)} (mm)",
         )
-        ax.set_xlabel("pose number, grouped by load (N)", labelpad=28.0 + (2.0 * longest if upright else 0.0))
+        grouped = ", grouped by load (N)" if len(loads) > 1 else ""
+        ax.set_xlabel(f"pose number{grouped}", labelpad=28.0 + (2.0 * longest if upright else 0.0))
         if len(names) > 1:
             above(ax, [Patch(facecolor=c, label=name) for c, name in zip(SERIES, names, strict=False)], 4)
         hatched = [(_HATCHES[i % 3], textwrap.fill(doubts[i].note, 130)) for i in sorted(used)]
@@ -157,13 +177,14 @@ def match_figure(
     variants: Mapping[str, Array],
     gauge_mm: float = 0.01,
     heading: str = "Measured and simulated deflection by pose",
+    what: str = "|dz|",
 ) -> Figure:
     """Draw measured and simulated deflection by pose, and the residuals with the gauge's band below.
 
     Parameters
     ----------
-    poses, measured_mm : (n,) labels and dz readings
-    variants : name -> (n,) simulated dz in mm (NaN = not predicted)
+    poses, measured_mm : (n,) labels and readings
+    variants : name -> (n,) the same simulated, in mm (NaN = not predicted)
 
     Raises
     ------
@@ -197,7 +218,7 @@ def match_figure(
             near = np.where(np.abs(residual) <= limit, np.abs(measured) + residual, np.nan)
             top.plot(at, near, label=f"{name}: {_rms_text(residual[good], len(poses))}", **look)
             _residuals(low, at[good].astype(np.float64), residual[good], limit, look)
-        top.set_ylabel("deflection |dz| (mm)")
+        top.set_ylabel(f"deflection {what} (mm)")
         top.margins(y=0.1)
         low.set_ylim(-1.15 * limit, (1.6 if beyond else 1.15) * limit)
         low.set_ylabel("simulated − measured (mm)\n← too stiff    too soft →", size=9.5)

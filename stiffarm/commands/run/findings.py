@@ -2,43 +2,81 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from doe import Measurements, PoseEffects
 from doe.estimation.campaign import Campaign
+from fem import ArmModel
 from fem.arm import Arm
+from robots import ModelDescription
 from robots.arrays import Array
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run import held_out
-from stiffarm.commands.run.link_models import LinkModels
+from stiffarm.commands.run.link_models import LinkCalibrations, LinkModels
+from stiffarm.commands.run.missing import Look
 from stiffarm.session.steps import FactorialRuns, RigidJoints, bundled_sha256
 from surrogate import Surrogate, Trained
 
 
 @dataclass(frozen=True)
+class Recommended:
+    """The model that predicts poses best that it has not seen: a calibrated variant, or a diagnosed model.
+
+    ``count``: readings behind ``rms_mm``; ``calibrated``: None of a diagnosed model.
+    """
+
+    name: str
+    description: ModelDescription
+    model: ArmModel
+    rms_mm: float
+    left_out_rms_mm: float
+    count: int
+    calibrated: Calibrated | None = None
+
+    @property
+    def depends_on_angles(self) -> bool:
+        """Whether its springs were found pose by pose."""
+        return self.calibrated is not None and bool(self.calibrated.found.studies)
+
+
+@dataclass(frozen=True)
 class Findings:
-    """Everything the report tells, computed once; ``used``: the readings of the scheme's loads."""
+    """Everything the report tells, computed once; ``used``: the readings of the scheme's loads.
+
+    ``looks``: diagnoses, the last one on all readings; ``rigid`` and ``link_models``: None for an arm without links;
+    ``published``: the published scheme's variant, None without one.
+    """
 
     given: Arm
     data: Measurements
     scheme: Campaign
-    rigid: RigidJoints
+    looks: tuple[Look, ...]
+    rigid: RigidJoints | None
     effects: Mapping[str, list[PoseEffects]]
-    link_models: LinkModels
-    best: Calibrated
-    published: Calibrated
-    factorial: Mapping[str, FactorialRuns]
-    trained: Mapping[str, Trained]
+    own: LinkCalibrations
+    link_models: LinkModels | None
+    best: Recommended
+    published: Calibrated | None
     used: Measurements
-    pose_check: tuple[list[str], Array, Array]
     seed: int
+    factorial: Mapping[str, FactorialRuns] = field(default_factory=dict)
+    trained: Mapping[str, Trained] = field(default_factory=dict)
+    pose_check: tuple[list[str], Array, Array] = ([], np.zeros(0), np.zeros(0))
 
     @property
     def variants(self) -> tuple[Calibrated, ...]:
         """Every load path and scheme, with the links that were asked for."""
-        return self.link_models.own.variants
+        return self.own.variants
+
+    @property
+    def best_variant(self) -> Calibrated:
+        """The calibrated variant that predicts poses best that it has not seen."""
+        return min(self.variants, key=lambda v: v.left_out_rms_mm if np.isfinite(v.left_out_rms_mm) else np.inf)
 
     @property
     def held_out(self) -> dict[str, Holdout]:
@@ -48,12 +86,13 @@ class Findings:
     @property
     def constant(self) -> Calibrated:
         """The recommended variant, or the first with constant springs."""
-        return next(v for v in (self.best, *self.variants) if not v.found.studies)
+        best = self.best.calibrated
+        return next(v for v in (*([] if best is None else [best]), *self.variants) if not v.found.studies)
 
     @property
     def is_published(self) -> bool:
-        """Whether this is the bundled data set, of which the paper's own remarks and doubts hold."""
-        return self.data.sha256 == bundled_sha256(self.given.robot.name)
+        """Whether these are the bundled readings of a published scheme: the paper's own remarks and doubts hold."""
+        return self.published is not None and self.data.sha256 == bundled_sha256(self.given.robot.name)
 
     @property
     def title(self) -> str:
@@ -68,4 +107,4 @@ class Findings:
 
 def slug(name: str) -> str:
     """``constant, serial`` -> ``constant_serial``."""
-    return "_".join(name.replace(",", " ").split())
+    return re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")

@@ -129,17 +129,15 @@ def calibrate(
     report: Callable[[Calibrated], None] | None = None,
     holdout: Measurements | None = None,
 ) -> LinkCalibrations:
-    """Calibrate one kind of links with every load path (:func:`by_load_path`), by stages and with constant springs.
+    """Calibrate one kind of links with every load path (:func:`by_load_path`): by stages if any, and all at once.
 
     ``holdout``: readings that every calibration predicts.
     """
     used = select_loads(table, scheme.loads_N)
     joints, noise = scheme.beside.constant.joints, NoiseChoice(gauge_mm=scheme.noise.gauge_mm)
     constant = calibrating.springs_campaign(scheme.robot, joints, None, scheme.springs.ends, noise)
-    requests = (
-        Request(scheme, scheme.loads_N, scheme.springs.ends),
-        Request(constant, scheme.loads_N, scheme.springs.ends),
-    )
+    staged = [Request(scheme, scheme.loads_N, scheme.springs.ends)] if scheme.stage else []
+    requests = (*staged, Request(constant, scheme.loads_N, scheme.springs.ends))
     variants: list[Calibrated] = []
     alone: dict[LoadPath, Array] = {}
     for path, one in models.items():

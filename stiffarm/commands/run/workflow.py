@@ -3,92 +3,125 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from doe import Measurements, PoseEffects, select_loads, sensitivity_study
+from doe import Measurements, PoseEffects, bundled_campaign, select_loads, sensitivity_study
 from doe.estimation.campaign import Campaign
 from doe.tables.loaded import select_poses
 from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
-from robots import save_description
+from robots import InputError, save_description
 from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.results import payload as trained_payload
 from stiffarm.commands.maps import sweep
-from stiffarm.commands.run import held_out, link_models, payload
-from stiffarm.commands.run.findings import Findings, slug
-from stiffarm.commands.run.link_models import LinkModels
+from stiffarm.commands.rehearse.step import Rehearsed
+from stiffarm.commands.run import held_out, link_models, missing, payload, proof
+from stiffarm.commands.run.findings import Findings, Recommended, slug
+from stiffarm.commands.run.missing import Look
+from stiffarm.commands.run.usual import usual_campaign
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.steps import FactorialRuns, RigidJoints
+from stiffarm.session.steps import FactorialRuns
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
 from surrogate.model import predict_compliance
 
 
-def run_all(
-    frame: Frame,
-    model: str,
-    data: Path | None,
-    scheme_file: Path | None,
-    links: str | None,
-    points: int,
-    seed: int,
-    holdout: Path | None = None,
-    *,
-    confirm_units: bool = False,
-) -> dict[str, Any]:
-    """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder.
+@dataclass(frozen=True)
+class Options:
+    """What was typed: link model, points of the map, seed; files of the scheme and of the readings held out; --set.
 
-    ``holdout``: table of poses that no calibration sees, to judge the variants by;
-    ``confirm_units``: tables are right though they look like other units.
+    ``rehearse``: whether the run ends with a rehearsal.
     """
-    given = frame.model(model, links)
-    table = frame.readings(given, data, confirm_units=confirm_units)
-    remedy = "run its steps by themselves (`stiffarm calibrate --scheme global`, `fit`, `map`)"
+
+    links: str | None = None
+    points: int = 21
+    seed: int = 0
+    scheme_file: Path | None = None
+    holdout: Path | None = None
+    confirm_units: bool = False
+    sets: Sequence[str] | None = None
+    rehearse: bool = True
+
+
+def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) -> dict[str, Any]:
+    """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder."""
+    given = frame.model(model, options.links, sets=options.sets)
+    table = frame.readings(given, data, confirm_units=options.confirm_units)
+    remedy = "run its steps by themselves (`stiffarm diagnose`, `calibrate`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
-    frame.reads(scheme_file=scheme_file)
-    scheme = readings.read_scheme(given.robot, scheme_file)
-    kept = frame.held_out(given, holdout, confirm_units=confirm_units)
-    with frame.folder(seed) as folder:
+    frame.reads(scheme_file=options.scheme_file)
+    scheme = _scheme(given, table, options.scheme_file)
+    kept = frame.held_out(given, options.holdout, confirm_units=options.confirm_units)
+    with frame.folder(options.seed) as folder:
+        with folder.timed("diagnosis"):
+            looks = missing.looks(given, table, scheme, kept, options.seed, folder, say)
         with folder.timed("calibration"):
-            rigid, effects, compared = _calibrations(given, table, scheme, kept)
-        findings = _learned(given, table, scheme, rigid, effects, compared, seed, folder)
+            findings = _calibrated(given, table, scheme, kept, looks, options.seed)
+        with folder.timed("surrogates"):
+            findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
             arm = replace(given, description=findings.best.description, model=findings.best.model)
-            drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, points, progress=bar), arm, folder)
+            drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, options.points, progress=bar), arm, folder)
         for message in drawn["messages"]:
             say(f"note: {message}")
+        told = None
+        if options.rehearse:
+            with folder.timed("rehearsal"):
+                say("rehearsal: an effect is hidden in made-up readings of this arm")
+                told = proof.rehearse(findings, table, folder, say)
         from stiffarm.commands.run.story.story import write_report
 
-        content = _write_results(findings, drawn, folder)
+        content = _write_results(findings, drawn, told, folder)
         with folder.timed("report"):
             say("report")
-            write_report(findings, drawn, folder)
+            write_report(findings, drawn, told, folder)
     return content
 
 
-def _calibrations(
-    given: Arm, table: Measurements, scheme: Campaign, kept: Measurements | None
-) -> tuple[RigidJoints, dict[str, list[PoseEffects]], LinkModels]:
-    used = select_loads(table, scheme.loads_N)
-    straight = scheme.beside.sensitivity.poses
-    beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
-    # Without flexible links there is no first model: beams stand in for them.
-    rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
-    say(
-        f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
-        f"({rigid.links} links, median of poses {', '.join(straight)})"
-    )
+def _scheme(given: Arm, table: Measurements, file: Path | None) -> Campaign:
+    """The scheme given, the robot's published one where its poses were measured, else springs all at once.
+
+    Raises
+    ------
+    InputError
+        A scheme file without stages.
+    """
+    usual = usual_campaign(given, table)
+    scheme = bundled_campaign(given.robot.name) if file is None else readings.read_scheme(given.robot, file)
+    if scheme is None:
+        return usual
+    if not scheme.stage:
+        remedy = "give it to `stiffarm calibrate --campaign`, or leave it out: springs are then calibrated all at once"
+        raise InputError("--scheme-file", value=scheme.title, allowed="a scheme with stages", remedy=remedy)
+    staged = {pose for stage in scheme.stage for pose in stage.poses}
+    if file is None and not staged <= set(table.pose):
+        say("note: the published scheme asks for other poses than were read; all springs are calibrated at once")
+        return usual
+    return scheme if scheme.compare is not None else scheme.model_copy(update={"compare": usual.compare})
+
+
+def _calibrated(
+    given: Arm,
+    table: Measurements,
+    scheme: Campaign,
+    kept: Measurements | None,
+    looks: tuple[Look, ...],
+    seed: int,
+) -> Findings:
+    """Every load path and scheme, the same with other links beside it, and which model to take."""
+    used, straight = select_loads(table, scheme.loads_N), scheme.beside.sensitivity.poses
     models = link_models.by_load_path(given)
     varied, at = scheme.beside.sensitivity.joints, select_poses(used, straight, "sensitivities")
     effects: dict[str, list[PoseEffects]] = {
@@ -97,14 +130,43 @@ def _calibrations(
     own = link_models.calibrate(models, table, scheme, _say_variant, kept)
     for line in held_out.sentences(held_out.of_variants(own.variants)):
         say(line)
-    say(f"the same with {beside.model.link_kind} links, to compare")
-    other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
-    return rigid, effects, LinkModels(own, other)
+    rigid, compared = None, None
+    if given.description.link:
+        beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
+        # Without flexible links there is no first model: beams stand in for them.
+        rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
+        say(
+            f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
+            f"({rigid.links} links, median of poses {', '.join(straight)})"
+        )
+        say(f"the same with {beside.model.link_kind} links, to compare")
+        other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
+        compared = link_models.LinkModels(own, other)
+    best = recommended(own.variants, looks, used)
+    say(f"recommended: {best.name} (smallest error at poses that it has not seen)")
+    published = own.variants[0] if scheme.stage else None
+    return Findings(given, table, scheme, looks, rigid, effects, own, compared, best, published, used, seed)
 
 
-def recommended(variants: Sequence[Calibrated]) -> Calibrated:
-    """The calibration that predicts left-out poses best (not the one that fits best)."""
-    return min(variants, key=lambda v: v.left_out_rms_mm if np.isfinite(v.left_out_rms_mm) else np.inf)
+def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Measurements) -> Recommended:
+    """What predicts poses best that it has not seen (not what fits best).
+
+    A diagnosed model competes where it was fitted to the same readings and something was found.
+    """
+    found = [
+        Recommended(v.name, v.description, v.model, v.found.rms_mm, v.left_out_rms_mm, len(v.found.overall), v)
+        for v in variants
+    ]
+    for look in looks:
+        d = look.found
+        if d.in_model and d.used.n == used.n:
+            arm = Arm.of(described(d), d.given.model.link_kind, own=d.given.own)
+            name = "diagnosed"
+            after = d.found.after
+            count = len(after.setting.data)
+            unseen = d.unseen_rms_mm[1]
+            found.append(Recommended(name, arm.description, arm.model, after.fit_rms_mm, unseen, count))
+    return min(found, key=lambda one: one.left_out_rms_mm if np.isfinite(one.left_out_rms_mm) else np.inf)
 
 
 def _say_variant(variant: Calibrated) -> None:
@@ -114,54 +176,26 @@ def _say_variant(variant: Calibrated) -> None:
     )
 
 
-def _learned(
-    given: Arm,
-    table: Measurements,
-    scheme: Campaign,
-    rigid: RigidJoints,
-    effects: dict[str, list[PoseEffects]],
-    compared: LinkModels,
-    seed: int,
-    folder: OutputFolder,
-) -> Findings:
-    variants = compared.own.variants
-    best = recommended(variants)
-    published = variants[0]
-    say(f"recommended: {best.name} (smallest error on left-out poses)")
+def _learned(f: Findings, folder: OutputFolder) -> Findings:
+    """With surrogates and factorial runs of the recommended model and of the published scheme's."""
     factorial: dict[str, FactorialRuns] = {}
     trained: dict[str, Trained] = {}
-    with folder.timed("surrogates"):
-        for variant in {v.name: v for v in (best, published)}.values():
-            factorial[variant.name] = steps.factorial_runs(variant.model, scheme.beside.factorial)
-            trained[variant.name] = learning.learn(
-                variant.description,
-                variant.model,
-                scheme.beside.factorial.inputs,
-                seed,
-                folder,
-                f"surrogates/{slug(variant.name)}",
-                variant.name,
-                degree=max((law.degree for law in scheme.regressions), default=6),
-            )
-    used = select_loads(table, scheme.loads_N)
-    return Findings(
-        given=given,
-        data=table,
-        scheme=scheme,
-        rigid=rigid,
-        effects=effects,
-        link_models=compared,
-        best=best,
-        published=published,
-        factorial=factorial,
-        trained=trained,
-        used=used,
-        pose_check=_nine_pose_check(trained[best.name].best, best.model, used),
-        seed=seed,
-    )
+    models = {f.best.name: (f.best.description, f.best.model)}
+    if f.published is not None:
+        models[f.published.name] = f.published.description, f.published.model
+    degree = max((law.degree for law in f.scheme.regressions), default=6)
+    plan = f.scheme.beside.factorial
+    for name, (description, model) in models.items():
+        factorial[name] = steps.factorial_runs(model, plan, whole=f.published is not None)
+        stem = f"surrogates/{slug(name)}"
+        trained[name] = learning.learn(description, model, plan.inputs, f.seed, folder, stem, name, degree=degree)
+    check = _measured_pose_check(trained[f.best.name].best, f.best.model, f.used)
+    return replace(f, factorial=factorial, trained=trained, pose_check=check)
 
 
-def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFolder) -> dict[str, Any]:
+def _write_results(
+    findings: Findings, drawn: dict[str, Any], told: Rehearsed | InputError | None, folder: OutputFolder
+) -> dict[str, Any]:
     """Model TOMLs, surrogates, factorial table and results.json."""
     for variant in findings.variants:
         save_description(variant.description, folder.path(f"models/{slug(variant.name)}.toml"))
@@ -171,11 +205,12 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
     content = {
         "robot": findings.given.robot.name,
         "links": findings.given.model.link_kind,
-        "rigid_joints": payload.rigid(findings.rigid),
+        "diagnoses": missing.payload(findings.looks),
+        "rigid_joints": None if findings.rigid is None else payload.rigid(findings.rigid),
         "sensitivity": {path: factorial.payload(e) for path, e in findings.effects.items()},
         "variants": {v.name: calibration_payload.calibration(v) for v in findings.variants},
         "recommended": findings.best.name,
-        "link_models": payload.link_models(findings.link_models),
+        "link_models": None if findings.link_models is None else payload.link_models(findings.link_models),
         "factorial": {name: payload.factorial(runs) for name, runs in findings.factorial.items()},
         "surrogates": {name: trained_payload(t) for name, t in findings.trained.items()},
         "measured_poses": [
@@ -188,6 +223,7 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
             for label, a, b in zip(labels, learned, exact, strict=True)
         ],
         "map": drawn,
+        "rehearsal": proof.payload(told),
     }
     if findings.held_out:
         content["holdout"] = held_out.payload(findings.held_out)
@@ -195,7 +231,7 @@ def _write_results(findings: Findings, drawn: dict[str, Any], folder: OutputFold
     return content
 
 
-def _nine_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
+def _measured_pose_check(learned: Surrogate, model: ArmModel, data: Measurements) -> tuple[list[str], Array, Array]:
     """Surrogate and model stiffness (n,) N/mm at the distinct measured poses, with their labels."""
     rows = [rows[0] for rows in data.pose_groups().values()]
     q = data.q[rows]

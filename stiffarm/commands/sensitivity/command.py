@@ -32,6 +32,7 @@ from stiffarm.session.options import (
     ModelArg,
     Out,
     Seed,
+    Sets,
 )
 from stiffarm.session.outputs import OutputFolder
 
@@ -68,7 +69,11 @@ def sensitivity(
         Path | None, typer.Option("--campaign", help="Campaign file (TOML) whose parameters and ranges are varied.")
     ] = None,
     component: Annotated[
-        str | None, typer.Option("--component", help="Tool displacement component: x, y, z, rx, ry or rz. Default: z.")
+        str | None,
+        typer.Option(
+            "--component",
+            help="Tool displacement component: x, y, z, rx, ry or rz. Default: the translation that was read largest.",
+        ),
     ] = None,
     samples: Annotated[
         int | None,
@@ -91,6 +96,7 @@ def sensitivity(
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -112,7 +118,7 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parsing.parse_names(free, None, "--free")
-        given = frame.model(model, links, load_path, without="the sensitivities")
+        given = frame.model(model, links, load_path, without="the sensitivities", sets=sets)
         table = frame.readings(given, data, confirm_units=confirm_units)
         frame.reads(campaign=campaign)
         bundled = bundled_campaign(given.robot.name)
@@ -127,7 +133,7 @@ def sensitivity(
                 at = select_poses(table, labels, "--poses")
                 numbers = load_campaign(campaign) if campaign else names or tuple(f"{j}.stiffness" for j in springs)
                 found = screenings.study(
-                    given, at, chosen, numbers, (low, high), component=component or "z",
+                    given, at, chosen, numbers, (low, high), component=component or screenings.read_most(at),
                     samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
                 )  # fmt: skip
                 result, show = _screened(given, found, folder)

@@ -15,6 +15,7 @@ def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
     return [
         {
             "pose": e.pose,
+            "read": f"d{'xyz'[e.component]}",
             "effect_mm": {joint: number(v) for joint, v in zip(e.joints, e.effect_mm, strict=True)},
             "share": {joint: number(v) for joint, v in zip(e.joints, e.share, strict=True)},
             "ranking": list(e.ranking),
@@ -24,9 +25,12 @@ def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
 
 
 def show(effects: Sequence[PoseEffects], low: float, high: float, load_path: str) -> None:
-    """Effect of each spring on dz, pose by pose."""
+    """Effect of each spring on the largest reading, pose by pose."""
     show_table(
-        f"Effect on dz (mm) of each spring from {low:g} to {high:g} N m/rad ({load_path})",
-        ["pose", *effects[0].joints, "ranking"],
-        [[e.pose, *(f"{v:+.3f}" for v in e.effect_mm), " > ".join(e.ranking)] for e in effects],
+        f"Effect (mm) of stiffening each spring from {low:g} to {high:g} N m/rad ({load_path}), positive: less",
+        ["pose", "read", *effects[0].joints, "ranking"],
+        [
+            [e.pose, f"d{'xyz'[e.component]}", *(f"{v:+.3f}" for v in e.effect_mm), " > ".join(e.ranking)]
+            for e in effects
+        ],
     )

@@ -56,8 +56,14 @@ def sensitivity_figure(
         low, high = min(0.0, every.min()), max(0.0, every.max(), 1e-9)
         room = 0.2 * (high - low)
         axes[0].set_xlim(low - room if low < 0.0 else 0.0, high + room)
-        figure.supxlabel(f"effect on dz of stiffening one joint{step} (mm); positive: sags less", size=10)
+        figure.supxlabel(f"effect on {read_words(effects)} of stiffening one joint{step} (mm); positive: less", size=10)
     return figure
+
+
+def read_words(effects: Mapping[str, Sequence[PoseEffects]]) -> str:
+    """What the effects of a study are on: ``dz``, or the largest reading where poses differ in that."""
+    found = {e.component for column in effects.values() for e in column}
+    return f"d{'xyz'[found.pop()]}" if len(found) == 1 else "the largest of dx, dy, dz"
 
 
 def _effect_bars(ax: Axes, effects: PoseEffects, largest: float) -> None:

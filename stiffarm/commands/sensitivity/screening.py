@@ -87,6 +87,12 @@ def study(
     return Study(method, component, parameters, labels, data.loads_N[rows], directions, found, seed)
 
 
+def read_most(data: Measurements) -> str:
+    """The translation that is largest in the readings; z where none was read."""
+    size = np.where(data.used[:, :3], np.abs(data.displacement[:, :3]), 0.0).max(axis=0)
+    return "xyz"[int(size.argmax())] if size.any() else "z"
+
+
 def _free(
     given: Arm, numbers: Sequence[str] | Campaign, springs: tuple[float, float]
 ) -> tuple[tuple[Parameter, ...], tuple[FreeLaw, ...]]:

@@ -19,7 +19,7 @@ from stiffarm import __version__
 from stiffarm.session.console import EXIT_OTHER, say
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
-from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg
+from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, Sets
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from stiffarm.session.task_setup import CellOpt, read_setup
@@ -37,6 +37,7 @@ def serve_command(
     ] = LONGEST_LINE // MIB,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     debug: Debug = False,
 ) -> None:
     """Answer questions of other programs, line by line.
@@ -45,7 +46,7 @@ def serve_command(
     postprocessors; docs/reference/serve.md describes the protocol. Ends at the end of the input.
     """
     with command(debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the answers")
+        given = frame.model(model, links, load_path, without="the answers", sets=sets)
         setup = read_setup(model, given.robot, cell, tool, part)
         session = open_session(given, setup)
         answers = _claim_stdout()

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from stiffarm.commands.simulate import step as simulation
-from stiffarm.session import parsing
+from stiffarm.session import inputs, parsing
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -19,6 +19,7 @@ from stiffarm.session.options import (
     LoadPathOpt,
     ModelArg,
     Out,
+    Sets,
 )
 
 
@@ -67,6 +68,7 @@ def simulate(
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -78,7 +80,7 @@ def simulate(
     with command(out, as_json=as_json, debug=debug) as frame:
         simulation.check_request(pose, data, load, out, field, scale, unload_from)
         asked = simulation.field_links(model, links) if field else links
-        given = frame.model(model, asked, load_path, effect=effect, without="the fields" if field else None)
+        given = frame.model(model, asked, load_path, effect=effect, without="the fields" if field else None, sets=sets)
         if pose is not None:
             q, wrench = parsing.parse_pose(given.robot, pose), parsing.parse_load("fz_N=-650" if load is None else load)
             before = None if unload_from is None else parsing.parse_load(unload_from, "--unload-from")
@@ -92,6 +94,8 @@ def simulate(
                 if pose is None
                 else simulation.of_pose(given, q, wrench, rigid_joints, before)
             )
+            only_shells = "only shells have fields; without --field other links may be the model's"
+            result["links_because"] = only_shells if field else inputs.why_links(given.description, links)
             if field and folder is not None:
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:

@@ -165,6 +165,8 @@ def show(result: dict[str, Any]) -> None:
         say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid (calibrate first?)")
     if result["links"] == NO_LINKS:
         say(f"note: {NO_LINKS} (`stiffarm import` makes links of a URDF's meshes)")
+    else:
+        say(f"links: {result['links']}, {result['links_because']}")
     if "readings" in result:
         columns = list(dict.fromkeys(key for row in result["readings"] for key in row))
         rms = [f"{result[k]:.3f} {k.removeprefix('rms_')}" for k in ("rms_mm", "rms_mrad") if result[k] is not None]

@@ -17,7 +17,10 @@ from robots.kinematics import forward_kinematics
 DESCRIPTION = load_description("xr701")
 CODES = list(catalogue(build_model(DESCRIPTION), DESCRIPTION))
 # Turning a load or an arm is linear in the angle but for its square; a spring's share may end at a tenth.
-BENT = ("joint-zero-offset", "load-misalignment", "gravity-compensator", "link-flexibility")
+BENT = (
+    "joint-zero-offset", "load-misalignment", "gravity-compensator", "link-flexibility", "turned-frame",
+    "tool-point-offset",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -52,12 +55,15 @@ def test_codes_of_the_issue() -> None:
         "joint-compliance", "joint-tilt", "angle-dependent-stiffness", "hardening", "softening", "backlash", "friction",
         "payload", "gravity-compensator", "base-tilt", "base-vertical", "parallelogram-bar", "load-path",
         "link-flexibility", "tool-compliance", "load-point-offset", "load-misalignment", "joint-zero-offset",
-        "gauge-zero", "gauge-scale", "drift", "gear-ripple", "wrist-coupling",
+        "gauge-zero", "gauge-scale", "drift", "gear-ripple", "wrist-coupling", "turned-frame", "tool-point-offset",
+        "angle-sign", "angle-offset", "angle-coupling",
     }  # fmt: skip
     assert len(CODES) == len(set(CODES))
 
 
-@pytest.mark.parametrize("code", [c for c in CODES if c != "load-path"])
+@pytest.mark.parametrize(
+    "code", [c for c in CODES if not c.startswith(("load-path", "angle-sign", "angle-offset", "angle-coupling"))]
+)
 def test_nothing_at_zero_and_in_proportion(code: str, arm: ArmModel, known: dict[str, Effect], at: LoadedPoses) -> None:
     effect = known[code]
     plain = deflection(arm, at.q, at.wrench, at.point)

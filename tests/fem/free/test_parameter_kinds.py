@@ -94,7 +94,16 @@ def test_a_kind_made_up_here_needs_no_other_file(monkeypatch: pytest.MonkeyPatch
 def test_every_kind_names_what_it_takes() -> None:
     model = build_model(load_description("xr701"))
     words = "; ".join(known_parameters(model))
-    for name in ("j2.zero", "load.x", "load.tilt_y", "point.z", "bar.stiffness", "forearm.modulus", "forearm.wall"):
+    for name in (
+        "j2.zero",
+        "load.x",
+        "load.tilt_z",
+        "frame.rz",
+        "point.z",
+        "bar.stiffness",
+        "forearm.modulus",
+        "forearm.wall",
+    ):
         place, what = name.split(".")
         assert place in words
         assert what.split("_")[0] in words

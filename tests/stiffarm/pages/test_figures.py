@@ -48,7 +48,7 @@ SHOWN_WIDTH_PX, LEAST_TYPE_PX = 900.0, 9.0
 
 def effects(pose: str, *values: float) -> PoseEffects:
     array = np.array(values)
-    return PoseEffects(pose, ("j2", "j3", "j4", "j5"), array, np.abs(array) / np.abs(array).sum(), np.zeros(16))
+    return PoseEffects(pose, 2, ("j2", "j3", "j4", "j5"), array, np.abs(array) / np.abs(array).sum(), np.zeros(16))
 
 
 def data() -> Figure:

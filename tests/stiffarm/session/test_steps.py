@@ -9,12 +9,12 @@ from fem import directional_stiffness
 from fem.arm import Arm
 from stiffarm.commands.fit import learning
 from stiffarm.commands.maps import sweep
-from stiffarm.session import inputs, steps
-from surrogate import Surrogate, train
+from stiffarm.session import inputs
+from surrogate import Surrogate, inputs_that_matter, train
 
 
 def learned(given: Arm, direction: tuple[float, float, float]) -> Surrogate:
-    names = steps.default_inputs(given.model)
+    names = inputs_that_matter(given.model)
     options = {"basis": "polynomial", "degree": 2, "runs": 300}
     rng = np.random.default_rng(0)
     task = learning.learning_task(given.description, given.model, names, rng, direction=direction)

@@ -101,7 +101,7 @@ def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[
             "with the horizontal distance of the tool from the base's axis.",
         ),
     ]
-    if f.best.found.studies:
+    if f.best.depends_on_angles:
         blocks.append(
             Note("The springs of this model depend on joint angles; far from the measured poses that is extrapolation.")
         )

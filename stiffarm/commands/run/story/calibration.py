@@ -12,14 +12,23 @@ from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import estimate_text, verdict
-from stiffarm.commands.run.figures import Doubt, data_figure, match_figure, wrist_families
+from stiffarm.commands.run.figures import (
+    MOST_LEVELS,
+    Doubt,
+    axis_words,
+    data_figure,
+    match_figure,
+    size_mm,
+    wrist_families,
+)
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
 from stiffarm.commands.run.link_models import NOUN
-from stiffarm.commands.sensitivity.figures import sensitivity_figure
+from stiffarm.commands.sensitivity.figures import read_words, sensitivity_figure
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
+from stiffarm.session.steps import RigidJoints, springs_seen
 
 _DOUBTS = (
     Doubt(("3", "4"), (375.0,), "outliers? (about 1.0 mm expected)"),
@@ -57,17 +66,23 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
         doubts=_DOUBTS if published else (),
         families=wrist_families(f.data, f.given.robot),
     )
-    caption = "Measured deflection by pose and load. Pale bars were not used; hatched ones are in doubt."
+    caption = "Measured deflection by pose and load."
+    if unused:
+        caption += " Pale bars were not used."
     if published:
+        caption += " Hatched ones are in doubt."
         caption += " Of the three straight-wrist poses the middle one (41) deflects least at every load."
+    few = len(levels) <= MOST_LEVELS
+    under = ", ".join(f"{v:g}" for v in levels) if few else f"{levels[0]:.4g} to {levels[-1]:.4g}"
+    uses = f" Calibration uses {used}, as the scheme says." if f.published else ""
+    still = idle_joints(f)
     blocks: list[Block] = [
-        Text(
-            f"{f.data.n} readings at {len(f.data.pose_groups())} poses under "
-            f"{', '.join(f'{v:g}' for v in levels)} N. Calibration uses {used}, as the scheme says."
-        ),
+        Text(f"{f.data.n} readings at {len(f.data.pose_groups())} poses under {under} N.{uses}"),
         pictures.add(figure, "measured", caption),
     ]
-    if len(levels) > 1:
+    if still:
+        blocks.append(Text(f"No reading moves with {', '.join(still)}: nothing is said about their springs."))
+    if 1 < len(levels) <= MOST_LEVELS:
         blocks.append(Note(_proportionality(f, levels)))
     if published:
         blocks.append(Note(_DOUBTS_TEXT))
@@ -75,9 +90,16 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     return Section("The measurements", tuple(blocks))
 
 
+def idle_joints(f: Findings) -> tuple[str, ...]:
+    """Joints whose springs no reading moves with."""
+    seen = springs_seen(f.given, f.data)
+    return tuple(name for name in f.given.robot.joint_names if name not in seen)
+
+
 def _proportionality(f: Findings, levels: Array) -> str:
-    rows = [np.isclose(f.data.loads_N, load) & f.data.used[:, 2] for load in levels]
-    means = [np.abs(f.data.displacement[row, 2]).mean() / load * 1e6 for row, load in zip(rows, levels, strict=True)]
+    size = size_mm(f.data)
+    rows = [np.isclose(f.data.loads_N, load) & ~np.isnan(size) for load in levels]
+    means = [size[row].mean() / load * 1e3 for row, load in zip(rows, levels, strict=True)]
     listed = ", ".join(f"{mean:.2f} um/N at {load:g} N" for mean, load in zip(means, levels, strict=True))
     if max(means) < 1.05 * min(means):
         return f"Load and deflection are proportional within 5 %: {listed}."
@@ -87,14 +109,13 @@ def _proportionality(f: Findings, levels: Array) -> str:
     )
 
 
-def first_model_section(f: Findings, pictures: Pictures) -> Section:
+def first_model_section(f: Findings, r: RigidJoints, pictures: Pictures) -> Section:
     """Flexible links with rigid joints against the readings."""
-    r = f.rigid
     series = {"measured": r.measured_mm, f"{r.links} links, rigid joints": r.simulated_mm}
     figure = bars_figure(
         "The model with rigid joints against the measurement",
         {name: dict(zip(r.pose, np.abs(values), strict=True)) for name, values in series.items()},
-        "deflection |dz| (mm), log axis",
+        "largest deflection read (mm), log axis",
         "pose",
         log=True,
     )
@@ -122,8 +143,8 @@ def first_model_section(f: Findings, pictures: Pictures) -> Section:
 def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
     """Effects of the springs, ranked, for each load path."""
     figure = sensitivity_figure(f.effects, f.scheme.springs.ends)
-    caption = "Effect of each spring on dz (mm): positive means that the tool sags less with a stiffer spring."
-    if len(f.effects) > 1:
+    caption = f"Effect of each spring on {read_words(f.effects)} (mm): positive means that a stiffer spring lowers it."
+    if f.is_published and len(f.effects) > 1:
         caption += (
             " With the parallelogram, joint 2 feels only the load times the upper arm's horizontal reach, so "
             "its effect all but vanishes where the upper arm is vertical."
@@ -176,10 +197,17 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
         "fit to all poses": {v.name: v.found.rms_mm for v in f.variants},
         "prediction of poses left out": {v.name: v.left_out_rms_mm for v in f.variants},
     }
-    both = f.link_models
+    best = next((k for k, v in enumerate(f.variants) if v is f.best.calibrated), len(rows))
+    if f.best.calibrated is None:
+        text = "with what is missing, see above"
+        cells = (f"{f.best.rms_mm:.3f}", f"{f.best.left_out_rms_mm:.3f}", *(["-"] if held else []))
+        rows.append((f.best.name, text, *cells, f"in {f.looks[-1].stem}/model.toml"))
+        for name, value in zip(errors, (f.best.rms_mm, f.best.left_out_rms_mm), strict=True):
+            errors[name][f.best.name] = value
     named: dict[str, Calibrated] = {}
-    for pair in both.pairs:
+    for pair in () if f.link_models is None else f.link_models.pairs:
         named |= {f"{v.name}, {NOUN[v.model.link_kind]}": v for v in (pair.other, pair.own)}
+    named = named or {v.name: v for v in f.variants}
     springs = {name: v.springs for name, v in named.items() if v.springs}
     views: list[Block] = [
         pictures.add(
@@ -205,15 +233,16 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
         "Which calibration to trust",
         (
             Text(
-                "The published scheme beside the plain alternative, constant springs fitted to all readings at "
-                "once by bounded least squares, for each load path the robot can have."
+                ("The published scheme beside the plain alternative, constant" if f.published else "Constant")
+                + " springs fitted to all readings at once by bounded least squares, for each load path the robot can "
+                "have."
             ),
             Table(
                 "Variants side by side (highlighted: recommended)",
                 (*heads, "springs (1e6 N m/rad, 95 % interval)"),
                 tuple(rows),
                 text_columns=(0, len(heads)),
-                best=list(f.variants).index(f.best),
+                best=best,
             ),
             Bullets(sentences(held)),
             *views,
@@ -230,13 +259,21 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
 
 
 def _match_picture(variants: Mapping[str, Calibrated], gauge_mm: float, of: str) -> Figure:
-    """Vertical readings of variants with the same readings."""
+    """Variants with the same readings: each reading's translation along the measured one."""
     first = next(iter(variants.values()))
-    vertical = first.found.overall.component == 2
-    poses = [pose for pose, mine in zip(first.pose, vertical, strict=True) if mine]
-    simulated = {name: v.predicted_mm[vertical] for name, v in variants.items()}
+    system = first.found.overall
+    linear = np.flatnonzero(system.component < 3)
+    of_row = np.unique(system.row[linear], return_inverse=True)[1]
+    read = first.measured_mm[linear]
+    size = np.sqrt(np.bincount(of_row, read**2))
+
+    def along(values_mm: Array) -> Array:
+        return np.asarray(np.bincount(of_row, read * values_mm[linear]) / np.maximum(size, 1e-12))
+
+    poses = [first.pose[k] for k in linear[np.unique(of_row, return_index=True)[1]]]
+    simulated = {name: along(v.predicted_mm) for name, v in variants.items()}
     heading = f"Measured and simulated deflection by pose, {of}"
-    return match_figure(poses, first.measured_mm[vertical], simulated, gauge_mm, heading)
+    return match_figure(poses, size, simulated, gauge_mm, heading, axis_words(first.data))
 
 
 def _count(v: Calibrated) -> str:

@@ -28,9 +28,8 @@ _HINT: Final[Mapping[LinkKind, str]] = MappingProxyType(
 )
 
 
-def links_section(f: Findings) -> Section:
+def links_section(f: Findings, both: LinkModels) -> Section:
     """Both kinds of links, calibration by calibration: errors, shares, springs, and what follows."""
-    both = f.link_models
     own, other = both.nouns
     return Section(
         f"What the link model changes: {own} beside {other}",
@@ -39,8 +38,8 @@ def links_section(f: Findings) -> Section:
                 f"The links of this run are {own}. Here every calibration is repeated with {other}: same readings, "
                 f"same scheme, same joints. {_HINT[both.own.links]}"
             ),
-            Bullets(sentences(both, f.best.name, f.scheme.noise.gauge_mm)),
-            _error_table(both, f.best.name),
+            Bullets(sentences(both, f.best_variant.name, f.scheme.noise.gauge_mm)),
+            _error_table(both, f.best_variant.name),
             _springs_table(both),
             Note(
                 "Calibration hides errors of the link model: what links give too little, the springs give more, as far "
@@ -109,8 +108,8 @@ def sentences(both: LinkModels, best: str, gauge_mm: float) -> tuple[str, ...]:
 def _alone(both: LinkModels) -> str:
     """The links' own bending, before any spring is calibrated."""
     first = both.own.variants[0]
-    path, vertical = first.model.load_path, first.found.overall.component == 2
-    a, b = (np.abs(side.alone_mm[path][vertical]) for side in (both.own, both.other))
+    path, linear = first.model.load_path, first.found.overall.component < 3
+    a, b = (np.abs(side.alone_mm[path][linear]) for side in (both.own, both.other))
     own, other = both.nouns
     start = f"With rigid joints ({path} load path) "
     if not a.any() or not b.any():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from robots.schema.quantities import Quantity
 from stiffarm.commands.fit.figures.effects import main_effects_figure
 from stiffarm.commands.fit.report import quality_picture
@@ -18,7 +20,11 @@ from surrogate.main_effects import main_effects
 def effects_section(f: Findings, pictures: Pictures) -> Section:
     """Main effects over the factorial."""
     count = len(next(iter(f.factorial.values())).poses_deg)
-    text = f"{count} runs of the full factorial of {', '.join(f.scheme.beside.factorial.inputs)}."
+    plan = f.scheme.beside.factorial
+    whole = int(np.prod([len(levels) for levels in plan.levels_deg]))
+    text = f"{count} runs of the full factorial of {', '.join(plan.inputs)}."
+    if count < whole:
+        text = f"{count} of the {whole} runs of the full factorial of {', '.join(plan.inputs)} can be reached."
     if f.scheme.beside.factorial.adjust:
         text += (
             " Some levels are adjusted because the robot cannot reach every combination, so the design is not "
@@ -32,7 +38,7 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
             f"{name.capitalize()} ({role}): largest, mean and smallest normalised stiffness at each level "
             f"(1 = {runs.stiffness_N_per_mm.max():.0f} N/mm)."
         )
-        if f.published.name == name:
+        if f.published is not None and f.published.name == name:
             caption += (
                 " Angle-dependent springs are interpolated between few poses; extremes far from them are not data."
             )

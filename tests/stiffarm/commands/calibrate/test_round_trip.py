@@ -70,7 +70,7 @@ def test_every_kind_of_number_has_a_case() -> None:
         ]
         assert kind in {p.kind.name for p in case.campaign.free(plain, None, placed)[0]}
     # Every family of effects, and every number of them, is calibrated below.
-    assert {name.partition(":")[0].partition(".")[0] for name in EFFECTS} | {"load-path"} == {
+    assert {name.partition(":")[0].partition(".")[0] for name in EFFECTS} | {"load-path", "angle-sign"} == {
         code.partition(":")[0] for code in KNOWN
     }
 

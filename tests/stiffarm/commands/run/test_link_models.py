@@ -131,13 +131,13 @@ def test_poses_are_counted_once_and_only_where_both_predict() -> None:
 def findings(both: LinkModels) -> Findings:
     """As much of them as the section on links reads."""
     best = next(v for v in both.own.variants if v.name == BEST)
-    return SimpleNamespace(link_models=both, best=best, scheme=SCHEME)  # type: ignore[return-value]
+    return SimpleNamespace(best_variant=best, scheme=SCHEME)  # type: ignore[return-value]
 
 
 def test_the_sentences_of_equal_links_say_that_they_are_alike(both: LinkModels) -> None:
     same = shifted(both, 0.0)
     assert "do not tell beams from beams" in sentences(same, BEST, 0.01)[-1]
-    *_, springs, _ = links_section(findings(same)).blocks
+    *_, springs, _ = links_section(findings(same), same).blocks
     assert isinstance(springs, Table)
     assert {row[6] for row in springs.rows} <= {"0.0\u00a0%", "–"}
     assert {row[7] for row in springs.rows} <= {"yes", "no interval"}
@@ -156,7 +156,7 @@ def test_beams_beside_rigid_links(both: LinkModels) -> None:
     assert "beams alone give 0.060 to 0.120 mm" in alone
     assert "rigid links nothing" in alone
     assert "do not tell beams from rigid links" in verdict
-    _, _, errors, springs, _ = links_section(findings(both)).blocks
+    _, _, errors, springs, _ = links_section(findings(both), both).blocks
     assert isinstance(errors, Table)
     assert isinstance(springs, Table)
     best = errors.rows[errors.best]

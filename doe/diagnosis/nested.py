@@ -1,0 +1,155 @@
+"""How well a diagnosis predicts poses that it has not seen: the whole of it, once for every part of the poses left out.
+
+Poses left out one at a time with effects chosen on all of them flatter the choice. Here effects are chosen anew, and
+all numbers fitted anew, on the poses of the other folds (Stone 1974, doi:10.1111/j.2517-6161.1974.tb00994.x; Varma and
+Simon 2006, doi:10.1186/1471-2105-7-91).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from doe.diagnosis.diagnose import diagnose
+from doe.diagnosis.hypotheses import Options
+from doe.diagnosis.setting import Setting, setting_of
+from doe.estimation.problem import problem
+from doe.tables.loaded import rms_mm
+from doe.tables.measurements import Measurements
+from fem.effects.situation import History
+from robots import InputError
+from robots.arrays import Array, Bools, Integers
+from robots.progress import Messages
+
+FOLDS = 5
+# Fewer poses than this are left out one at a time; with fewer than the second, what is left would be no campaign.
+SPLIT, FEWEST = 10, 4
+
+
+@dataclass(frozen=True)
+class Nested:
+    """Errors (m,), read minus predicted, of poses that a fold had not seen; RMS of the translations in mm.
+
+    ``fold`` (m,): in which fold a reading was left out; ``before``: springs alone, ``after``: with what each fold
+    found, ``found`` its codes.
+    """
+
+    fold: Integers
+    before: Array
+    after: Array
+    component: Integers
+    found: tuple[tuple[str, ...], ...]
+
+    @property
+    def folds(self) -> int:
+        """How many folds there were."""
+        return len(self.found)
+
+    @property
+    def chosen(self) -> dict[str, int]:
+        """In how many folds each effect was found, the most frequent ones first."""
+        codes = [code for some in self.found for code in some]
+        return {code: codes.count(code) for code in sorted(dict.fromkeys(codes), key=lambda c: -codes.count(c))}
+
+    @property
+    def rms_before_mm(self) -> float:
+        """RMS of the springs alone."""
+        return rms_mm(self.before, self.component)
+
+    @property
+    def rms_after_mm(self) -> float:
+        """RMS of the diagnosed models."""
+        return rms_mm(self.after, self.component)
+
+
+def check_folds(folds: int) -> None:
+    """Raise InputError for a number of folds that leaves nothing to learn from."""
+    if folds < 0 or folds == 1:
+        raise InputError("folds", value=folds, allowed="2 or more, 0 for none", remedy="5 is usual")
+
+
+def why_not_nested(data: Measurements, folds: int) -> str | None:
+    """Why there is no such figure for these readings; None if there can be one."""
+    if folds == 0:
+        return "no folds were asked for"
+    poses = len(np.unique(pose_numbers(data)))
+    return None if poses >= FEWEST else f"{poses} poses are too few to leave any out: {FEWEST} would do"
+
+
+def nested(
+    s: Setting,
+    data: Measurements,
+    options: Options = Options(),  # noqa: B008 - frozen
+    *,
+    folds: int = FOLDS,
+    seed: int = 0,
+    progress: Messages | None = None,
+) -> Nested:
+    """Diagnose once for every fold, without its poses, and predict these.
+
+    ``s``: the setting of all readings ``data``, of whose springs and accepted numbers nothing is taken over;
+    ``folds``: into which the poses are split at random by ``seed``; fewer than ten poses are left out one at a time.
+
+    Raises
+    ------
+    InputError
+        Too few poses (:func:`why_not_nested`).
+    """
+    check_folds(folds)
+    reason = why_not_nested(data, folds)
+    if reason is not None:
+        raise InputError("folds", value=folds, remedy=reason)
+    say = progress or (lambda text: None)
+    fold = folds_of(pose_numbers(data), folds, seed)
+    row, component = np.nonzero(data.used)
+    before, after = np.zeros(len(row)), np.zeros(len(row))
+    found = []
+    for k in range(int(fold.max()) + 1):
+        unseen = fold == k
+        codes, errors = _one(s, data, unseen, options)
+        mine = unseen[row]
+        before[mine], after[mine] = errors
+        found.append(codes)
+        say(f"fold {k + 1} of {int(fold.max()) + 1}: {', '.join(codes) or 'nothing found'}")
+    return Nested(fold[row], before, after, component.astype(np.int64), tuple(found))
+
+
+def _one(
+    s: Setting, data: Measurements, unseen: Bools, options: Options
+) -> tuple[tuple[str, ...], tuple[Array, Array]]:
+    """What the poses seen ask for, and the errors of springs alone and of the diagnosed model at the others."""
+    seen = data.select(~unseen)
+    there = setting_of(
+        s.description, s.model, seen, accepted=s.accepted, free=s.free, history=_part(s.history, ~unseen),
+        known=s.known,
+    )  # fmt: skip
+    # What is not known of the order of all readings is not known of a part of them either.
+    there = replace(there, history=replace(there.history, is_known=s.history.is_known))
+    d = diagnose(there, replace(options, for_record=False))
+    p = problem(s.model, data.select(unseen), ())
+    codes = tuple(f.code for f in (*d.effects, *d.provisional))
+    before, after = (
+        replace(state.setting, data=p, history=_part(s.history, unseen), errors=np.zeros((len(p), 0))).residual
+        for state in (d.before, d.after)
+    )
+    return codes, (before, after)
+
+
+def _part(history: History, rows: Bools) -> History:
+    return history.take(np.flatnonzero(rows).astype(np.intp))
+
+
+def pose_numbers(data: Measurements) -> Integers:
+    """Number of the pose (n,) of each reading: readings at the same angles are of one pose, whatever their labels."""
+    return np.unique(np.round(data.q, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+
+
+def folds_of(pose: Integers, folds: int, seed: int) -> Integers:
+    """The fold (n,) in which each reading is left out, its pose (n,) as a whole; as many poses in each as can be."""
+    poses = int(pose.max()) + 1
+    count = poses if poses < SPLIT else min(folds, poses)
+    order = np.random.default_rng(seed).permutation(poses)
+    of_pose = np.empty(poses, dtype=np.int64)
+    of_pose[order] = np.arange(poses) % count
+    return np.asarray(of_pose[pose])

@@ -1,0 +1,152 @@
+"""A diagnosis in space, as files: gap.vtp with arrows at the measured poses, and the map of what an effect costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from doe.diagnosis.space import Gaps, cost_of_leaving_out, gaps
+from fem.arm import Arm
+from fem.statics.loads import LoadedPoses
+from robots import content_hash
+from robots.arrays import Array
+from robots.constants import M_TO_MM
+from robots.progress import Progress
+from stiffarm.commands.diagnose.model import described
+from stiffarm.commands.diagnose.step import Diagnosed
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Block, Text
+from stiffarm.session.json_text import number
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.steps import VERTICAL
+from surrogate.maps.assembled import Figures, computed_map, figures
+from surrogate.maps.blocks import Engine
+from surrogate.maps.data import MapData
+from surrogate.maps.layouts import sweep_layout
+from surrogate.maps.quantities import Kind, Poses, Quantities, Quantity
+from surrogate.maps.vtk_stream import write_points, write_vtu
+
+GAP_FILE, COST_STEM = "gap.vtp", "missing_effect"
+COST_ARRAY = "error_without_effect_mm"
+# Values of each swept coordinate: a map that a page shows, in a second or two.
+POINTS = 15
+
+
+@dataclass(frozen=True, eq=False)
+class CostMap:
+    """What leaving the effects out would cost over the workspace, under ``load_N`` straight down."""
+
+    data: MapData
+    load_N: float  # noqa: N815 - the unit's letter
+
+    @property
+    def figures(self) -> Figures:
+        """Least, median and greatest, in mm."""
+        found = figures(self.data.fields[COST_ARRAY].values)
+        assert found is not None  # noqa: S101 - some pose was reached, else there is no map
+        return found
+
+    @property
+    def worst_pose_deg(self) -> dict[str, float]:
+        """The pose that suffers most, deg by coordinate."""
+        q = np.degrees(self.data.q[self.figures.row_of_greatest])
+        return dict(zip(self.data.coordinates, q.tolist(), strict=True))
+
+
+def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
+    """Write gap.vtp: at each measured pose what was read, and what the model leaves of it without and with effects."""
+    found = gaps(d.found)
+    named = {"measured": found.measured, "gap_before": found.before, "gap_after": found.after}
+    arrays: dict[str, tuple[Array, str]] = {f"{k}_mm": (M_TO_MM * v, "mm") for k, v in named.items()}
+    arrays["force_N"] = found.force, "N"
+    texts = {"pose": found.pose, "readings": [d.used.source], "model": [d.given.description.title],
+             "effects": [f.code for f in d.in_model]}  # fmt: skip
+    write_points(folder.path(name), M_TO_MM * found.point, arrays, texts)
+    return found
+
+
+def cost_map(d: Diagnosed, points: int = POINTS, progress: Progress | None = None) -> CostMap:
+    """The displacement that the model without the effects misses, over the sweep of the workspace.
+
+    The load is the largest force that was read, straight down as in stiffness maps, at the point that was read if
+    that is one point of the flange.
+    """
+    at = d.found.before.setting.data.free.at
+    load = float(np.linalg.norm(at.wrench[:, :3], axis=1).max())
+    one_point = not np.ptp(at.point, axis=0).any()
+    point = at.point[0] if one_point else d.given.robot.T_flange_tool[:3, 3]
+    wrench = load * np.array([*VERTICAL, 0.0, 0.0, 0.0])
+
+    def missed(p: Poses) -> list[Array]:
+        n = len(p.q)
+        at = LoadedPoses(p.q, np.broadcast_to(wrench, (n, 6)), np.broadcast_to(point, (n, 3)))
+        return [M_TO_MM * np.linalg.norm(cost_of_leaving_out(d.found, at), axis=1)]
+
+    codes = ", ".join(f.code for f in d.in_model)
+    row = Quantity("missing", (Kind(COST_ARRAY, "mm", "error where the missing effect is left out"),), missed)
+    model = d.found.after.setting.arm
+    metadata = {
+        "robot": d.given.robot.name,
+        "model_hash": content_hash(described(d)),
+        "load": f"{load:.4g} N straight down, without {codes}",
+        "effects": codes,
+    }
+    engine = Engine(sweep_layout(d.given.robot, points), Quantities(model, np.array(VERTICAL), (row,), point=point))
+    made = computed_map(engine, metadata, progress)
+    made.require_reached("check the limits and couplings of the model file")
+    return CostMap(made, load)
+
+
+def payload(made: CostMap) -> dict[str, Any]:
+    """What leaving the effects out costs, as JSON."""
+    of = made.figures
+    return {
+        "load_N": number(made.load_N),
+        "poses": of.count,
+        "error_mm": {"min": number(of.least), "median": number(of.median), "max": number(of.greatest)},
+        "worst_pose": {name: number(v) for name, v in made.worst_pose_deg.items()},
+    }
+
+
+def write_cost(made: CostMap, d: Diagnosed, folder: OutputFolder, before: str = "") -> None:
+    """Write the map for ParaView and as a page to turn and pick in; ``before``: what file names begin with."""
+    from stiffarm.commands.maps.viewer import viewer_page
+
+    write_vtu(made.data, folder.path(f"{before}{COST_STEM}.vtu"))
+    new = Arm.of(described(d), d.given.model.link_kind, own=d.given.own)
+    title = f"{d.given.description.title.split(' (')[0]}: what leaving out {made.data.metadata['effects']} costs"
+    folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
+
+
+def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pictures) -> list[Block]:
+    """The gap at the measured poses, and what leaving the effects out costs over the workspace."""
+    from stiffarm.commands.diagnose.space_figure import space_figure
+    from stiffarm.commands.maps.figures.whole import one_figure
+
+    blocks: list[Block] = [
+        pictures.add(
+            space_figure(found, d.given, changed=bool(d.in_model)),
+            "gap_in_space",
+            f"Arrows of measured minus simulated displacement. {GAP_FILE} opens in ParaView with all loads.",
+        )
+    ]
+    if made is None:
+        return blocks
+    of, worst = made.figures, made.worst_pose_deg
+    where = ", ".join(f"{name.removesuffix('_deg')} {value:.0f}" for name, value in worst.items() if value)
+    blocks += [
+        Text(
+            f"Without {made.data.metadata['effects']} the model would be off by {of.median:.2f} mm under "
+            f"{made.load_N:.4g} N straight down (median of {of.count:,} poses over the joint limits), and by up to "
+            f"{of.greatest:.2f} mm at {where or 'all joints zero'} deg."
+        ),
+        pictures.add(
+            one_figure(made.data, COST_ARRAY, d.given),
+            COST_STEM,
+            f"What leaving it out would cost. {COST_STEM}.html is the map to turn and pick in, {COST_STEM}.vtu is for "
+            "ParaView. Far from the measured poses both models extrapolate.",
+        ),
+    ]
+    return blocks

@@ -1,0 +1,89 @@
+"""The gap in space: arrows of measured minus simulated at each pose's tool point, before and after."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from doe.diagnosis.space import Gaps
+from fem.arm import Arm
+from robots.arrays import Array
+from robots.constants import M_TO_MM
+from stiffarm.pages import style
+from stiffarm.pages.rendering import VIEWS, chosen, show
+from stiffarm.pages.robot_drawing import draw_robot
+from stiffarm.pages.scenes import Scene
+
+_LOOKS: Final = {"before": style.OKABE_ITO["vermillion"], "after": style.OKABE_ITO["blue"]}
+# Length of the longest arrow as a share of the box that holds arm and poses.
+_LONGEST: Final = 0.2
+
+
+def space_figure(found: Gaps, arm: Arm, *, changed: bool) -> Figure:
+    """Draw the arm in the pose with the largest gap, and at each pose the gap under its largest load.
+
+    ``changed``: whether the model after differs from the one before.
+    """
+    rows = largest_loads(found)
+    points = found.point[rows] * M_TO_MM
+    arrows = {"before": np.nan_to_num(found.before[rows])}
+    if changed:
+        arrows["after"] = np.nan_to_num(found.after[rows])
+    worst = int(np.linalg.norm(arrows["before"], axis=1).argmax())
+    bodies = tuple(draw_robot(arm.description, arm.robot, found.q[rows[worst]]))
+    every = np.vstack([points, *[body.mesh.bounds for body in bodies]])
+    largest = max(float(np.linalg.norm(gap, axis=1).max()) for gap in arrows.values())
+    scale = _LONGEST * float(np.ptp(every, axis=0).max()) / max(largest, 1e-12)
+    tips = np.vstack([points + scale * gap for gap in arrows.values()])
+    camera, nothing = VIEWS["oblique"], np.zeros((0, 3))
+    works, _ = chosen(None)
+    figure, _ = style.new_figure("picture", rows=0)
+    with style.house_style():
+        axes = style.frame_axes(figure, camera, style.box_ticks(np.vstack([every, tips])), flat=False)
+        show(figure, axes, Scene(camera, nothing, nothing, bodies), works)
+        for name, gap in arrows.items():
+            _arrows(axes, camera(points)[:, :2], camera(points + scale * gap)[:, :2], _LOOKS[name])
+        title = arm.description.title.split(" (")[0]
+        style.headings(
+            figure,
+            f"{title}: where measurement and simulation disagree",
+            f"measured minus simulated displacement at {len(rows)} poses, each under its largest load; "
+            f"the arm in pose {found.pose[rows[worst]]}, where the gap is largest",
+        )
+        _legend(figure, axes, list(arrows), scale, largest)
+    return figure
+
+
+def largest_loads(found: Gaps) -> list[int]:
+    """Of each pose the row with the largest force, in order of the poses."""
+    size = np.linalg.norm(found.force, axis=1)
+    best: dict[str, int] = {}
+    for row, pose in enumerate(found.pose):
+        if pose not in best or size[row] > size[best[pose]]:
+            best[pose] = row
+    return list(best.values())
+
+
+def _arrows(axes: Axes, tail: Array, head: Array, colour: str) -> None:
+    way = head - tail
+    look: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.0035, "zorder": 4}
+    axes.quiver(tail[:, 0], tail[:, 1], way[:, 0], way[:, 1], color=colour, **look)
+    axes.plot(tail[:, 0], tail[:, 1], "o", color="white", markeredgecolor=colour, markersize=4.5, zorder=3.5)
+
+
+def _legend(figure: Figure, axes: Axes, names: list[str], scale: float, largest_m: float) -> None:
+    """Colours, and a bar whose length is a round number of millimetres."""
+    words = {"before": "before", "after": "with what was missing"}
+    handles = [Line2D([], [], color=_LOOKS[name], linewidth=2.6, label=words[name]) for name in names]
+    figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.985, 0.88), fontsize=10)
+    size_mm = float(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]).tick_values(0.0, M_TO_MM * largest_m)[1])
+    length = scale * size_mm / M_TO_MM
+    (u0, u1), (v0, v1) = axes.get_xlim(), axes.get_ylim()
+    u, v = u0 + 0.03 * (u1 - u0), v0 + 0.955 * (v1 - v0)
+    axes.plot([u, u + length], [v, v], color="#222222", linewidth=2.6, solid_capstyle="butt", zorder=5, clip_on=False)
+    axes.text(u, v + 0.012 * (v1 - v0), f"{size_mm:g} mm, of arrows", ha="left", va="bottom", size=10)

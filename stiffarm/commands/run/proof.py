@@ -1,0 +1,82 @@
+"""The rehearsal that ends a run: whether its own set-ups would have shown an effect that is hidden on purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from doe import Measurements, write_measurements
+from fem.arm import Arm
+from rehearsal import World
+from rehearsal.scoring import DETECTABLE
+from robots import InputError
+from stiffarm.commands.rehearse import payload as rehearsal_payload
+from stiffarm.commands.rehearse import report, step, words
+from stiffarm.commands.rehearse.step import Rehearsed, Request
+from stiffarm.commands.run.findings import Findings
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Block, Note, Section, Text
+from stiffarm.session.outputs import OutputFolder
+
+FOLDER = "rehearsal"
+# Draws until one is visible at these set-ups.
+TRIES = 40
+
+
+def rehearse(
+    f: Findings, table: Measurements, folder: OutputFolder, say: Callable[[str], None]
+) -> Rehearsed | InputError:
+    """Hide a secret effect in made-up readings of the calibrated arm at the run's own set-ups, and diagnose them.
+
+    What hinders is returned: an arm or a table that a rehearsal cannot be made of hinders nothing else of a run.
+    """
+    best = f.constant
+    kind = best.model.link_kind
+    arm = Arm.of(best.description, "beam" if kind == "shell" else kind, best.model.load_path)
+    # One table of all that was read: its own readings only tell the noise.
+    sheet = folder.path(f"{FOLDER}/sheet.csv")
+    write_measurements(table, sheet, f.given.robot)
+    request = Request(seed=f.seed)
+    try:
+        world = step.prepared(arm)
+        set_ups = step.set_ups_of(arm, world, sheet, request)
+        hidden = _visible(step.made(arm, world, set_ups, request, draw) for draw in range(TRIES))
+        found = step.rehearse(arm, hidden, set_ups, folder.path(f"{FOLDER}/readings.csv"), seed=f.seed, say=say)
+    except InputError as hindrance:
+        return hindrance
+    folder.write_json(f"{FOLDER}/rehearsal.json", rehearsal_payload.rehearsal([found], secret=True, seed=f.seed))
+    folder.write_json(f"{FOLDER}/truth.json", step.truth(found.world))
+    return found
+
+
+def _visible(worlds: Iterator[World]) -> World:
+    """The first world whose effect its readings could show, in its own judgement; else the last one."""
+    for world in worlds:
+        if world.excess() >= DETECTABLE:
+            break
+    return world
+
+
+def payload(found: Rehearsed | InputError | None) -> dict[str, Any] | None:
+    """What came of it, as of one draw; None where there was none."""
+    return rehearsal_payload.draw(found) if isinstance(found, Rehearsed) else None
+
+
+def proof_section(found: Rehearsed | InputError, pictures: Pictures) -> Section:
+    """The hidden and the found."""
+    title = "Would these set-ups show what is missing? A rehearsal"
+    if isinstance(found, InputError):
+        return Section(title, (Note(f"No rehearsal of this arm with these set-ups: {found}"),))
+    blocks: list[Block] = [
+        Text(
+            "An effect was drawn in secret, among those that these set-ups can show, and hidden in made-up readings "
+            "of this arm, at the poses and loads of this table and with its noise, by mechanics written a second "
+            "time. The diagnosis ran on them blind."
+        ),
+        Note(words.headline(found)),
+        Text(words.visible(found)),
+    ]
+    mine = Pictures(pictures.folder, f"{FOLDER}_")
+    blocks += report.compared(found, mine).blocks + report.shrunk(found, mine).blocks
+    blocks.append(Text("`stiffarm rehearse MODEL SHEET --draws 40` does the same forty times, and counts."))
+    return Section(title, tuple(blocks))

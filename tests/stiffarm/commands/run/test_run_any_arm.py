@@ -1,0 +1,89 @@
+"""The whole chain on arms that nobody prepared: a URDF of four axes, and the bundled FANUC without a scheme."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import pyvista as pv
+from cli_runs import Command
+from small_robot import STIFFNESS, write_readings, write_urdf
+
+from robots import load_description
+
+SECTIONS = ("In short", "What is missing: all readings", "The measurements", "Which calibration to trust",
+            "Sensitivity: which spring matters", "The surrogate and its error", "The stiffness map")  # fmt: skip
+
+
+def run_of(cli: Command, folder: Path, *arguments: str | Path) -> tuple[dict[str, Any], str]:
+    outcome = cli("run", *arguments, "--points", "5", "--out", folder)
+    assert outcome.code == 0, outcome.err
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    return results, (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("quick_fit")
+def test_a_urdf_goes_through_the_whole_chain(cli: Command, tmp_path: Path) -> None:
+    urdf = write_urdf(tmp_path / "small.urdf")
+    readings = write_readings(urdf, tmp_path / "readings.csv", poses=10)
+    results, page = run_of(cli, tmp_path / "o", urdf, readings)
+    # Made without an effect: none is found, and the springs come back within a percent of 0.002 mm of noise.
+    (look,) = results["diagnoses"]
+    assert look["verdict"] == "none"
+    springs = results["variants"]["constant, serial"]["springs"]
+    for (name, k), label in zip(springs.items(), STIFFNESS, strict=True):
+        assert k["k_Nm_per_rad"] == pytest.approx(STIFFNESS[label], rel=0.01), name
+    places = [page.index(f"{title}</h2>") for title in SECTIONS]
+    assert places == sorted(places)
+    # What only the published readings have, and a model without links, is not told.
+    assert "paper" not in page
+    assert results["rigid_joints"] is None
+    assert results["link_models"] is None
+    gap = pv.read(tmp_path / "o" / "diagnosis" / "gap.vtp")
+    assert {"measured_mm", "gap_before_mm", "gap_after_mm", "force_N"} <= set(gap.point_data)
+    assert load_description(tmp_path / "o" / "model.toml").name == "small"
+    assert cli("query", tmp_path / "o" / "surrogate.json", readings).code == 0
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick_fit")
+def test_what_is_missing_is_named_added_and_mapped(cli: Command, tmp_path: Path) -> None:
+    urdf = write_urdf(tmp_path / "small.urdf")
+
+    def shoulder(q: float) -> float:
+        return STIFFNESS["shoulder"] / (1.0 + 0.4 * math.cos(q - 0.5))
+
+    readings = write_readings(urdf, tmp_path / "readings.csv", poses=24, shoulder=shoulder)
+    other = write_readings(urdf, tmp_path / "other.csv", poses=6, seed=1, shoulder=shoulder)
+    results, page = run_of(cli, tmp_path / "o", urdf, readings, "--holdout", other)
+    (look,) = results["diagnoses"]
+    names = [joint.name for joint in load_description(urdf).joint]
+    assert look["effects"] == [f"angle-dependent-stiffness:{names[1]}"]
+    assert look["gap"]["after"]["holdout_rms_mm"] < 0.5 * look["gap"]["before"]["holdout_rms_mm"]
+    assert look["cost_of_leaving_out"]["error_mm"]["max"] > 0.0
+    cost = pv.read(tmp_path / "o" / "diagnosis" / "missing_effect.vtu")
+    assert cost.active_scalars_name == "error_without_effect_mm"
+    assert "What leaving it out would cost" in page
+    assert results["recommended"] == "diagnosed"
+    assert load_description(tmp_path / "o" / "model.toml").effect
+
+
+def test_the_serial_chain_is_looked_at_first_where_there_is_a_parallelogram(full_run: Any) -> None:
+    first, last = full_run.results["diagnoses"]
+    assert (first["of"], first["effects"]) == ("The serial chain at 650 N", ["load-path"])
+    assert first["gap"]["after"]["left_one_pose_out_rms_mm"] < first["gap"]["before"]["left_one_pose_out_rms_mm"]
+    assert last["of"] == "All readings"
+    assert (full_run.folder / "diagnosis_serial" / "gap.vtp").is_file()
+
+
+def test_a_scheme_without_stages_is_refused(cli: Command, tmp_path: Path) -> None:
+    text = 'schema = "stiffarm-calibration/1"\nrobot = "kr60-3"\ntitle = "t"\n[[parameter]]\nname = "j2.stiffness"\n'
+    (tmp_path / "plain.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "d.csv").write_text("q2_deg,q3_deg,fz_N,dz_mm\n-60,60,-500,-0.6\n-80,60,-500,-0.5\n", encoding="utf-8")
+    outcome = cli("run", "kr60-3", "d.csv", "--scheme-file", "plain.toml", "--out", "o")
+    assert outcome.code == 2
+    assert "with stages" in outcome.err
+    assert not (tmp_path / "o").exists()
