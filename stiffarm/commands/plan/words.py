@@ -116,7 +116,7 @@ def rests_on(start: Outset, found: Forecast) -> str:
         size = f"{100.0 * USUAL:.2g} % of the deflection ({_usual_range()} in four campaigns of five)"
         source = "no reading shows the model's lack of fit yet, so the usual one is assumed"
     else:
-        source = f"the model's lack of fit is the one that the {start.readings} readings so far show"
+        source = f"the model's lack of fit is the one that the {start.readings} readings so far show, with 3 % that they may hide"
     return (
         f"the intervals promised are kept in nine campaigns of ten: {source}, {size} a set-up, which repeats do not "
         f"average away; springs within a factor {WITHIN:g} of the values planned for"

@@ -68,7 +68,7 @@ def test_six_poses_settle_what_nine_readings_cannot_tell(cli: Command) -> None:
     assert result["random"]["setups_for_the_same"] > 6
     said = " ".join(result["words"])
     assert "j4.stiffness: known within a factor" in said
-    # What nine campaigns of ten keep to is wider than the readings' noise alone would have it, and says what it rests on.
+    # What nine campaigns of ten keep to is wider than by the readings' noise alone, and says what it rests on.
     assert all(p["promised_half_width95"] > 1.96 * p["sd_after"] for p in result["parameters"])
     assert result["promise"]["kept_in"] == 0.9
     assert result["promise"]["lack_of_fit"] == "of the readings"
