@@ -50,6 +50,9 @@ def headline(d: Diagnosed) -> str:
     if found.verdict == "named":
         names = _and([what(f) for f in found.effects])
         return f"What is missing has a name: {names}."
+    if found.verdict == "ambiguous" and found.effects:
+        names = _and([what(f) for f in found.effects])
+        return f"Missing: {names}. Beyond that these readings cannot tell which it is: {_rivals(d)}."
     if found.verdict == "ambiguous":
         return f"Something is missing, but these readings cannot tell which of several effects it is: {_rivals(d)}."
     if found.provisional:

@@ -37,7 +37,7 @@ def usual_campaign(given: Arm, table: Measurements) -> Campaign:
         {
             "sensitivity": SensitivityPlan(joints=joints, poses=spread_poses(table)),
             "global": GlobalPlan(joints=joints),
-            "factorial": Factorial(inputs=inputs, levels_deg=tuple(_levels(given, table, name) for name in inputs)),
+            "factorial": usual_factorial(given, table, inputs),
         }
     )
     plain = campaign_of(given.robot.name, tuple(f"{joint}.stiffness" for joint in joints))
@@ -52,6 +52,11 @@ def spread_poses(table: Measurements, count: int = _POSES) -> tuple[str, ...]:
     order = sorted(largest, key=lambda pose: largest[pose])
     picked = np.unique(np.round(np.linspace(0, len(order) - 1, min(count, len(order)))).astype(int))
     return tuple(order[k] for k in picked)
+
+
+def usual_factorial(given: Arm, table: Measurements, inputs: tuple[str, ...]) -> Factorial:
+    """Three levels of each input over the angles read."""
+    return Factorial(inputs=inputs, levels_deg=tuple(_levels(given, table, name) for name in inputs))
 
 
 def _levels(given: Arm, table: Measurements, name: str) -> tuple[float, ...]:

@@ -26,7 +26,7 @@ from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run import held_out, link_models, missing, payload, proof
 from stiffarm.commands.run.findings import Findings, Recommended, slug
 from stiffarm.commands.run.missing import Look
-from stiffarm.commands.run.usual import usual_campaign
+from stiffarm.commands.run.usual import usual_campaign, usual_factorial
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
@@ -34,7 +34,7 @@ from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns
-from surrogate import Surrogate, Trained, full_poses, save_surrogate
+from surrogate import Surrogate, Trained, full_poses, inputs_that_matter, save_surrogate
 from surrogate.model import predict_compliance
 
 
@@ -185,12 +185,17 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
         models[f.published.name] = f.published.description, f.published.model
     degree = max((law.degree for law in f.scheme.regressions), default=6)
     plan = f.scheme.beside.factorial
+    if f.published is None:
+        # What was missing may make another angle matter: a tool that is softer one way than the other.
+        plan = usual_factorial(f.given, f.data, inputs_that_matter(f.best.model))
     for name, (description, model) in models.items():
         factorial[name] = steps.factorial_runs(model, plan, whole=f.published is not None)
         stem = f"surrogates/{slug(name)}"
         trained[name] = learning.learn(description, model, plan.inputs, f.seed, folder, stem, name, degree=degree)
     check = _measured_pose_check(trained[f.best.name].best, f.best.model, f.used)
-    return replace(f, factorial=factorial, trained=trained, pose_check=check)
+    beside = f.scheme.beside.model_copy(update={"factorial": plan})
+    scheme = f.scheme.model_copy(update={"compare": beside})
+    return replace(f, scheme=scheme, factorial=factorial, trained=trained, pose_check=check)
 
 
 def _write_results(

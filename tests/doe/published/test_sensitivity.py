@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,16 @@ def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Campaign, 
         sensitivity_study(model, measured, ("j9",), LOW, HIGH)
     with pytest.raises(InputError, match="pose: got '99'"):
         select_poses(measured, ("99",), "test")
-    sideways = readings(model, {}, measured.q[:1], measured.wrench[:1], "x", pose=("3",))
-    with pytest.raises(InputError, match="pose 3 has no Z reading"):
-        sensitivity_study(model, sideways, ("j2",), LOW, HIGH)
+    turned = replace(measured.select(np.arange(measured.n) < 1), displacement=np.full((1, 6), np.nan))
+    with pytest.raises(InputError, match="has no reading of a translation"):
+        sensitivity_study(model, turned, ("j2",), LOW, HIGH)
+
+
+def test_the_component_that_was_read_largest_counts(arm: Arm, measured: Measurements, readings: Readings) -> None:
+    model = arm()
+    sideways = readings(model, {"j2": 1e6}, measured.q[:1], measured.wrench[:1], "xz", pose=("3",))
+    largest = int(np.nanargmax(np.abs(sideways.displacement[0, :3])))
+    (found,) = sensitivity_study(model, sideways, ("j2",), LOW, HIGH)
+    assert found.component == largest
+    # A stiffer joint deflects less, whichever way the component points.
+    assert (found.effect_mm > 0.0).all()
