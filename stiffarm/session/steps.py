@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +13,12 @@ from doe.tables.loaded import select_poses, spring_parts
 from fem import ArmModel, LinkKind, directional_stiffness
 from fem.arm import Arm
 from robots import InputError
+from robots.arm_class import arm_class
 from robots.arrays import Array
 from robots.files.reading import read_sha256
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
-DEFAULT_BOUNDS_Nm_per_rad = (1e5, 1e6)
 VERTICAL = (0.0, 0.0, -1.0)
 
 
@@ -34,6 +35,13 @@ class RigidJoints:
     def factor(self) -> Array:
         """Measured over simulated deflection."""
         return self.measured_mm / self.simulated_mm
+
+
+def usual_springs(given: Arm, joints: Sequence[str] = ()) -> tuple[float, float]:
+    """Where stiffnesses (N m/rad) of these joints, or of all, are expected in arms of this size, to one digit."""
+    of, names = arm_class(given.description, given.robot), given.robot.joint_names
+    columns = [names.index(joint) for joint in joints or names]
+    return float(f"{of.low[columns].min():.1g}"), float(f"{of.high[columns].max():.1g}")
 
 
 def links_alone(given: Arm, data: Measurements) -> Array:

@@ -74,14 +74,14 @@ def calibrate(
         float | None,
         typer.Option(
             help="Lower bound for joint stiffnesses in a global calibration, in N m/rad. Default: the "
-            "scheme's, otherwise 1e5."
+            "scheme's, otherwise that of arms of this size."
         ),
     ] = None,
     high: Annotated[
         float | None,
         typer.Option(
             help="Upper bound for joint stiffnesses in a global calibration, in N m/rad. Default: the "
-            "scheme's, otherwise 1e6."
+            "scheme's, otherwise that of arms of this size."
         ),
     ] = None,
     holdout: Annotated[

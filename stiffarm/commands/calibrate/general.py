@@ -87,7 +87,7 @@ def request_of(given: Arm, table: Measurements, plan: Campaign | None, options: 
 def _at_once(
     given: Arm, table: Measurements, plan: Campaign | None, options: Options
 ) -> tuple[Campaign, tuple[float, float]]:
-    usual, gauge, joints = steps.DEFAULT_BOUNDS_Nm_per_rad, steps.DEFAULT_GAUGE_mm, options.joints
+    usual, gauge, joints = steps.usual_springs(given, options.joints or ()), steps.DEFAULT_GAUGE_mm, options.joints
     if plan is not None:
         usual, gauge = plan.springs.ends, plan.noise.gauge_mm
         joints = joints or (plan.compare.constant.joints if plan.compare is not None else None)

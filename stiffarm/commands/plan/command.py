@@ -88,7 +88,7 @@ def plan(
         typer.Option(
             "--directions",
             help="Load directions in base axes, as in +x,-x,-z or 0,0,-1;1,0,-1. Default: those of the "
-            "readings, otherwise -z.",
+            "readings (of many the axes nearest to them), otherwise -z.",
         ),
     ] = None,
     read: Annotated[

@@ -166,12 +166,16 @@ def rated_load(description: ModelDescription, given: float | None, option: str, 
 
 
 def usual_directions(data: Measurements | None) -> Array:
-    """Directions (d, 3): those of the data if they are few, else down."""
+    """Directions (d, 3): those of the data, of many the axes that they are nearest to; without data down."""
     if data is not None and (data.loads_N > 0.0).any():
         force = data.wrench[data.loads_N > 0.0, :3]
         unit = np.unique(np.round(force / np.linalg.norm(force, axis=1, keepdims=True), 3), axis=0) + 0.0
         if len(unit) <= MOST_DIRECTIONS:
             return np.asarray(unit / np.linalg.norm(unit, axis=1, keepdims=True))
+        main = np.abs(unit).argmax(axis=1)
+        nearest = np.zeros_like(unit)
+        nearest[np.arange(len(unit)), main] = np.sign(unit[np.arange(len(unit)), main])
+        return np.unique(nearest, axis=0)
     return np.array([DOWN])
 
 

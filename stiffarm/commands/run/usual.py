@@ -10,7 +10,6 @@ from doe import Measurements
 from doe.estimation.campaign import Campaign, campaign_of
 from doe.estimation.study_plan import Comparison, Factorial, GlobalPlan, SensitivityPlan, SpringRange
 from fem.arm import Arm
-from robots.arm_class import arm_class
 from stiffarm.session import steps
 from surrogate import inputs_that_matter
 
@@ -27,10 +26,7 @@ def usual_campaign(given: Arm, table: Measurements) -> Campaign:
     between the limits of joints that did not move.
     """
     joints = steps.springs_seen(given, table)
-    names = given.robot.joint_names
-    of = arm_class(given.description, given.robot)
-    columns = [names.index(joint) for joint in joints]
-    low, high = float(f"{of.low[columns].min():.1g}"), float(f"{of.high[columns].max():.1g}")
+    low, high = steps.usual_springs(given, joints)
     # Which angles matter does not depend on how stiff the joints are, only on whether they give way.
     inputs = inputs_that_matter(given.model.with_springs(dict.fromkeys(joints, high)))
     compared = Comparison.model_validate(

@@ -98,18 +98,19 @@ def _scheme(given: Arm, table: Measurements, file: Path | None) -> Campaign:
     InputError
         A scheme file without stages.
     """
-    usual = usual_campaign(given, table)
     scheme = bundled_campaign(given.robot.name) if file is None else readings.read_scheme(given.robot, file)
     if scheme is None:
-        return usual
+        return usual_campaign(given, table)
     if not scheme.stage:
         remedy = "give it to `stiffarm calibrate --campaign`, or leave it out: springs are then calibrated all at once"
         raise InputError("--scheme-file", value=scheme.title, allowed="a scheme with stages", remedy=remedy)
     staged = {pose for stage in scheme.stage for pose in stage.poses}
     if file is None and not staged <= set(table.pose):
         say("note: the published scheme asks for other poses than were read; all springs are calibrated at once")
-        return usual
-    return scheme if scheme.compare is not None else scheme.model_copy(update={"compare": usual.compare})
+        return usual_campaign(given, table)
+    if scheme.compare is not None:
+        return scheme
+    return scheme.model_copy(update={"compare": usual_campaign(given, table).compare})
 
 
 def _calibrated(

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from doe import Measurements, sensitivity_study
-from doe.estimation.campaign import bundled_campaign, load_campaign
+from doe.estimation.campaign import Campaign, bundled_campaign, load_campaign
 from doe.estimation.study_plan import Comparison
 from doe.tables.loaded import select_poses
 from fem.arm import Arm
@@ -90,8 +90,16 @@ def sensitivity(
             max=10**5,
         ),
     ] = None,
-    low: Annotated[float, typer.Option(help="Low level of the joint stiffnesses, in N m/rad.")] = 1e5,
-    high: Annotated[float, typer.Option(help="High level of the joint stiffnesses, in N m/rad.")] = 1e6,
+    low: Annotated[
+        float | None,
+        typer.Option(
+            help="Low level of the joint stiffnesses, in N m/rad. Default: the scheme's, otherwise that of arms of "
+            "this size."
+        ),
+    ] = None,
+    high: Annotated[
+        float | None, typer.Option(help="High level of the joint stiffnesses, in N m/rad. Default: as for --low.")
+    ] = None,
     seed: Seed = 0,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
@@ -107,13 +115,6 @@ def sensitivity(
     parameters.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        if not (0.0 < low < high and np.isfinite(high)):
-            raise InputError(
-                "--low, --high",
-                value=f"{low:g}, {high:g}",
-                allowed="0 < low < high, finite, N m/rad",
-                remedy="give the range in which the springs are expected",
-            )
         options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
@@ -125,15 +126,16 @@ def sensitivity(
         scheme = None if bundled is None else bundled.compare
         springs = parsing.parse_names(joints, given.robot.joint_names, "--joints")
         springs = springs or (scheme.sensitivity.joints if scheme else steps.springs_seen(given, table))
+        levels = _levels(given, springs, bundled, (low, high))
         labels = _labels(poses, table, scheme)
         with frame.folder_if(None if chosen is None else seed) as folder:
             if chosen is None:
-                result, show = _factorial(given, table, springs, labels, (low, high), folder)
+                result, show = _factorial(given, table, springs, labels, levels, folder)
             else:
                 at = select_poses(table, labels, "--poses")
                 numbers = load_campaign(campaign) if campaign else names or tuple(f"{j}.stiffness" for j in springs)
                 found = screenings.study(
-                    given, at, chosen, numbers, (low, high), component=component or screenings.read_most(at),
+                    given, at, chosen, numbers, levels, component=component or screenings.read_most(at),
                     samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
                 )  # fmt: skip
                 result, show = _screened(given, found, folder)
@@ -158,6 +160,22 @@ def _method(text: str | None, joints: str | None, options: dict[str, Any]) -> Me
     parsing.refuse_given({name: options[name] for name in unheeded}, why_not, "leave it out, or change --method")
     parsing.refuse_together({"--joints": joints, "--free": options["--free"], "--campaign": options["--campaign"]})
     return chosen
+
+
+def _levels(
+    given: Arm, springs: tuple[str, ...], scheme: Campaign | None, typed: tuple[float | None, float | None]
+) -> tuple[float, float]:
+    """Range of the stiffnesses: as typed, else the scheme's, else that of arms of this size."""
+    usual = steps.usual_springs(given, springs) if scheme is None else scheme.springs.ends
+    low, high = (own if own is not None else end for own, end in zip(typed, usual, strict=True))
+    if not (0.0 < low < high and np.isfinite(high)):
+        raise InputError(
+            "--low, --high",
+            value=f"{low:g}, {high:g}",
+            allowed="0 < low < high, finite, N m/rad",
+            remedy="give the range in which the springs are expected",
+        )
+    return low, high
 
 
 def _labels(poses: str | None, table: Measurements, scheme: Comparison | None) -> tuple[str, ...]:

@@ -421,5 +421,5 @@ def test_bad_input_is_refused(make: Callable[[], Figure], names: str) -> None:
 def test_data_without_dz_are_refused() -> None:
     blind = DATA.select(np.ones(DATA.n, dtype=np.bool_))
     blind.displacement[:] = NAN
-    with pytest.raises(InputError, match="no dz_mm"):
+    with pytest.raises(InputError, match="no translation was read"):
         figures_readings.data_figure(blind)

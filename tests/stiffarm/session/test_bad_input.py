@@ -208,6 +208,15 @@ OPTIONS = {
     "--low above --high": Case("calibrate xr701 --scheme global --low 1e7 --out out", ("1e+07, 1e+06", "low < high")),
     "--high infinite": Case("calibrate xr701 --scheme global --high inf --out out", ("inf", "finite")),
     "--low NaN": Case("calibrate xr701 --scheme global --low nan --out out", ("nan",)),
+    "--set without a value": Case("simulate xr701 --set j2.stiffness --out out", ("--set", "NAME=VALUE")),
+    "--set of nothing there is": Case(
+        "fit xr701 --set j2.stiffnes=1e6 --out out", ("'j2.stiffnes'", "Did you mean j2.stiffness")
+    ),
+    "--set twice": Case(
+        "map joints xr701 --set j2.stiffness=1e6 --set j2.stiffness=2e6 --out out", ("j2.stiffness is given twice",)
+    ),
+    "--set in another unit": Case("run --set j2.stiffness=1GPa --out out", ("'1GPa'", "N m/rad")),
+    "--set beyond any arm": Case("plan xr701 --poses 3 --set j2.stiffness=1 --out out", ("got '1'", "1000 to 1e+09")),
     "sensitivity --low zero": Case("sensitivity xr701 --low 0 --out out", ("--low, --high: got '0, 1e+06'",)),
     "sensitivity --high infinite": Case("sensitivity xr701 --high inf --json", ("inf", "finite")),
     "--pose text": Case(

@@ -54,7 +54,9 @@ def test_both_kinds_reach_their_errors(both: LinkModels) -> None:
         ("rigid", "constant, serial"): (0.0964, 0.1325),
     }
     found = {
-        (side.links, v.name): (v.rms_mm, v.left_out_rms_mm) for side in (both.own, both.other) for v in side.variants
+        (side.links, v.name): (v.found.rms_mm, v.left_out_rms_mm)
+        for side in (both.own, both.other)
+        for v in side.variants
     }
     assert len(found) == 8
     for key, errors in wanted.items():
