@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from forecast_arms import made_up
 
 from doe import Measurements, bundled_data, read_measurements, write_measurements
 from doe.certainty.left_out import leave_one_pose_out
@@ -28,12 +29,15 @@ from doe.tables.joined import join
 from fem.arm import Arm
 from fem.free.parameters import parameter
 from rehearsal import World
+from stiffarm import load
 from stiffarm.commands.plan.step import Planned, make_plan
 from stiffarm.commands.plan.step import Request as PlanRequest
 from stiffarm.commands.rehearse.sheet import Gauge, SetUps, of_sheet
 from stiffarm.commands.rehearse.step import Request, made, prepared, set_ups_of
 
 ROBOTS = ("xr701", "kr60-3", "tx200", "fanuc-r2000ic")
+# Those by which nothing was set, and the seed of their worlds.
+TESTING, TEST_SEED = ("xr701", "tx200", "fanuc-r2000ic"), 1311
 GAUGE = (1e-6, 1e-6)
 DIRECTIONS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
 FIRST, SET_UPS = 12, 20
@@ -105,26 +109,38 @@ def planned_campaign(given: Arm, start: Measurements | None, n: int, seed: int, 
     return plan, of_sheet(given, path, Gauge())
 
 
-def study(name: str, draws: int) -> dict[str, Tally]:
-    """All cases of one arm."""
-    import stiffarm as sa
-
-    given, out = sa.load(name), {"nothing": Tally(), "hidden": Tally(), "first": Tally(), "next": Tally()}
+def left_out(given: Arm, draws: int) -> dict[str, Tally]:
+    """Readings at poses left out, with nothing hidden and with something."""
+    out = {"nothing": Tally(), "hidden": Tally()}
     for case, code in (("nothing", "none"), ("hidden", None)):
         for set_ups, world in campaigns(given, code, draws):
             out[case].add_left_out(given, set_ups.filled(world.measured()))
-    arm = prepared(given)
+    return out
+
+
+def plans(given: Arm, draws: int, seed: int) -> dict[str, Tally]:
+    """Promises of a first plan, and of one from 12 set-ups, in worlds with something hidden."""
+    arm, out = prepared(given), {"first": Tally(), "next": Tally()}
     with TemporaryDirectory() as folder:
         plan, set_ups = planned_campaign(given, None, SET_UPS, 0, Path(folder))
         _, few = planned_campaign(given, None, FIRST, 1, Path(folder))
         for k in range(draws):
-            request = Request(seed=23)
+            request = Request(seed=seed)
             world = made(given, arm, set_ups, request, k)
             out["first"].add_plan(given, plan, set_ups.filled(world.measured()), world)
             begun = made(given, arm, few, request, k)
-            data = few.filled(begun.measured())
-            if k % 2 == 0:
-                following(given, data, begun, k, Path(folder), out["next"])
+            following(given, few.filled(begun.measured()), begun, k, Path(folder), out["next"])
+    return out
+
+
+def training() -> dict[str, Tally]:
+    """The campaigns by which the numbers of :mod:`doe.planning.lack_of_fit` were set."""
+    out = {"first": Tally(), "next": Tally()}
+    for arm, draws, seed in [(made_up(k), 4, 101 if k < 44 else 102) for k in range(74)] + [(load("kr60-3"), 16, 101)]:
+        for case, tally in plans(arm, draws, seed).items():
+            for name, values in vars(tally).items():
+                if isinstance(values, list):
+                    getattr(out[case], name).extend(values)
     return out
 
 
@@ -145,9 +161,7 @@ def relabelled(pose: tuple[str, ...], taken: tuple[str, ...]) -> tuple[str, ...]
 
 def bundled(name: str) -> Coverage:
     """Real readings at poses left out, springs of the joints that they can show."""
-    import stiffarm as sa
-
-    given = sa.load(name)
+    given = load(name)
     data = read_measurements(bundled_data(name), given.robot)
     joints = ("j2", "j3", "j4", "j5") if name == "xr701" else given.robot.joint_names
     p = problem(given.model, data, [parameter(given.model, f"{j}.stiffness") for j in joints])
@@ -159,38 +173,41 @@ def percent(values: list[bool]) -> str:
     return f"{100.0 * float(np.mean(values)):.0f} ({len(values)})" if values else "-"
 
 
-def rows(results: dict[str, dict[str, Tally]]) -> tuple[list[str], list[str]]:
-    """Rows of the two tables."""
-    left, plans = [], []
-    for name, cases in results.items():
-        for case in ("nothing", "hidden"):
-            t = cases[case]
-            low, middle = np.quantile(t.per_campaign, [0.1, 0.5])
-            left.append(f"| {name} | {case} | {t.readings} | {100 * t.inside / t.readings:.1f} | "
-                        f"{100 * low:.0f}, {100 * middle:.0f} |")  # fmt: skip
-        for case in ("first", "next"):
-            t = cases[case]
-            low, middle = np.quantile(t.ratio, [0.1, 0.5]) if t.ratio else (np.nan, np.nan)
-            plans.append(f"| {name} | {case} | {percent(t.conditional)} | {percent(t.kept)} | {percent(t.noise_alone)} | {percent(t.near)} | "
-                         f"{low:.2f}, {middle:.2f} |")  # fmt: skip
-    return left, plans
+def left_out_row(name: str, case: str, t: Tally) -> str:
+    """One row on readings left out."""
+    low, middle = np.quantile(t.per_campaign, [0.1, 0.5])
+    share = 100.0 * t.inside / t.readings
+    return f"| {name} | {case} | {t.readings} | {share:.1f} | {100 * low:.0f}, {100 * middle:.0f} |"
+
+
+def plan_row(name: str, case: str, t: Tally) -> str:
+    """One row on promises."""
+    low, middle, high = np.quantile(t.ratio, [0.1, 0.5, 0.9]) if t.ratio else (np.nan,) * 3
+    shares = " | ".join(map(percent, (t.kept, t.conditional, t.noise_alone, t.near)))
+    return f"| {name} | {case} | {shares} | {low:.2f}, {middle:.2f}, {high:.2f} |"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--draws", type=int, default=40)
     parser.add_argument("--robot", action="append", choices=ROBOTS)
-    arguments = parser.parse_args()
-    results = {}
-    for name in arguments.robot or ROBOTS:
-        results[name] = study(name, arguments.draws)
-        both = rows({name: results[name]})
-        sys.stderr.write("\n".join([*both[0], *both[1]]) + "\n")
-    for name in ("fanuc-r2000ic", "xr701"):
-        c = bundled(name)
-        sys.stdout.write(f"{name}: {c.inside} of {c.readings} real readings, {100.0 * c.share:.1f} %\n")
-    left, plans = rows(results)
-    sys.stdout.write("\n".join([*left, "", *plans]) + "\n")
+    parser.add_argument("--only", choices=("left-out", "plans", "training"), help="one table; default: the first two")
+    parser.add_argument("--seed", type=int, default=TEST_SEED, help="of the worlds in which plans are put to the test")
+    given = parser.parse_args()
+    if given.only == "training":
+        sys.stdout.writelines(plan_row("training", case, t) + "\n" for case, t in training().items())
+        return 0
+    for name in given.robot or (ROBOTS if given.only != "plans" else TESTING):
+        if given.only != "plans":
+            sys.stdout.writelines(left_out_row(name, c, t) + "\n" for c, t in left_out(load(name), given.draws).items())
+        if given.only != "left-out":
+            found = plans(load(name), given.draws, given.seed)
+            sys.stdout.writelines(plan_row(name, case, t) + "\n" for case, t in found.items())
+        sys.stdout.flush()
+    if given.only != "plans":
+        for name in ("fanuc-r2000ic", "xr701"):
+            c = bundled(name)
+            sys.stdout.write(f"{name}: {c.inside} of {c.readings} real readings, {100.0 * c.share:.1f} %\n")
     return 0
 
 

@@ -1,16 +1,10 @@
-"""What intervals a plan will give: with the lack of fit of the model, so wide that nine campaigns in ten keep to it.
+"""What intervals a plan will give: with the lack of fit of the model, so wide that they should hold in nine of ten.
 
 A plan's standard deviations by the readings' noise alone come true only where the model misses nothing. Real models do:
 what they miss shifts all readings of a set-up together, however often they are repeated. A forecast therefore draws
-whole campaigns: parameters as far as they are known, the lack of fit, its estimate from as many set-ups, and Student's
-t for these; promised is the half width that nine in ten of them do not pass.
-
-Where there are readings, the lack of fit is the one they show: the scatter of their set-ups, or, where no set-up has
-two readings that could tell it from the gauge's, all of the residual. Where there are none it is the usual one
-(:data:`USUAL`): effects hidden in 40 campaigns of one arm (kr60-3, frames not among them) left a median of 9 %
-of the deflection (90 %: 23 %) between set-ups; the bundled FANUC campaign shows 22 % (docs/validation/forecasts.md). Other
-poses show another one, in the same spread as other arms do: few poses in a corner of the workspace say little of what
-a model misses elsewhere.
+whole campaigns: the lack of fit as far as it is known (:mod:`doe.planning.lack_of_fit`), parameters as far as the
+readings so far tell them beside it, and the interval that readings so far and new ones would then give. Promised is the
+half width that nine in ten of these campaigns do not pass. How often promises are kept: docs/validation/forecasts.md.
 
 Limits of validity: first order in the parameters; springs within :data:`WITHIN` of the planned value; a lack of fit
 that is alike at all poses.
@@ -24,22 +18,20 @@ import numpy as np
 from scipy.special import stdtrit
 
 from doe.estimation.noise import Noise
+from doe.planning.lack_of_fit import drawn_shares
 from doe.planning.outset import Outset
 from doe.planning.plan import MeasurementPlan, factors
 from doe.planning.protocol import at_tool
 from fem.statics.loads import LoadedPoses
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 
-# Lack of fit where no reading shows one: share of the deflection, a set-up; median, and standard deviation of its ln.
-USUAL, SPREAD = 0.10, 0.8
-# Lack of fit that readings of few poses may hide, for their springs followed it: a share of the deflection, a set-up
-# (assumed).
-UNSEEN = 0.03
 # A spring that is not known better may be so many times softer or stiffer than planned for.
 WITHIN = 2.0
-# The share of campaigns whose interval is no wider than promised, and how many are drawn.
+# The share of campaigns whose interval is to be no wider than promised, and how many are drawn.
 HOLDS, DRAWS = 0.9, 400
 UPPER = 0.975
+# What is missing is not alike at all poses: standard deviation of ln half width beside what is drawn (made-up arms).
+UNEVEN = 0.5
 # A compliance known to no better than its own size leaves the stiffness open.
 OPEN = 0.9999
 
@@ -48,38 +40,38 @@ OPEN = 0.9999
 class Forecast:
     """``half95`` (p,): promised half widths of the 95 % intervals, of ln value (positive ones) or of the value.
 
-    ``seen``: whether the lack of fit is one that readings show, else the usual one; ``noise``: with it, as set-up
-    scatter (the median where it is the usual one).
+    ``seen``: whether readings so far tell of the lack of fit; ``lack``: shares of the deflection, a set-up, that one,
+    five and nine in ten of the campaigns drawn stay below.
     """
 
     half95: Array
     seen: bool
-    noise: Noise
+    lack: tuple[float, float, float]
 
 
 def forecast(start: Outset, made: MeasurementPlan, rng: np.random.Generator) -> Forecast:
-    """What intervals the set-ups of a plan will give in nine campaigns of ten."""
-    p, components = len(start.u), len(made.protocol.components)
-    at = at_tool(start.free.model, made.q, made.direction)
-    blocks = len(made.q) * components + start.blocks
-    spare = max(blocks - p, 1)
-    moves = _Moves.of(start, at)
-    positive = np.array([q.scale != "linear" for q in start.parameters], dtype=np.bool_)
-    half = np.empty((DRAWS, p))
-    prior = np.diag(1.0 / start.vague**2)
-    f = moves.value[:, list(made.protocol.components)] * made.protocol.forces.max()
-    for k in range(DRAWS):
-        u, ratio = _drawn(start, positive, rng)
-        noise, size = _drawn_noise(start, float(np.sqrt(np.mean(f**2))), rng)
-        then = replace(start, u=u, noise=noise)
-        B = factors(then, *moves.at(u), made.protocol).reshape(-1, p)
-        known = prior + (start.known - prior) * np.outer(ratio, ratio) / size
-        sd = np.sqrt(np.diag(np.linalg.inv(known + B.T @ B)))
-        half[k] = stdtrit(spare, UPPER) * np.sqrt(rng.chisquare(spare) / spare) * sd
-    bent = np.array([q.scale == "compliance" for q in start.parameters], dtype=np.bool_)
+    """What intervals the set-ups of a plan should give in nine campaigns of ten."""
+    p, components = len(start.u), list(made.protocol.components)
+    spare = max(len(made.q) * len(components) + start.blocks - p, 1)
+    moves = _Moves.of(start, at_tool(start.free.model, made.q, made.direction))
+    square = np.mean((moves.value * made.protocol.forces.max()) ** 2, axis=0)
+    size = tuple(float(np.sqrt(np.mean(square[mine]))) if mine else 0.0 for mine in _kinds(components))
+    prior, known = np.diag(1.0 / start.vague**2), start.known
+    share, half = drawn_shares(start.shown, DRAWS, rng), np.empty((DRAWS, p))
+    for k, lack in enumerate(share):
+        if start.counted:
+            own = start.shown.own if start.shown is not None else start.counted
+            known = prior + (start.known - prior) * start.counted / (lack**2 + own)
+        u, ratio = _drawn(start, known, rng)
+        B = factors(replace(start, u=u, noise=_noise(start, lack, size)), *moves.at(u), made.protocol).reshape(-1, p)
+        so_far = prior + (known - prior) * np.outer(ratio, ratio)
+        half[k] = stdtrit(spare, UPPER) * np.sqrt(np.diag(np.linalg.inv(so_far + B.T @ B)))
+    half *= np.exp(UNEVEN * rng.normal(size=half.shape))
+    bent = _compliances(start)
     # Half of ln(upper / lower) of a stiffness whose compliance is known to so large a share.
     half[:, bent] = np.arctanh(np.minimum(half[:, bent], OPEN))
-    return Forecast(np.quantile(half, HOLDS, axis=0), start.shown is not None, _lacking(start, 1.0, 1.0))
+    low, middle, high = np.quantile(share, [1.0 - HOLDS, 0.5, HOLDS]).tolist()
+    return Forecast(np.quantile(half, HOLDS, axis=0), start.shown is not None, (low, middle, high))
 
 
 @dataclass(frozen=True)
@@ -104,41 +96,32 @@ class _Moves:
         return replace(self.start.free, at=self.loaded, history=None).evaluate(u)
 
 
-def _drawn(start: Outset, positive: np.ndarray, rng: np.random.Generator) -> tuple[Array, Array]:
+def _kinds(components: list[int]) -> tuple[list[int], list[int]]:
+    """Components that are translations, and rotations."""
+    return [k for k in components if k < 3], [k for k in components if k >= 3]
+
+
+def _compliances(start: Outset) -> Bools:
+    return np.array([q.scale == "compliance" for q in start.parameters], dtype=np.bool_)
+
+
+def _drawn(start: Outset, known: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Variables (p,) as far as they are known, and (p,) how many times softer compliances are."""
-    sd = np.sqrt(np.diag(np.linalg.inv(start.known)))
-    most = np.log(WITHIN)
-    step = np.where(sd < most, np.clip(sd * rng.normal(size=len(sd)), -most, most), rng.uniform(-most, most, len(sd)))
-    compliance = np.array([q.scale == "compliance" for q in start.parameters], dtype=np.bool_)
+    positive = np.array([q.scale != "linear" for q in start.parameters], dtype=np.bool_)
+    covariance = np.linalg.inv(known)
+    sd, most = np.sqrt(np.diag(covariance)), np.log(WITHIN)
+    step = sd * rng.normal(size=len(sd))
+    step = np.where(positive, np.clip(step, -most, most), step)
+    compliance = _compliances(start)
     ratio = np.where(compliance, np.exp(-step), 1.0)
-    u = np.where(compliance, start.u * ratio, start.u + np.where(positive, step, 0.0))
+    u = np.where(compliance, start.u * ratio, start.u + step)
     low, high = np.array([q.inner_bounds for q in start.parameters]).T
     return np.clip(u, low, high), ratio
 
 
-def _drawn_noise(start: Outset, f: float, rng: np.random.Generator) -> tuple[Noise, float]:
-    """Noise with a lack of fit, and its variance over that of the readings so far.
-
-    ``f``: the deflection (m) at which the two are compared.
-    """
-    size, lack = 1.0, float(np.exp(SPREAD * rng.normal()))
-    if start.shown is not None:
-        dof = max(start.spare, 1.0)
-        size = float(np.sqrt(dof / max(float(rng.chisquare(dof)), 0.05 * dof)))
-    drawn, so_far = _lacking(start, size, lack), _lacking(start, 1.0, 1.0)
-    return drawn, _variance(drawn, f) / _variance(so_far, f) if start.shown is not None else 1.0
-
-
-def _variance(noise: Noise, f: float) -> float:
-    """Of a translation of f (m), all scatter together."""
-    return noise.white[0] ** 2 + noise.pose[0] ** 2 + (noise.share**2 + noise.pose_share**2) * f**2
-
-
-def _lacking(start: Outset, size: float, lack: float) -> Noise:
-    """The noise with ``size`` times the standard deviations shown, and the lack of fit ``lack`` times that besides."""
+def _noise(start: Outset, share: float, size: tuple[float, ...]) -> Noise:
+    """The noise with a lack of fit of a share of the deflection; ``size``: root mean square, m and rad."""
     if start.shown is None:
-        return replace(start.noise, pose_share=float(np.hypot(start.noise.pose_share, USUAL * lack)))
-    numbers = start.shown.numbers * size
-    numbers[3:5] *= lack
-    numbers[5] = np.hypot(numbers[5], UNSEEN) * lack
-    return Noise.of(numbers)
+        return replace(start.noise, pose_share=share)
+    off, moving = share * np.sqrt(start.shown.constant), share * np.sqrt(1.0 - start.shown.constant)
+    return replace(start.shown.noise, pose=(float(off * size[0]), float(off * size[1])), pose_share=float(moving))

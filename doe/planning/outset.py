@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.certainty.predictive import birge
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate, estimate, prior_residual
 from doe.estimation.noise import Noise, Origin, origin
 from doe.estimation.problem import Problem
+from doe.planning.lack_of_fit import Shown, blocks, counted, shown
 from fem import ArmModel
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
@@ -32,8 +32,9 @@ class Outset:
     ``known`` (p, p): information so far about ln value (positive ones) or the value, a vague prior included;
     ``noise``: expected of the new readings, ``noise_origin``: where it is from; ``found``: what the readings so far
     say, empty if they cannot say; ``readings``: how many there are; ``best`` (p,): the estimate itself, None before any
-    reading. ``shown``: the noise with the lack of fit that the readings show as scatter of set-ups, None where they are
-    too few; ``spare``: readings to spare for it; ``blocks``: how many components were read in how many set-ups.
+    reading. ``shown``: the lack of fit that the readings so far show, None where none is to spare; ``counted``:
+    variance of a set-up's mean over the square of the deflection, as ``known`` has it; ``blocks``: components read,
+    over all set-ups.
     """
 
     free: FreeModel
@@ -44,8 +45,8 @@ class Outset:
     readings: int = 0
     best: Array | None = None
     noise_origin: Origin = "given"
-    shown: Noise | None = None
-    spare: float = 0.0
+    shown: Shown | None = None
+    counted: float = 0.0
     blocks: int = 0
 
     @property
@@ -99,26 +100,9 @@ def _own(q: Parameter) -> float:
 
 def outset(e: Estimate, c: Certainty) -> Outset:
     """After readings that were estimated from; their noise is expected of the new ones too."""
-    u, blocks = design_point(e, c), len(np.unique(6 * e.problem.pose + e.problem.component))
-    told = float(len(e.problem) - int(e.seen.sum())) > 0.0
+    u = design_point(e, c)
     return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u,
-                   origin(e.problem, given=not e.estimated), _with_lack_of_fit(e) if told else None,
-                   float(blocks - int(e.seen.sum())), blocks)  # fmt: skip
-
-
-def _with_lack_of_fit(e: Estimate) -> Noise:
-    """The noise of new readings with the lack of fit as scatter of set-ups.
-
-    Where no set-up has several readings of one component its scatter is in that of the readings, and repeats of new
-    ones will not average it away. Where the noise was given, it is what the residuals have beyond that.
-    """
-    n, larger = _expected(e), birge(e)[0] - 1.0
-    if any(name.startswith("pose") for name in e.estimated):
-        return n
-    if e.estimated:
-        return replace(n, pose=(float(np.hypot(n.pose[0], n.white[0])), float(np.hypot(n.pose[1], n.white[1]))),
-                       pose_share=float(np.hypot(n.pose_share, n.share)))  # fmt: skip
-    return replace(n, pose=(n.white[0] * math.sqrt(larger), n.white[1] * math.sqrt(larger)))
+                  origin(e.problem, given=not e.estimated), shown(e), counted(e), blocks(e.problem))  # fmt: skip
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
@@ -126,7 +110,8 @@ def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
     priors = [_with_prior(q, sd) for q, sd in zip(p.parameters, vague_sd(p.parameters), strict=True)]
     helped = replace(p, free=replace(p.free, parameters=tuple(priors)))
     e = estimate(helped, gauge, fixed_noise=Noise(white=gauge), robust=False)
-    return Outset(helped.free, e.u, known_information(e, e.u), _expected(e), (), len(p), e.u)
+    return Outset(helped.free, e.u, known_information(e, e.u), _expected(e), (), len(p), e.u,
+                  counted=counted(e), blocks=blocks(p))  # fmt: skip
 
 
 def _with_prior(q: Parameter, sd: float) -> Parameter:

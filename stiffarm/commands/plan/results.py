@@ -102,9 +102,8 @@ def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str
         "promise": {
             "kept_in": HOLDS,
             "lack_of_fit": "of the readings" if planned.forecast.seen else "usual",
-            "setup_mm": number(planned.forecast.noise.pose[0] * 1e3),
-            "setup_mrad": number(planned.forecast.noise.pose[1] * 1e3),
-            "setup_share_of_deflection": number(planned.forecast.noise.pose_share),
+            "share_of_deflection": number(planned.forecast.lack[1]),
+            "share_of_deflection_from_to": [number(v) for v in (planned.forecast.lack[0], planned.forecast.lack[2])],
             "words": words.rests_on(start, planned.forecast),
         },
         "candidate_poses": planned.candidates,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.planning.forecast import SPREAD, USUAL, WITHIN, Forecast
+from doe.planning.forecast import Forecast
 from doe.planning.outset import Outset
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
@@ -108,24 +108,12 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
 
 def rests_on(start: Outset, found: Forecast) -> str:
     """What the promised intervals rest on."""
-    n = found.noise
-    parts = [f"{1e3 * n.pose[0]:.2g} mm"] if n.pose[0] else []
-    parts += [f"{100.0 * n.pose_share:.2g} % of the deflection"] if n.pose_share else []
-    size = " and ".join(parts) or "nothing beyond the readings' noise"
-    if not found.seen:
-        size = f"{100.0 * USUAL:.2g} % of the deflection ({_usual_range()} in four campaigns of five)"
-        source = "no reading shows the model's lack of fit yet, so the usual one is assumed"
-    else:
-        source = f"the model's lack of fit is the one that the {start.readings} readings so far show, with 3 % that they may hide"
+    low, middle, high = (f"{plain(100.0 * share, 2)} %" for share in found.lack)
+    source = f"as the {start.readings} readings so far suggest" if found.seen else "as it usually is"
     return (
-        f"the intervals promised are kept in nine campaigns of ten: {source}, {size} a set-up, which repeats do not "
-        f"average away; springs within a factor {WITHIN:g} of the values planned for"
+        f"the intervals include the model's lack of fit, {source}: about {middle} of the deflection in every set-up "
+        f"({low} to {high}), which repeats do not average away"
     )
-
-
-def _usual_range() -> str:
-    low, high = (100.0 * USUAL * math.exp(side * 1.2816 * SPREAD) for side in (-1.0, 1.0))
-    return f"{low:.1g} to {high:.2g} %"
 
 
 def _within(factor: float) -> str:
