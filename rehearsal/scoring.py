@@ -58,8 +58,12 @@ class Verdict:
     first_joint: str = "j1"
 
     def is_right(self, hidden: Sequence[str]) -> bool:
-        """Whether what it took up first, sure or most probable, is of the right family; nothing where that is so."""
-        first = family(self.found[0] if self.found else self.kind, self.first_joint)
+        """Whether what it took up first, sure or most probable, is of the right family; nothing where that is so.
+
+        Where it says "unknown" or "none" that is its answer, whatever it tried on the way.
+        """
+        answers = self.found if self.kind in ("named", "ambiguous") else ()
+        first = family(answers[0] if answers else self.kind, self.first_joint)
         return first == (family(hidden[0], self.first_joint) if hidden else NOTHING)
 
 

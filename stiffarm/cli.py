@@ -46,6 +46,7 @@ COMMANDS: dict[str, Entry] = {
     "rehearse": Entry(
         "rehearse", "rehearse", CALIBRATE, "Hide an effect in made-up readings and see whether it is found."
     ),
+    "study": Entry("study", "study", CALIBRATE, "Score the diagnosis on sets whose truth is known."),
     "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
     "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
     "query": Entry("query", "query", USE, "Evaluate a surrogate at poses, with error bars."),

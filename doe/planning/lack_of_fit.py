@@ -4,9 +4,10 @@ The lack of fit counts as scatter of set-ups: a share of the deflection (root me
 all readings of one component in one set-up are off together, however often they are repeated. Its logarithm is normal
 before any reading, about :data:`USUAL` with the standard deviation :data:`SPREAD`: other arms miss other things. The
 readings so far show a part of it, ``ln shown = ln share - HIDDEN + ELSEWHERE z`` with z standard normal: in few poses
-the parameters follow what is missing, for it is smooth over the poses, and other poses show another lack of fit. The
-variance found in them is ``(shown^2 + own^2) chi^2 / dof``, where ``own`` is what the readings' own scatter leaves in
-the mean of a set-up. The posterior of the share is worked out on a grid.
+the parameters follow what is missing, for it is smooth over the poses, and other poses show another lack of fit. Both
+numbers are for campaigns of which half is yet to be measured, and taken to go with that share. The variance found in
+the readings is ``(shown^2 + own^2) chi^2 / dof``, where ``own`` is what their own scatter leaves in the mean of a
+set-up. The posterior of the share is worked out on a grid.
 
 The four numbers were set on made-up arms, which test nothing (docs/validation/forecasts.md).
 """
@@ -50,7 +51,7 @@ class Shown:
 
 
 def shown(e: Estimate) -> Shown | None:
-    """The lack of fit that an estimate shows; None where no reading is to spare."""
+    """The lack of fit that an estimate shows beside the noise expected of new readings; None without a spare one."""
     p = int(e.seen.sum())
     if len(e.problem) <= p or not e.prediction.any():
         return None
@@ -66,15 +67,18 @@ def counted(e: Estimate) -> float:
     return sum(_common(e, e.noise)) + _own(e, e.noise)
 
 
-def drawn_shares(so_far: Shown | None, n: int, rng: np.random.Generator) -> Array:
-    """Shares (n,) of the deflection by which campaigns may find the model to be off."""
+def drawn_shares(so_far: Shown | None, n: int, rng: np.random.Generator, new: float = 0.5) -> Array:
+    """Shares (n,) of the deflection by which campaigns may find the model to be off.
+
+    ``new``: share of their set-ups that is yet to be measured; the fewer, the nearer they come to what is shown.
+    """
     step = np.linspace(-REACH, REACH, STEPS)
     normal = np.exp(-0.5 * step**2)
     x, chance = np.log(USUAL) + SPREAD * step, normal
     if so_far is not None:
-        found = so_far.lack + so_far.own
+        found, turn = so_far.lack + so_far.own, new / 0.5
         # Of each share (columns), by how much of it is hidden (rows).
-        expected = np.exp(2.0 * (x - HIDDEN + ELSEWHERE * step[:, None])) + so_far.own
+        expected = np.exp(2.0 * (x - turn * (HIDDEN - ELSEWHERE * step[:, None]))) + so_far.own
         log = -0.5 * so_far.dof * (np.log(expected / found) + found / expected)
         chance = normal * (normal @ np.exp(log - log.max()))
     sure = np.cumsum(chance) / chance.sum()

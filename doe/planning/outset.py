@@ -100,9 +100,10 @@ def _own(q: Parameter) -> float:
 
 def outset(e: Estimate, c: Certainty) -> Outset:
     """After readings that were estimated from; their noise is expected of the new ones too."""
-    u = design_point(e, c)
-    return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u,
-                  origin(e.problem, given=not e.estimated), shown(e), counted(e), blocks(e.problem))  # fmt: skip
+    u, noise = design_point(e, c), _expected(e)
+    return Outset(e.problem.free, u, known_information(e, u), noise, c.estimates, len(e.problem), e.u,
+                  origin(e.problem, given=not e.estimated), shown(replace(e, noise=noise)), counted(e),
+                  blocks(e.problem))  # fmt: skip
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from forecast_coverage import bundled, study
+import pytest
+from forecast_coverage import bundled, left_out, plans
+
+from stiffarm import load
 
 
-def test_intervals_and_promises_hold_with_something_hidden() -> None:
-    found = study("kr60-3", 16)
-    for case in ("nothing", "hidden"):
-        assert 0.90 <= found[case].inside / found[case].readings <= 0.98
-    # 90 % in 320 draws of four arms; 80 intervals of 16 worlds, those of one world alike, scatter by some 8 %.
-    assert sum(found["first"].kept) / len(found["first"].kept) >= 0.74
-    # By the readings' noise alone hardly any promise is kept.
-    assert sum(found["first"].noise_alone) / len(found["first"].noise_alone) < 0.5
+@pytest.mark.slow
+def test_readings_left_out_lie_in_their_intervals_with_something_hidden() -> None:
+    for t in left_out(load("kr60-3"), 8).values():
+        assert 0.90 <= t.inside / t.readings <= 0.98
+
+
+@pytest.mark.slow
+def test_promises_are_kept_with_something_hidden() -> None:
+    """90 % is what they aim at; intervals of one world are alike, so that those of 24 worlds scatter by some 6 %."""
+    for t in plans(load("kr60-3"), 24, seed=7).values():
+        assert sum(t.kept) / len(t.kept) >= 0.72
+        # By the readings' noise alone hardly any is kept.
+        assert sum(t.noise_alone) / len(t.noise_alone) < 0.6
 
 
 def test_real_readings_at_poses_left_out() -> None:

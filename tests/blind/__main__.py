@@ -1,4 +1,4 @@
-"""``python -m tests.blind FOLDER``: write the sets of a study, tables and models apart from their keys."""
+"""``python -m tests.blind FOLDER``: write the sets of a study, for `stiffarm study FOLDER`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from .sets import make
+from .sets import make, unseen
 from .study import suite
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.blind", description=__doc__)
-    parser.add_argument("folder", type=Path, help="tables and models go here, the truth to its subfolder keys")
+    parser.add_argument("folder", type=Path, help="every set gets a folder in it")
     for name, count in (("single", 300), ("none", 200), ("out", 100), ("pairs", 60)):
         parser.add_argument(f"--{name}", type=int, default=count)
     parser.add_argument("--seed", type=int, default=0)
@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     seen: Counter[str] = Counter()
     for spec, seed in suite(a.single, a.none, a.out, a.pairs, a.seed, **changes):
         made = make(spec, seed)
-        made.write(a.folder)
+        made.write(a.folder, unseen(spec, seed))
         seen[f"{spec.group}, {'detectable' if made.key['detectable'] else 'not detectable'}"] += 1
     for name, count in sorted(seen.items()):
         sys.stdout.write(f"{name}: {count}\n")

@@ -67,6 +67,17 @@ KINDS: dict[str, Callable[[Context], dict[str, Any]]] = {
 }
 
 
+# Along what each acts, and where, as a study's key says it.
+WHERE: dict[str, tuple[list[str], str]] = {
+    "cable-package": (["pose", "load"], "tool"),
+    "two-joint-stiffness": (["pose"], "j2"),
+    "stop-contact": (["pose", "load"], "j3"),
+    "warming-springs": (["clock", "load history"], "j2"),
+    "load-1.5-reach-2": (["pose", "load"], "base"),
+    "compressed-forearm": (["pose", "load"], "j3"),
+}
+
+
 def warmth(r: Readings, memory: float) -> Array:
     """Temperature 0..1: each move heats by its length, and it cools with the clock."""
     moves = np.zeros(len(r))

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from rehearsal import nuisance
+from rehearsal.design import between
 from rehearsal.evaluate import Truth, exact
 from rehearsal.excess import excess_chi2
+from rehearsal.kinematics import allowed
 from rehearsal.noise import Noise
 from rehearsal.readings import Readings
 from rehearsal.scoring import DETECTABLE
@@ -38,12 +40,33 @@ class MadeUp:
     links: str
     key: dict[str, Any]
 
-    def write(self, folder: Path) -> None:
-        """``NAME.csv`` and ``NAME.model.toml`` to the folder, ``NAME.json`` to its subfolder ``keys``."""
-        (folder / "keys").mkdir(parents=True, exist_ok=True)
-        (folder / f"{self.name}.csv").write_text(self.csv_text, encoding="utf-8")
-        (folder / f"{self.name}.model.toml").write_text(self.model_toml, encoding="utf-8")
-        (folder / "keys" / f"{self.name}.json").write_text(json.dumps(self.key, indent=1) + "\n", encoding="utf-8")
+    def write(self, folder: Path, unseen: str) -> None:
+        """The set for `stiffarm study`: a folder of its name with set.json, model, tables and key."""
+        here = folder / self.name
+        here.mkdir(parents=True, exist_ok=True)
+        told = {"schema": "stiffarm-study-set/1", "model": "model.toml", "links": self.links}
+        (here / "set.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        (here / "model.toml").write_text(self.model_toml, encoding="utf-8")
+        (here / "readings.csv").write_text(self.csv_text, encoding="utf-8")
+        (here / "unseen.csv").write_text(unseen, encoding="utf-8")
+        (here / "key.json").write_text(json.dumps(self.study_key(), indent=1) + "\n", encoding="utf-8")
+
+    def study_key(self) -> dict[str, Any]:
+        """The key in the words of a study, with all of the truth behind them."""
+        key, spec = self.key, self.key["spec"]
+        each = key.get("excess_chi2_each", {})
+        effects = [
+            {"code": e["code"], "excess_chi2": each.get(e["code"], key["excess_chi2"]), "parameters": e}
+            | dict(zip(("axis", "place"), outside.WHERE.get(e["kind"], ([], e["code"].partition(":")[2])), strict=True))
+            for e in key["truth"]
+        ]
+        tags = {name: spec[name] for name in ("robot", "reads", "poses", "links", "order", "repeats")}
+        tags |= {"noise": "share-of-component", "scatter": spec["setup_scatter"]}
+        rest = {name: key[name] for name in ("springs_Nm_per_rad", "noise", "nuisance", "seed", "spec")}
+        return {
+            "schema": "stiffarm-study-key/1", "world": "rehearsal", "effects": effects,
+            "excess_chi2": key["excess_chi2"], "tags": tags, **rest,
+        }  # fmt: skip
 
 
 @lru_cache(maxsize=16)
@@ -164,3 +187,21 @@ def truth_at(spec: SetSpec, seed: int, sheet: str) -> Array:
     out = np.zeros((len(order), 3))
     out[order] = exact(truth, extra)
     return out
+
+
+def unseen(spec: SetSpec, seed: int, poses: int = 40) -> str:
+    """Other set-ups within the angles read, at the loads read, without noise: what held-out errors are taken from."""
+    truth, r, _ = hidden(spec, seed)
+    low, high = r.q.min(axis=0), r.q.max(axis=0)
+    q = between(
+        truth.arm, (low + high) / 2, (high - low) / 2, poses, np.random.default_rng([seed, 77]),
+        lambda q: allowed(truth.arm, q),
+    )  # fmt: skip
+    loads = np.unique(r.force, axis=0)
+    n = len(q) * len(loads)
+    count = np.arange(n)
+    other = Readings(
+        np.repeat(q, len(loads), axis=0), np.tile(loads, (len(q), 1)), np.repeat(np.arange(len(q)), len(loads)), count,
+        np.zeros(n, dtype=bool), np.ones(n, dtype=np.int64), np.full(n, 0.5), np.zeros((n, 3)),
+    )  # fmt: skip
+    return to_csv(truth.arm, other, exact(truth, other), spec.reads, label="U")

@@ -14,8 +14,8 @@ from robots.arrays import Array
 AXES = ("x", "y", "z")
 
 
-def to_csv(arm: Arm, r: Readings, d: Array, reads: str) -> str:
-    """The table of DESIGN.md: deflections in mm to the micrometre, whatever was read."""
+def to_csv(arm: Arm, r: Readings, d: Array, reads: str, label: str = "P") -> str:
+    """The table of DESIGN.md: deflections in mm to the micrometre, whatever was read; poses ``label`` 01, 02, ..."""
     columns = ["pose", "step", "repeat", "phase", *arm.coordinates, "fx_N", "fy_N", "fz_N"]
     columns += [f"d{axis}_mm" for axis in reads]
     out = io.StringIO()
@@ -25,7 +25,7 @@ def to_csv(arm: Arm, r: Readings, d: Array, reads: str) -> str:
     picked = [AXES.index(axis) for axis in reads]
     for k in range(len(r)):
         phase = "unloading" if r.unloading[k] else "loading"
-        row = [f"P{r.setup[k] + 1:02d}", k + 1, r.repeat[k], phase]
+        row = [f"{label}{r.setup[k] + 1:02d}", k + 1, r.repeat[k], phase]
         row += [f"{v:g}" for v in degrees[k]] + [f"{v:g}" for v in r.force[k] + 0.0]
         row += [f"{1e3 * d[k, a] + 0.0:.3f}" for a in picked]
         writer.writerow(row)

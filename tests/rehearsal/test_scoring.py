@@ -50,6 +50,8 @@ def test_right_is_what_the_blind_study_calls_right() -> None:
     assert not said("named", "drift", "payload").is_right(("payload",))
     assert said("none").is_right(())
     assert not said("unknown").is_right(("payload",))
+    # What it tried on the way to "unknown" is no answer.
+    assert not said("unknown", "payload", sure=0).is_right(("payload",))
 
 
 def test_the_first_joint_has_any_name() -> None:

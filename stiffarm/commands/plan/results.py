@@ -8,7 +8,7 @@ import numpy as np
 
 from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.planning.forecast import HOLDS
+from doe.planning.forecast import HOLDS, KEPT
 from doe.planning.plan import Foresight
 from doe.tables.columns import DISPLACEMENTS
 from fem.arm import Arm
@@ -100,7 +100,8 @@ def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str
             "source": start.noise_origin,
         },
         "promise": {
-            "kept_in": HOLDS,
+            "aims_at": HOLDS,
+            "kept_in_simulations": list(KEPT),
             "lack_of_fit": "of the readings" if planned.forecast.seen else "usual",
             "share_of_deflection": number(planned.forecast.lack[1]),
             "share_of_deflection_from_to": [number(v) for v in (planned.forecast.lack[0], planned.forecast.lack[2])],

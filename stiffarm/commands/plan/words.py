@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from doe.certainty.uncertainty import ParameterEstimate
-from doe.planning.forecast import Forecast
+from doe.planning.forecast import KEPT, Forecast
 from doe.planning.outset import Outset
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
@@ -90,9 +90,7 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
         return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.promised_shrink)}"
     factor = factor95(f.promised)
     if factor > HARDLY:
-        return (
-            f"{p.name}: still open, these readings hardly tell it by itself (was: {was}); {_times(f.promised_shrink)}"
-        )
+        return f"{p.name}: may stay open, these readings hardly tell it by itself (was: {was})"
     rest = f"(was: {was}); {_times(f.promised_shrink)}"
     if not is_open(found) or p.scale != "compliance":
         return f"{p.name}: known {_within(factor)} {rest}"
@@ -107,12 +105,14 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
 
 
 def rests_on(start: Outset, found: Forecast) -> str:
-    """What the promised intervals rest on."""
+    """What the predicted intervals rest on, and how often such ones came true."""
     low, middle, high = (f"{plain(100.0 * share, 2)} %" for share in found.lack)
     source = f"as the {start.readings} readings so far suggest" if found.seen else "as it usually is"
+    least, most = (round(100.0 * share) for share in KEPT)
     return (
-        f"the intervals include the model's lack of fit, {source}: about {middle} of the deflection in every set-up "
-        f"({low} to {high}), which repeats do not average away"
+        f"predicted intervals include the model's lack of fit, {source}: about {middle} of the deflection in every "
+        f"set-up ({low} to {high}), which repeats do not average away. In simulated campaigns with a hidden effect "
+        f"{least} to {most} % of the intervals came out no wider than predicted"
     )
 
 
@@ -124,7 +124,7 @@ def _within(factor: float) -> str:
 
 def _times(shrink: float) -> str:
     if shrink < 1.05:
-        return "hardly narrower"
+        return "perhaps no narrower"
     return f"{shrink:.2g} times narrower" if shrink < 9.95 else f"{shrink:.0f} times narrower"
 
 

@@ -12,7 +12,8 @@ from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
-from doe.planning.forecast import USUAL, forecast
+from doe.planning.forecast import forecast
+from doe.planning.lack_of_fit import USUAL
 from doe.planning.outset import Outset, first_outset, outset
 from doe.planning.plan import MeasurementPlan, foresee
 from doe.planning.pose_designs import pose_design
@@ -51,7 +52,7 @@ def test_without_readings_the_usual_lack_of_fit_is_promised_for(bare: Outset) ->
     made = _plan(bare, 6)
     found = forecast(bare, made, np.random.default_rng(0))
     assert not found.seen
-    assert found.noise.pose_share == pytest.approx(USUAL)
+    assert found.lack[1] == pytest.approx(USUAL, rel=0.3)
     # The gauge of 0.01 mm by itself would know springs to a fraction of a percent.
     assert (found.half95 > 5.0 * np.array([1.96 * f.after for f in made.foresight])).all()
 
@@ -59,7 +60,7 @@ def test_without_readings_the_usual_lack_of_fit_is_promised_for(bare: Outset) ->
 def test_repeats_do_not_average_it_away_and_set_ups_do(bare: Outset) -> None:
     once, often, more = (_half(bare, _plan(bare, n, repeats)) for n, repeats in ((6, 1), (6, 50), (24, 1)))
     # Fifty times the readings would be seven times as sure, if they were independent.
-    assert (often > 0.8 * once).all()
+    assert (often > 0.7 * once).all()
     assert (often <= once).all()
     assert (more < 0.7 * once).all()
 
@@ -77,8 +78,13 @@ def test_real_readings_without_repeats_show_their_residual_as_lack_of_fit() -> N
     e = estimate(problem(arm, data, springs), GAUGE)
     start = outset(e, certainty(e))
     assert start.shown is not None
-    assert start.shown.pose[0] == pytest.approx(e.noise.white[0])
-    assert start.shown.pose_share == pytest.approx(e.noise.share)
+    # All of the noise but a tenth of each number.
+    whole = np.mean(e.noise.variance(e.problem, e.prediction)) / np.mean(e.prediction**2)
+    assert start.shown.lack == pytest.approx(whole, rel=0.1)
+    assert start.shown.own < 0.02 * start.shown.lack
     made = _plan(start, 10, repeats=20)
-    assert forecast(start, made, np.random.default_rng(0)).seen
-    assert (_half(start, made) > _half(replace(start, shown=e.noise), made))[1:5].all()
+    found = forecast(start, made, np.random.default_rng(0))
+    assert found.seen
+    assert found.lack[1] > np.sqrt(start.shown.lack)
+    less = replace(start, shown=replace(start.shown, lack=1e-4))
+    assert (found.half95 > _half(less, made))[1:5].all()

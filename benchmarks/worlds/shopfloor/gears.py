@@ -1,0 +1,155 @@
+"""Laws of gears and bearings without memory: what a joint gives beyond its linear spring.
+
+Gears follow a maker's hysteresis curve: stiffness in three straight pieces of the torque, the link weights' included
+where the arm carries them. Ranges: FACTS, table 5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.worlds.shopfloor.arms import Floats, Robot
+from benchmarks.worlds.shopfloor.law import Law, Scene, Sizes, at, at_joints, either, log_uniform, rating
+from benchmarks.worlds.shopfloor.statics import lateral
+
+
+def _linear(scene: Scene, k: int) -> Floats:
+    return np.asarray(scene.compliance[k] * scene.torque[:, k])
+
+
+def _total(scene: Scene, k: int) -> Floats:
+    return scene.torque[:, k] + scene.weight[:, k]
+
+
+def spring(scene: Scene, k: int, v: Sizes) -> Floats:
+    """A spring that the model does not have."""
+    return scene.torque[:, k] / v["stiffness_Nm_per_rad"]
+
+
+def tilting(scene: Scene, k: int, v: Sizes) -> Floats:
+    """Two springs across the axis, one softer, turned by an angle about it."""
+    across = lateral(scene.arm, k)
+    turn, k1 = v["turn_rad"], v["stiffness_Nm_per_rad"]
+    first = np.cos(turn) * across[0] + np.sin(turn) * across[1]
+    second = -np.sin(turn) * across[0] + np.cos(turn) * across[1]
+    flexibility = np.zeros((6, 6))
+    flexibility[3:, 3:] = np.outer(first, first) / k1 + np.outer(second, second) / (k1 * v["ratio"])
+    return scene.part(k, flexibility)
+
+
+def lobed(scene: Scene, k: int, v: Sizes) -> Floats:
+    """Compliance over the angle: one wave a turn and a triangle wave of two, as of worn sectors."""
+    q = scene.q[scene.pose, k] - v["phase_rad"]
+    triangle = 2.0 / np.pi * np.arcsin(np.sin(2.0 * q + v["second_phase_rad"]))
+    return np.asarray(_linear(scene, k) * v["share"] * (0.75 * np.cos(q) + 0.25 * triangle))
+
+
+def three_slopes(scene: Scene, k: int, v: Sizes) -> Floats:
+    """A maker's curve: each of two knees takes a share of the compliance away."""
+    t = _total(scene, k)
+    beyond = sum(v[f"share{i}"] * np.maximum(np.abs(t) - v[f"knee{i}_Nm"], 0.0) for i in (1, 2))
+    return np.asarray(-scene.compliance[k] * np.sign(t) * beyond)
+
+
+def lost_preload(scene: Scene, k: int, v: Sizes) -> Floats:
+    """Bearings lose their preload: past a rounded knee the compliance is greater by a share."""
+    t, knee = _total(scene, k), v["knee_Nm"]
+    round_, x = 0.15 * knee, np.abs(t) - knee
+    bent = 0.5 * (x + np.hypot(x, round_)) - 0.5 * (np.hypot(knee, round_) - knee)
+    return np.asarray(scene.compliance[k] * v["share"] * np.sign(t) * bent)
+
+
+def meshing(scene: Scene, k: int, v: Sizes) -> Floats:
+    """Compliance that waves with the teeth, with an overtone."""
+    wave = v["teeth"] * scene.q[scene.pose, k] + v["phase_rad"]
+    return np.asarray(_linear(scene, k) * v["share"] * (np.sin(wave) + 0.35 * np.sin(2.0 * wave + 1.0)))
+
+
+def strut(scene: Scene, k: int, v: Sizes) -> Floats:
+    """A coil spring between two pins beside the joint: stiffness added in parallel, from the pins' geometry."""
+    grid = np.linspace(-np.pi, np.pi, 721)
+    length = np.sqrt(1.0 + v["pins"] ** 2 + 2.0 * v["pins"] * np.cos(grid))
+    slope = np.gradient(np.sin(grid) * (1.0 - 0.5 * (1.0 - v["pins"]) / length), grid)
+    angle = np.mod(scene.q[scene.pose, k] - v["phase_rad"] + np.pi, 2.0 * np.pi) - np.pi
+    g = np.interp(angle, grid, slope / np.max(np.abs(slope)))
+    return np.asarray(_linear(scene, k) * (1.0 / (1.0 + v["share"] * g) - 1.0))
+
+
+def wrist(scene: Scene, k: int, v: Sizes) -> Floats:
+    """Two wrist gears on nested shafts: each turns with the other's torque."""
+    c = v["share"] * np.sqrt(scene.compliance[k] * scene.compliance[k + 1])
+    return scene.turned(k, c * scene.torque[:, k + 1]) + scene.turned(k + 1, c * scene.torque[:, k])
+
+
+def _six(arm: Robot) -> tuple[str, ...]:
+    return (arm.names[3],) if arm.dof == 6 else ()
+
+
+def _looped(arm: Robot) -> tuple[str, ...]:
+    return (arm.names[2],) if arm.parallelogram else ()
+
+
+def bar(scene: Scene, k: int, v: Sizes) -> Floats:
+    """The parallelogram's bar gives along itself; its lever about the elbow is the pin's distance times a sine."""
+    lever = scene.arm.pin_behind * np.sin(scene.q[scene.pose, 2])
+    return np.asarray(scene.torque[:, 2] / (v["stiffness_N_per_m"] * np.maximum(lever**2, 1e-4)))
+
+
+def mixed_path(scene: Scene, k: int, v: Sizes) -> Floats:
+    """A worn bar: a share of the forearm's moment still goes through the second spring."""
+    turns = scene.at.turns[scene.pose]
+    way = float(np.dot(scene.arm.axes[1].axis, scene.arm.axes[2].axis))
+    serial, own = turns[:, 1] + way * turns[:, 2], turns[:, 1]
+    carried = [np.einsum("ni,ni->n", a, scene.wrench)[:, None] * a for a in (serial, own)]
+    return np.asarray(v["share"] * scene.compliance[1] * (carried[0] - carried[1]))
+
+
+def neighbours(scene: Scene, k: int, v: Sizes) -> Floats:
+    """Two joints in one casing: each gives a little with the other's torque."""
+    c = v["share"] * np.sqrt(scene.compliance[k] * scene.compliance[k + 1])
+    return scene.turned(k, c * scene.torque[:, k + 1]) + scene.turned(k + 1, c * scene.torque[:, k])
+
+
+def _phase(rng: np.random.Generator) -> float:
+    return float(rng.uniform(-np.pi, np.pi))
+
+
+def _knees(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
+    t = rating(arm, k)
+    return {
+        "knee1_Nm": t * rng.uniform(0.1, 0.3), "share1": rng.uniform(0.15, 0.35),
+        "knee2_Nm": t * rng.uniform(0.35, 0.6), "share2": rng.uniform(0.05, 0.25),
+    }  # fmt: skip
+
+
+LAWS = (
+    Law("joint-compliance", ("pose", "load"), at_joints(),
+        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 5e4, 2e6)}, theta=spring),
+    Law("joint-tilt", ("pose", "load"), at_joints(),
+        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 5e5, 4e6), "ratio": rng.uniform(1.0, 1.8),
+                             "turn_rad": _phase(rng)}, gives=tilting),
+    Law("angle-dependent-stiffness", ("pose", "load"), at_joints(1, 2, 3, 4),
+        lambda rng, arm, k: {"share": rng.uniform(0.10, 0.45), "phase_rad": _phase(rng),
+                             "second_phase_rad": _phase(rng)}, theta=lobed),
+    Law("hardening", ("load",), at_joints(1, 2, 3, 4), _knees, theta=three_slopes),
+    Law("softening", ("load",), at_joints(1, 2, 3, 4),
+        lambda rng, arm, k: {"share": rng.uniform(0.2, 0.7), "knee_Nm": rating(arm, k) * rng.uniform(0.15, 0.4)},
+        theta=lost_preload),
+    Law("gear-ripple", ("pose", "load"), at_joints(1, 2, 3),
+        lambda rng, arm, k: {"share": rng.uniform(0.05, 0.25), "teeth": float(rng.integers(20, 90)),
+                             "phase_rad": _phase(rng)}, theta=meshing),
+    Law("gravity-compensator", ("pose", "load"), at_joints(1),
+        lambda rng, arm, k: {"share": rng.uniform(0.10, 0.40), "pins": rng.uniform(0.2, 0.7),
+                             "phase_rad": _phase(rng)}, theta=strut),
+    Law("wrist-coupling", ("pose", "load"), _six,
+        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.2, 0.6)}, gives=wrist),
+    Law("parallelogram-bar", ("pose", "load"), _looped,
+        lambda rng, arm, k: {"stiffness_N_per_m": log_uniform(rng, 5e6, 4e7)}, theta=bar),
+)  # fmt: skip
+OUTSIDE = (
+    Law("partial-load-path", ("pose", "load"), _looped,
+        lambda rng, arm, k: {"share": rng.uniform(0.15, 0.5)}, gives=mixed_path),
+    Law("other:joints-coupled", ("pose", "load"), at_joints(1),
+        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.15, 0.5)}, gives=neighbours),
+)  # fmt: skip
+__all__ = ["LAWS", "OUTSIDE", "at"]

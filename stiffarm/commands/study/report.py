@@ -1,0 +1,93 @@
+"""report.html of a study: the scores first, then by effect and by tag, and every set."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rehearsal.scoring import DETECTABLE
+from stiffarm.commands.study import words
+from stiffarm.commands.study.figures import reliability_figure, scores_figure
+from stiffarm.commands.study.scores import KINDS, Row, reliability, scores
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, write_page
+from stiffarm.session.outputs import OutputFolder
+
+QUESTION = "how often is the diagnosis right?"
+
+
+def write_report(rows: Sequence[Row], name: str, folder: OutputFolder) -> None:
+    """Draw all figures and write report.html."""
+    pictures = Pictures(folder)
+    count = Counter(r.kind for r in rows)
+    lede = f"{len(rows)} sets, diagnosed blind: " + ", ".join(f"{count[k]} with {text}" if k != "outside" else
+            f"{count[k]} with an effect {text}" for k, text in KINDS.items() if count[k]) + "."  # fmt: skip
+    by = {s.name: s.share for s in scores(rows)}
+    key = [
+        KeyFigure(words.rate(by[name]), label)
+        for name, label in (
+            ("right family leads, detectable", "right family leads, of the detectable single effects"),
+            ("named and right, detectable", "of these were named right"),
+            ("a wrong name, all sets", "sets got a wrong name"),
+        )
+    ]
+    sections = [_short(rows, pictures), _groups(rows, pictures), _every(rows), _how()]
+    write_page(folder, name, lede, key, sections, QUESTION)
+
+
+def _short(rows: Sequence[Row], pictures: Pictures) -> Section:
+    return Section(
+        "In short",
+        (
+            *(Note(text) for text in words.summary(rows)),
+            pictures.add(scores_figure(scores(rows)), "scores", "Scores, with the number of sets in brackets."),
+            Table("Scores", words.HEADS, tuple(words.lines(rows)), (0, 4, 5)),
+        ),
+    )
+
+
+def _groups(rows: Sequence[Row], pictures: Pictures) -> Section:
+    blocks: list[Block] = []
+    bins = reliability(rows)
+    if bins:
+        caption = "On the line, what was stated holds. Numbers: sets."
+        blocks += [
+            pictures.add(reliability_figure(bins), "reliability", caption),
+            Table("Stated probability", words.RELIABILITY_HEADS, tuple(words.reliabilities(rows)), (0, 4)),
+        ]
+    if families := words.families(rows):
+        blocks.append(Table("Single effects", words.FAMILY_HEADS, tuple(families)))
+    if tags := words.tags(rows):
+        blocks.append(Table("By tag of the key", words.TAG_HEADS, tuple(tags), (0, 1), folded=True))
+    return Section("By probability, effect and condition", tuple(blocks) or (Text("No set has an effect."),))
+
+
+def _every(rows: Sequence[Row]) -> Section:
+    lines = tuple(
+        (
+            r.name, ", ".join(r.hidden) or "nothing", f"{r.excess:.0f}" if r.excess == r.excess else "-", r.verdict,
+            ", ".join(r.named) or "-", "yes" if r.is_right else "no",
+        )
+        for r in rows
+    )  # fmt: skip
+    heads = ("set", "hidden", "chi-square", "verdict", "named", "right family leads")
+    return Section("Every set", (Table("Set by set", heads, lines, (0, 1, 3, 4, 5), folded=True),))
+
+
+def _how() -> Section:
+    return Section(
+        "How it was counted",
+        (
+            Bullets(
+                (
+                    f"Detectable: springs cannot take up what is hidden; chi-square rises by {DETECTABLE:.0f} or more, "
+                    "by the key. Of several effects: each of them by itself.",
+                    "Leads: the first name of a named verdict, the most probable effect of an ambiguous one. Verdicts "
+                    '"unknown" and "none" are answers of their own, whatever was tried on the way.',
+                    "Wrong name: an effect taken for sure that is not of the family of anything hidden.",
+                    "Outside of the catalogue is what the catalogue does not know as it stands now.",
+                    "Refused readings count, and are never right.",
+                )
+            ),
+        ),
+    )

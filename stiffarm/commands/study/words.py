@@ -1,0 +1,85 @@
+"""A study in words: the answer in a few sentences, the scores as rows of tables."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rehearsal.scoring import DETECTABLE, Share
+from stiffarm.commands.study.scores import KINDS, SHRINK, Row, Score, by_family, by_tag, reliability, scores, shrinkage
+
+HEADS = ("of", "share", "sets", "95 % interval", "aim", "met")
+FAMILY_HEADS = ("effect", "sets", "detectable", "right family", "exact", "named and right")
+TAG_HEADS = ("tag", "value", "right family leads, detectable singles", "a wrong name, all sets")
+RELIABILITY_HEADS = ("stated", "mean stated", "right", "95 % interval", "holds")
+
+
+def rate(s: Share) -> str:
+    """``85 % of 20``; a dash where there is none."""
+    return f"{100 * s.count / s.of:.1f} % of {s.of}" if s.of else "-"
+
+
+def interval(s: Share) -> str:
+    """The exact interval, in percent."""
+    low, high = s.interval95
+    return f"{100 * low:.0f} to {100 * high:.0f} %" if s.of else "-"
+
+
+def lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """The table of scores; scores of no set are left out."""
+    found = [_line(s) for s in scores(rows) if s.share.of]
+    for kind, (median, count) in shrinkage(rows).items():
+        aim = SHRINK.get(kind)
+        goal, met = ("", "") if aim is None else (f"at most {aim:.2f}", "yes" if median <= aim else "no")
+        name = f"held-out error after / before, median; {KINDS[kind]}"
+        found.append((name, f"{median:.2f}", str(count), "", goal, met))
+    return found
+
+
+def _line(s: Score) -> tuple[str, ...]:
+    aim = "" if s.aim is None else f"{'at most' if s.at_most else 'at least'} {100 * s.aim:.0f} %"
+    met = {None: "", True: "yes", False: "no"}[s.is_met]
+    return (s.name, f"{100 * s.share.count / s.share.of:.1f} %", str(s.share.of), interval(s.share), aim, met)
+
+
+def families(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """Single effects by family."""
+    return [
+        (name, str(count), str(right.of), *(str(s.count) if s.of else "-" for s in (right, exact, named)))
+        for name, count, right, exact, named in by_family(rows)
+    ]
+
+
+def tags(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """By each tag's value."""
+    return [(tag, value, rate(right), rate(wrong)) for tag, value, right, wrong in by_tag(rows)]
+
+
+def reliabilities(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """Stated probabilities beside shares right."""
+    return [
+        (f"{100 * b.low:.0f} to {100 * b.high:.0f} %", f"{100 * b.stated:.1f} %", rate(b.right), interval(b.right),
+         "yes" if b.holds else "no")
+        for b in reliability(rows)
+    ]  # fmt: skip
+
+
+def summary(rows: Sequence[Row]) -> list[str]:
+    """The answer in a few sentences."""
+    by = {s.name: s.share for s in scores(rows)}
+    count = Counter(r.kind for r in rows)
+    out = []
+    seen = by["named and right, detectable"]
+    if seen.of:
+        out.append(
+            f"Of {seen.of} sets with one effect that the readings can show (chi-square {DETECTABLE:.0f} and more), "
+            f"{rate(by['right family leads, detectable'])} had the right family in the lead, and {rate(seen)} were "
+            "named right."
+        )
+    out.append(f"A wrong name was given in {rate(by['a wrong name, all sets'])} sets.")
+    if count["none"]:
+        out.append(f"With nothing hidden, {rate(by['nothing hidden: a name'])} sets got a name.")
+    refused = by["refused, all sets"]
+    if refused.count:
+        out.append(f"{refused.count} of {refused.of} sets were refused, which is never right; rows.csv says why.")
+    return out

@@ -1,0 +1,120 @@
+"""`stiffarm study`: sets that anybody made, diagnosed blind and scored."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runs import Command
+
+from stiffarm.commands.study.report import write_report
+from stiffarm.commands.study.scores import Row
+from stiffarm.commands.study.sets import study_sets
+from stiffarm.session.outputs import OutputFolder
+from tests.blind.sets import make, unseen
+from tests.blind.spec import SetSpec
+
+FEW: dict[str, Any] = {"robot": "kr60-3", "poses": 9, "repeats": 2}
+
+
+def made(folder: Path, name: str, seed: int, *effects: str) -> None:
+    spec = SetSpec(**FEW, effects=effects, name=name, group="single" if effects else "none")
+    make(spec, seed).write(folder, unseen(spec, seed, 6))
+
+
+def test_a_set_is_diagnosed_blind_and_scored(tmp_path: Path, cli: Command) -> None:
+    made(tmp_path, "a", 3, "gauge-zero")
+    result = cli("study", tmp_path, "--json").json
+    (row,) = result["rows"]
+    assert (row["verdict"], row["named"], row["right"]) == ("named", ["gauge-zero"], True)
+    assert row["after_mm"] < row["before_mm"]
+
+
+@pytest.mark.slow
+def test_a_folder_of_sets_is_scored(tmp_path: Path, cli: Command) -> None:
+    made(tmp_path / "sets", "a", 3, "gauge-zero")
+    made(tmp_path / "sets", "b", 4)
+    # The key of this one speaks of what no catalogue has.
+    made(tmp_path / "sets" / "more", "c", 5, "warming-springs")
+    done = cli("study", tmp_path / "sets", "--jobs", "2", "--out", tmp_path / "out", "--json")
+    assert done.code == 0, done.err
+    result = done.json
+    assert result["kinds"] == {"single": 1, "none": 1, "outside": 1}
+    assert [r["set"] for r in result["rows"]] == ["a", "b", "more/c"]
+    assert result["rows"][0]["verdict"] == "named"
+    assert result["rows"][0]["after_mm"] < result["rows"][0]["before_mm"]
+    assert {"study.json", "rows.csv", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
+def test_readings_that_are_refused_are_counted(tmp_path: Path, cli: Command) -> None:
+    made(tmp_path, "a", 3, "gauge-zero")
+    lines = (tmp_path / "a" / "readings.csv").read_text().splitlines()
+    (tmp_path / "a" / "readings.csv").write_text("\n".join(lines[:2]) + "\n")
+    done = cli("study", tmp_path, "--jobs", "1", "--json")
+    assert done.code == 0
+    (row,) = done.json["rows"]
+    assert row["verdict"] == "refused"
+    assert not row["right"]
+    assert row["reason"]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "named"),
+    [
+        ("key.json", None, "no key.json"),
+        ("readings.csv", None, "no readings.csv"),
+        ("set.json", '{"schema": "stiffarm-study-set/1"}', "model"),
+        ("set.json", '{"schema": "stiffarm-study-set/1", "model": "../model.toml"}', "../model.toml"),
+        ("set.json", '{"schema": "x", "model": "kr60-3"}', "schema"),
+        ("set.json", '{"schema": "stiffarm-study-set/1", "model": "kr60-3", "seed": 1}', "seed"),
+        ("key.json", '{"schema": "stiffarm-study-key/1"}', "effects"),
+        ("key.json", '{"schema": "stiffarm-study-key/1", "effects": [{"code": ""}]}', "code"),
+        ("key.json", '{"schema": "stiffarm-study-key/1", "effects": [{"code": "a", "axis": ["x"]}]}', "axis"),
+        ("key.json", '{"schema": "stiffarm-study-key/1", "effects": [], "excess_chi2": -1}', "excess_chi2"),
+        ("key.json", "{", "JSON"),
+    ],
+)
+def test_sets_that_do_not_fit_are_named(tmp_path: Path, cli: Command, file: str, text: str | None, named: str) -> None:
+    made(tmp_path, "a", 3)
+    path = tmp_path / "a" / file
+    if text is None:
+        path.unlink()
+    else:
+        path.write_text(text)
+    done = cli("study", tmp_path)
+    assert done.code == 2
+    assert named in done.err.replace("\n", " ")
+    assert "a" in done.err
+
+
+def test_folders_without_sets_are_refused(tmp_path: Path, cli: Command) -> None:
+    for folder in (tmp_path, tmp_path / "none"):
+        done = cli("study", folder)
+        assert done.code == 2
+        assert "FOLDER" in done.err
+
+
+def test_the_key_stays_out_of_what_is_diagnosed(tmp_path: Path) -> None:
+    """A set's model and readings are all that a diagnosis sees: neither may speak of what is hidden."""
+    made(tmp_path, "a", 3, "friction:j2")
+    (one,) = study_sets(tmp_path)
+    for path in (Path(one.model), one.readings):
+        assert "friction" not in path.read_text()
+
+
+def test_the_page_of_a_study_of_every_kind(tmp_path: Path) -> None:
+    right = Row("s", "single", ("backlash:j2",), excess=200.0, tags={"reads": "z"}, before_mm=0.2, after_mm=0.02)
+    right = replace(right, verdict="named", named=("backlash:j2",), found=("backlash:j2",), probability=0.97)
+    rows = [
+        right, replace(right, kind="none", hidden=(), verdict="none", named=(), found=(), tags={"reads": "xyz"}),
+        replace(right, kind="outside", hidden=("other:x",), verdict="unknown", named=()),
+        replace(right, kind="pair", hidden=("payload", "drift"), each=(90.0, 80.0)),
+        replace(right, verdict="refused", named=(), found=(), reason="no pose"),
+    ]  # fmt: skip
+    with OutputFolder(tmp_path / "out", ["stiffarm", "study"], {}, None) as folder:
+        write_report(rows, "sets", folder)
+    page = (tmp_path / "out" / "report.html").read_text()
+    for text in ("how often is the diagnosis right?", "a wrong name, all sets", "Set by set", "refused"):
+        assert text in page
