@@ -101,8 +101,13 @@ def refuse_strangers() -> None:
     for part in _PARTS:
         spec = find_spec(part)
         places = [] if spec is None else [spec.origin] if spec.origin else list(spec.submodule_search_locations or ())
+        if not places:
+            raise ImportError(
+                f"stiffarm's own package {part!r} is missing: what is installed is not whole, or older than the "
+                "sources. To fix it: install stiffarm again"
+            )
         if [Path(str(place)).resolve() for place in places] != [home / part / "__init__.py"]:
             raise ImportError(
-                f"stiffarm's own package {part!r} is hidden by {places[0] if places else 'nothing: it is missing'}. "
+                f"stiffarm's own package {part!r} is hidden by {places[0]}. "
                 "To fix it: rename that folder or file, or start Python in another folder"
             )

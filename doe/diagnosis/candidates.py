@@ -16,6 +16,8 @@ from doe.diagnosis.signatures import Signature, shapes, signature, signatures
 from doe.diagnosis.weighing import as_if, extended
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect, PlacedEffect
+from fem.effects.observed import observed
+from fem.statics.loads import LoadedPoses
 from robots import InputError
 from robots.arrays import Array
 
@@ -56,6 +58,36 @@ def possible(s: Setting, effect: Effect) -> list[Signature]:
             # At these angles a parallelogram would be flat: the convention cannot be that one.
             continue
     return out
+
+
+def standing(s: Setting, elsewhere: LoadedPoses) -> dict[str, Effect]:
+    """The known effects, gross ones only with those shapes with which the arm can stand ``elsewhere``.
+
+    It stood wherever it was read, whether these readings are used or not: another convention of angles under which it
+    could not is none.
+    """
+    out = {}
+    for code, effect in s.known.items():
+        if not effect.gross:
+            out[code] = effect
+            continue
+        kept = [v for v in shapes(effect) if stands(s, elsewhere, (PlacedEffect(effect, v),))]
+        if kept:
+            grids = [tuple(dict.fromkeys(column)) for column in np.transpose(kept).tolist()]
+            narrowed = (
+                replace(p, grid=g) if p.role == "shape" else p for p, g in zip(effect.parameters, grids, strict=True)
+            )
+            out[code] = replace(effect, parameters=tuple(narrowed))
+    return out
+
+
+def stands(s: Setting, at: LoadedPoses, effects: Sequence[PlacedEffect]) -> bool:
+    """Whether the arm can stand at loaded poses with what is accepted and further effects."""
+    try:
+        observed(s.arm, at, (*s.accepted, *effects))
+    except InputError:
+        return False
+    return True
 
 
 def _vague(c: Signature) -> Signature:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.setting import Setting, setting_of
@@ -126,8 +127,9 @@ def _one(
     )  # fmt: skip
     # What is not known of the order of all readings is not known of a part of them either.
     there = replace(there, history=replace(there.history, is_known=s.history.is_known))
-    d = diagnose(there, replace(options, for_record=False))
     p = problem(s.model, data.select(unseen), ())
+    there = replace(there, known=standing(there, p.free.at))
+    d = diagnose(there, replace(options, for_record=False))
     codes = tuple(f.code for f in (*d.effects, *d.provisional))
     before, after = (
         replace(state.setting, data=p, history=_part(s.history, unseen), errors=np.zeros((len(p), 0))).residual

@@ -8,6 +8,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
+from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import choose, divergence, joint, right_names
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
@@ -16,8 +17,10 @@ from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import Zone, pose_design
 from doe.planning.protocol import Protocol, every_load, new_labels, table_to_fill
 from doe.tables.measurements import Measurements
+from fem.effects.base import PlacedEffect
+from fem.statics.loads import LoadedPoses
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.constants import STANDARD_GRAVITY
 
 DOWN = ((0.0, 0.0, -1.0),)
@@ -126,6 +129,7 @@ def propose(
         raise InputError("poses to measure next", value=poses, allowed=f"1 to {MOST_POSES}")
     q = _poses(s, max(candidates, 4 * poses), zone, coordinates, rng)
     question = question_of(s, d)
+    q = q[_standing(question, q)]
     at = every_load(s.model, q, protocol.directions, protocol.course)
     p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
     choice = choose(p, poses)
@@ -173,6 +177,22 @@ def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, 
     q = pose_design(robot, n, "sobol", coordinates=coordinates, zone=zone, rng=rng)
     q = np.unique(np.radians(np.round(np.degrees(q))), axis=0)
     return q[robot.reachable(q) & zone.free(robot, q)]
+
+
+def _standing(question: Question, q: Array) -> Bools:
+    """The poses (N,) in which the arm can stand whatever rival, another convention of angles say, is true."""
+    s = question.setting
+    every = [h.signature for h in question.ranking.hypotheses if h.code in question.weight]
+    rivals: list[tuple[PlacedEffect, ...]] = [
+        (),
+        *((PlacedEffect(c.effect, c.values),) for c in every if c is not None and c.effect.gross),
+    ]
+
+    def can(rows: Array) -> bool:
+        down = np.tile([0.0, 0.0, -1.0, 0.0, 0.0, 0.0], (len(rows), 1))
+        return all(stands(s, LoadedPoses(rows, down, np.zeros((len(rows), 3))), effects) for effects in rivals)
+
+    return np.full(len(q), True) if can(q) else np.array([can(row[None]) for row in q])
 
 
 def _by_code(code: tuple[str, ...], weight: Array, kl: Array) -> dict[tuple[str, str], float]:

@@ -172,7 +172,7 @@ class Campaign(Strict):
         if self.compare is None:
             raise InputError(
                 f"{self.title!r} has no [compare] tables",
-                allowed="[compare.sensitivity], [compare.global] and [compare.factorial]",
+                allowed="[compare.sensitivity] and [compare.global], as a rule [compare.factorial] too",
                 remedy="add them (docs/reference/calibration_files.md), or only calibrate (--campaign)",
             )
         return self.compare
@@ -183,7 +183,7 @@ class Campaign(Strict):
         coordinates = [name for law in self.regressions for name in law.inputs]
         if self.compare is not None:
             joints += [*self.compare.sensitivity.joints, *self.compare.constant.joints]
-            coordinates += self.compare.factorial.inputs
+            coordinates += () if self.compare.factorial is None else self.compare.factorial.inputs
         for what, names, known in (
             ("joint", joints, robot.joint_names), ("joint coordinate", coordinates, robot.coordinates)
         ):  # fmt: skip

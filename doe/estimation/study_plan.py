@@ -102,8 +102,11 @@ class Factorial(Strict):
 
 
 class Comparison(Strict):
-    """What the whole chain (``stiffarm run``) and ``stiffarm sensitivity`` do beside the stages."""
+    """What the whole chain (``stiffarm run``) and ``stiffarm sensitivity`` do beside the stages.
+
+    Without a ``factorial``, a run takes the angles that matter to the model that it recommends.
+    """
 
     sensitivity: SensitivityPlan
     constant: GlobalPlan = Field(alias="global")
-    factorial: Factorial
+    factorial: Factorial | None = None

@@ -8,7 +8,7 @@ import numpy as np
 
 from doe.planning.designs import two_level_factorial
 from doe.tables.loaded import spring_parts
-from doe.tables.measurements import Measurements
+from doe.tables.measurements import Measurements, largest_rows
 from fem import ArmModel
 from robots import InputError, require_one_of
 from robots.arrays import Array
@@ -58,17 +58,16 @@ def sensitivity_study(
     compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)
     influence, rest = spring_parts(model, data)
     out = []
-    for pose, rows in data.pose_groups().items():
-        size = np.where(data.used[rows, :3], np.abs(data.displacement[rows, :3]), -1.0)
-        row, component = np.unravel_index(int(size.argmax()), size.shape)
-        if size[row, component] < 0.0:
+    of_reading, size = data.largest
+    for index in largest_rows(data.pose, size):
+        pose, component = data.pose[index], int(of_reading[index])
+        if np.isnan(size[index]):
             raise InputError(f"pose {pose} has no reading of a translation", remedy="give dx_mm, dy_mm or dz_mm")
-        index = rows[row]
         runs = (rest[index, component] + compliance @ influence[index, component, columns]) * 1e3
         # Half the runs have a factor high, half low: the contrast over half their number is the effect.
         towards = 1.0 if data.displacement[index, component] > 0.0 else -1.0
         effect = -towards * design.T @ runs / (len(runs) / 2)
         total = np.abs(effect).sum()
         share = np.abs(effect) / total if total > 0.0 else np.zeros_like(effect)
-        out.append(PoseEffects(pose, int(component), joints, effect, share, runs))
+        out.append(PoseEffects(pose, component, joints, effect, share, runs))
     return out

@@ -66,6 +66,23 @@ class Measurements:
         """Which components were read (n, 6)."""
         return np.asarray(~np.isnan(self.displacement), dtype=np.bool_)
 
+    @property
+    def deflection(self) -> Array:
+        """Length (n,), m, of what was read of each translation; NaN where nothing was."""
+        read = self.used[:, :3]
+        size = np.linalg.norm(np.where(read, self.displacement[:, :3], 0.0), axis=1)
+        return np.asarray(np.where(read.any(axis=1), size, np.nan))
+
+    @property
+    def largest(self) -> tuple[Indices, Array]:
+        """Of each reading the translation that was read largest: 0 to 2 (n,), and its size (n,), m.
+
+        NaN where no translation was read.
+        """
+        size = np.where(self.used[:, :3], np.abs(self.displacement[:, :3]), -1.0)
+        at, most = size.argmax(axis=1), size.max(axis=1)
+        return at, np.where(most < 0.0, np.nan, most)
+
     def select(self, mask: Bools) -> Measurements:
         """Return the readings where ``mask`` (n,) is true; source, hash and notes stay."""
         mask = np.asarray(mask)
@@ -91,6 +108,12 @@ def rows_of(labels: Sequence[Label]) -> dict[Label, Indices]:
     for i, label in enumerate(labels):
         groups.setdefault(label, []).append(i)
     return {label: np.array(rows, dtype=np.intp) for label, rows in groups.items()}
+
+
+def largest_rows(labels: Sequence[Label], size: Array) -> Indices:
+    """Of each label the row whose ``size`` (n,) is largest, labels in order of first appearance; NaN is the least."""
+    known = np.where(np.isnan(size), -np.inf, size)
+    return np.array([rows[known[rows].argmax()] for rows in rows_of(labels).values()], dtype=np.intp)
 
 
 def columns_of(table: Any) -> dict[str, Array | tuple[Any, ...]]:

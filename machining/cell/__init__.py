@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from machining.cell.arm_solids import ArmBodies, arm_bodies, arm_of, described_arm
+    from machining.cell.arm_solids import ArmBodies, arm_bodies, arm_of
     from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
     from machining.cell.distances import Clearance, clearance, clearance_of
     from machining.cell.reading import parse_cell, read_cell
@@ -32,7 +32,6 @@ __all__ = [
     "clearance",
     "clearance_of",
     "cylinder",
-    "described_arm",
     "hull",
     "mesh_file",
     "parse_cell",

@@ -63,17 +63,18 @@ class ArmBodies:
         return moving_frames(self.robot, q)
 
 
-def arm_of(model: str | Path, *, beam_radius: float | None = None) -> ArmBodies:
-    """Bodies of a bundled robot, a model file or a URDF; see :func:`arm_bodies`."""
-    return described_arm(model, beam_radius=beam_radius)[1]
+def arm_of(
+    model: str | Path, description: ModelDescription | None = None, *, beam_radius: float | None = None
+) -> ArmBodies:
+    """Bodies of a bundled robot, a model file or a URDF; see :func:`arm_bodies`.
 
-
-def described_arm(model: str | Path, *, beam_radius: float | None = None) -> tuple[ModelDescription, ArmBodies]:
-    """The description beside what :func:`arm_of` gives."""
+    ``description``: the model's with other values (zero errors of joints), in place of what the file says.
+    """
     path = Path(model)
     urdf = read_urdf(path) if path.is_file() and is_xml(path) else None
-    description = load_description(model) if urdf is None else urdf.description
-    return description, arm_bodies(description, urdf, beam_radius=beam_radius)
+    if description is None:
+        description = load_description(model) if urdf is None else urdf.description
+    return arm_bodies(description, urdf, beam_radius=beam_radius)
 
 
 def arm_bodies(

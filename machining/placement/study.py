@@ -10,7 +10,7 @@ from machining.placement.placing import How, Placed, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
 from machining.toolpaths.conversion import GivenPath
-from robots import InputError
+from robots import InputError, ModelDescription
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}
@@ -31,10 +31,15 @@ class PlacedStep:
         return self.placed.problem.cell
 
 
-def scene_for(cell: Cell, model: str) -> tuple[Scene | None, tuple[str, ...]]:
-    """Arm and cell for collisions, and what to say about them; None where the arm has no shape."""
+def scene_for(
+    cell: Cell, model: str, description: ModelDescription | None = None
+) -> tuple[Scene | None, tuple[str, ...]]:
+    """Arm and cell for collisions, and what to say about them; None where the arm has no shape.
+
+    ``description``: as of :func:`machining.cell.arm_of`.
+    """
     try:
-        scene = scene_of(cell, arm_of(model))
+        scene = scene_of(cell, arm_of(model, description))
     except InputError as error:
         if "no body has a shape" not in str(error):
             raise

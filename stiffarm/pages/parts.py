@@ -11,7 +11,7 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from robots import Robot
@@ -45,6 +45,7 @@ def rendered(template: str, script: str = "", **words: Any) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.filters["code"] = as_code
     source = (resources.files("stiffarm.pages") / "templates" / template).read_text(encoding="utf-8")
     allowed = {"default": "'none'", "img": "data:"}
     for kind in ("style", "script"):
@@ -57,6 +58,11 @@ def rendered(template: str, script: str = "", **words: Any) -> str:
     )
     # Hashes and words of our own.
     return environment.get_template(template).render(policy=Markup(policy), script=script, **words)  # noqa: S704
+
+
+def as_code(text: object) -> Markup:
+    """Text for HTML, escaped; what stands between backticks, as it does on the screen, becomes code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704 - escaped before
 
 
 def _hash(element: str) -> str:

@@ -57,13 +57,12 @@ def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None =
     InputError
         No translation was read.
     """
-    data = data.select(np.asarray(data.used[:, :3].any(axis=1)))
+    data = data.select(~np.isnan(data.deflection))
     if not data.n:
         raise InputError(f"{data.source}: no translation was read", allowed="readings in dx_mm, dy_mm or dz_mm")
     if poses is not None:
         data = select_poses(data, poses, "rigid joints")
-    size = np.where(data.used[:, :3], np.abs(data.displacement[:, :3]), -1.0)
-    largest = np.arange(data.n), size.argmax(axis=1)
+    largest = np.arange(data.n), data.largest[0]
     both = data.displacement[largest] * 1e3, links_alone(given, data)[largest] * 1e3
     return RigidJoints(given.model.link_kind, data.pose, *both)
 
@@ -86,13 +85,18 @@ def springs_seen(given: Arm, data: Measurements) -> tuple[str, ...]:
 class FactorialRuns:
     """The factorial of joint angles on a calibrated model: poses (n, k) deg, stiffness (n,) N/mm."""
 
-    inputs: tuple[str, ...]
+    plan: Factorial
     poses_deg: Array
     stiffness_N_per_mm: Array  # noqa: N815 - the unit as the shop writes it
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The joint coordinates varied (k,)."""
+        return self.plan.inputs
 
 
 def factorial_runs(model: ArmModel, plan: Factorial, *, whole: bool = True) -> FactorialRuns:
     """Structural stiffness (vertical load) over an adjusted full factorial; not ``whole``: of what can be reached."""
     q = factorial_poses(model.robot, plan, whole=whole)
     columns = [model.robot.coordinate_index(name) for name in plan.inputs]
-    return FactorialRuns(plan.inputs, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)
+    return FactorialRuns(plan, np.degrees(q[:, columns]), directional_stiffness(model, q) * 1e-3)

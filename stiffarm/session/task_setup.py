@@ -65,7 +65,7 @@ TcpOpt = Annotated[
 NOTES_SHOWN = 10
 
 
-def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, part: str | None) -> Setup:
+def read_setup(model: str, given: Arm, cell: Path | None, tool: str | None, part: str | None) -> Setup:
     """The cell of ``--cell``, or one without surfaces from ``--tool`` and ``--part``.
 
     Raises
@@ -74,7 +74,7 @@ def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, pa
         A cell file together with a frame that it holds itself.
     """
     if cell is None:
-        T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
+        T_tool = given.robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
         T_part = np.eye(4) if part is None else parse_frame(part, "--part")
         return Setup(cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool)))
     for option, value in (("--tool", tool), ("--part", part)):
@@ -82,7 +82,7 @@ def read_setup(model: str, robot: Robot, cell: Path | None, tool: str | None, pa
             raise InputError(
                 f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
             )
-    setup = Setup(cells.read_cell(cell), cells.arm_of(model))
+    setup = Setup(cells.read_cell(cell), cells.arm_of(model, given.description))
     for note in setup.notes:
         say(f"note: {note}")
     return setup

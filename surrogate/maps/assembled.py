@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,8 @@ from robots.progress import Progress, report_progress
 from surrogate.maps.blocks import Engine
 from surrogate.maps.columns import row_blocks
 from surrogate.maps.data import Field, MapData
+from surrogate.maps.layouts import sweep_layout
+from surrogate.maps.quantities import Quantities
 
 # Above this many points a median is that of evenly spaced points.
 EXACT_MEDIAN = 2_000_000
@@ -27,6 +29,25 @@ def computed_map(
         blocks.append(engine.block(rows))
         report_progress(progress, rows.stop, n)
     return map_data(engine, {name: np.concatenate([b[name] for b in blocks]) for name in engine.columns}, metadata)
+
+
+def swept_map(
+    quantities: Quantities,
+    points: int,
+    layers_deg: Sequence[float] | None = None,
+    metadata: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> MapData:
+    """The map of quantities over the usual sweep of the workspace, ``points`` values of each joint coordinate.
+
+    Raises
+    ------
+    InputError
+        As :func:`surrogate.maps.layouts.sweep_layout`.
+    """
+    robot = quantities.model.robot
+    known = {"robot": robot.name, **(metadata or {})}
+    return computed_map(Engine(sweep_layout(robot, points, layers_deg), quantities), known, progress)
 
 
 def map_data(

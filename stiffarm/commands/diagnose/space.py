@@ -10,21 +10,17 @@ import numpy as np
 from doe.diagnosis.space import Gaps, cost_of_leaving_out, gaps
 from fem.arm import Arm
 from fem.statics.loads import LoadedPoses
-from robots import content_hash
+from robots import ModelDescription, content_hash
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from robots.progress import Progress
-from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Text
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import VERTICAL
-from surrogate.maps.assembled import Figures, computed_map, figures
-from surrogate.maps.blocks import Engine
+from surrogate.maps.assembled import Figures, figures, swept_map
 from surrogate.maps.data import MapData
-from surrogate.maps.layouts import sweep_layout
 from surrogate.maps.quantities import Kind, Poses, Quantities, Quantity
 from surrogate.maps.vtk_stream import write_points, write_vtu
 
@@ -67,8 +63,10 @@ def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
     return found
 
 
-def cost_map(d: Diagnosed, points: int = POINTS, progress: Progress | None = None) -> CostMap:
+def cost_map(d: Diagnosed, new: ModelDescription) -> CostMap:
     """The displacement that the model without the effects misses, over the sweep of the workspace.
+
+    ``new``: the model with them.
 
     The load is the largest force that was read, straight down as in stiffness maps, at the point that was read if
     that is one point of the flange.
@@ -88,13 +86,11 @@ def cost_map(d: Diagnosed, points: int = POINTS, progress: Progress | None = Non
     row = Quantity("missing", (Kind(COST_ARRAY, "mm", "error where the missing effect is left out"),), missed)
     model = d.found.after.setting.arm
     metadata = {
-        "robot": d.given.robot.name,
-        "model_hash": content_hash(described(d)),
+        "model_hash": content_hash(new),
         "load": f"{load:.4g} N straight down, without {codes}",
         "effects": codes,
     }
-    engine = Engine(sweep_layout(d.given.robot, points), Quantities(model, np.array(VERTICAL), (row,), point=point))
-    made = computed_map(engine, metadata, progress)
+    made = swept_map(Quantities(model, np.array(VERTICAL), (row,), point=point), POINTS, metadata=metadata)
     made.require_reached("check the limits and couplings of the model file")
     return CostMap(made, load)
 
@@ -110,12 +106,11 @@ def payload(made: CostMap) -> dict[str, Any]:
     }
 
 
-def write_cost(made: CostMap, d: Diagnosed, folder: OutputFolder, before: str = "") -> None:
+def write_cost(made: CostMap, d: Diagnosed, new: Arm, folder: OutputFolder, before: str = "") -> None:
     """Write the map for ParaView and as a page to turn and pick in; ``before``: what file names begin with."""
     from stiffarm.commands.maps.viewer import viewer_page
 
     write_vtu(made.data, folder.path(f"{before}{COST_STEM}.vtu"))
-    new = Arm.of(described(d), d.given.model.link_kind, own=d.given.own)
     title = f"{d.given.description.title.split(' (')[0]}: what leaving out {made.data.metadata['effects']} costs"
     folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
 

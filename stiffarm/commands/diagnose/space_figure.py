@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from doe.diagnosis.space import Gaps
+from doe.tables.measurements import largest_rows
 from fem.arm import Arm
 from robots.arrays import Array
 from robots.constants import M_TO_MM
@@ -29,7 +30,7 @@ def space_figure(found: Gaps, arm: Arm, *, changed: bool) -> Figure:
 
     ``changed``: whether the model after differs from the one before.
     """
-    rows = largest_loads(found)
+    rows = largest_rows(found.pose, np.linalg.norm(found.force, axis=1))
     points = found.point[rows] * M_TO_MM
     arrows = {"before": np.nan_to_num(found.before[rows])}
     if changed:
@@ -57,16 +58,6 @@ def space_figure(found: Gaps, arm: Arm, *, changed: bool) -> Figure:
         )
         _legend(figure, axes, list(arrows), scale, largest)
     return figure
-
-
-def largest_loads(found: Gaps) -> list[int]:
-    """Of each pose the row with the largest force, in order of the poses."""
-    size = np.linalg.norm(found.force, axis=1)
-    best: dict[str, int] = {}
-    for row, pose in enumerate(found.pose):
-        if pose not in best or size[row] > size[best[pose]]:
-            best[pose] = row
-    return list(best.values())
 
 
 def _arrows(axes: Axes, tail: Array, head: Array, colour: str) -> None:

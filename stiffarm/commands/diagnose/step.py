@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from doe import Measurements, select_loads
 from doe.calibration.run import refuse_cut_cycles
+from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
@@ -18,6 +19,7 @@ from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
+from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
 from doe.tables.loaded import history_of, history_of_part
@@ -79,15 +81,19 @@ class Diagnosed:
 
     @property
     def unseen_rms_mm(self) -> tuple[float, float]:
-        """Errors before and after where nothing was chosen or fitted: readings held out, else poses of other folds.
+        """Errors before and after where nothing was chosen or fitted: readings held out, else poses left out."""
+        h = self.held_out
+        return self.left_out_rms_mm if h is None else (h.rms_before_mm, h.rms_after_mm)
 
-        Where neither is there: poses left out one at a time, with effects chosen on all of them.
+    @property
+    def left_out_rms_mm(self) -> tuple[float, float]:
+        """Errors before and after at poses left out: of folds, with effects chosen anew in each.
+
+        Where there are no folds: left out one at a time, with effects chosen on all of them.
         """
-        if self.held_out is None and self.nested is not None:
+        if self.nested is not None:
             return self.nested.rms_before_mm, self.nested.rms_after_mm
-        if self.held_out is None:
-            return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
-        return self.held_out.rms_before_mm, self.held_out.rms_after_mm
+        return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
 
     @property
     def in_model(self) -> tuple[Found, ...]:
@@ -141,6 +147,8 @@ def diagnose(
     refuse_frozen(given.model, table)
     remarks = _remarks(given, request)
     s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
+    if holdout is not None:
+        s = replace(s, known=standing(s, problem(s.model, holdout, ()).free.at))
     cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)

@@ -16,11 +16,9 @@ from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers
 from surrogate import Surrogate, default_sweep, load_surrogate
-from surrogate.maps.assembled import computed_map, figures
-from surrogate.maps.blocks import Engine
+from surrogate.maps.assembled import figures, swept_map
 from surrogate.maps.cells import cell_grid
 from surrogate.maps.data import MapData
-from surrogate.maps.layouts import sweep_layout
 from surrogate.maps.quantities import STIFFNESS_ARRAY, Kind, Poses, Quantities, Quantity
 from surrogate.maps.vtk_stream import write_vtu
 from surrogate.model import predict_compliance
@@ -101,7 +99,6 @@ def learned_map(
     """
     model, direction = arm.model, learned.load_direction
     metadata = {
-        "robot": arm.robot.name,
         "model_hash": content_hash(arm.description),
         "load_direction": " ".join(f"{v + 0.0:.6g}" for v in direction),
         "stiffness_from": f"surrogate ({learned.basis})",
@@ -109,7 +106,7 @@ def learned_map(
         "load_path": model.load_path,
     }
     quantities = Quantities(model, np.array(direction), learned_rows(learned, model))
-    return computed_map(Engine(sweep_layout(arm.robot, points, layers_deg), quantities), metadata, progress)
+    return swept_map(quantities, points, layers_deg, metadata, progress)
 
 
 def write(made: MapData, arm: Arm, folder: OutputFolder, pictures: bool = True) -> dict[str, Any]:

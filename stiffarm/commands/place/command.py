@@ -164,7 +164,7 @@ def place(
         given_path = read_given_path(path)
         goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
         how = _how(mode, anywhere, cost, gamma_course)
-        scene, notes = scene_for(described, model) if collisions else (None, ())
+        scene, notes = scene_for(described, model, given.description) if collisions else (None, ())
         problem = Problem(
             model=given.model,
             space=space_of(described, dict(_range(text) for text in ranges or []), table=_table(table)),

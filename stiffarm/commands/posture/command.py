@@ -136,7 +136,7 @@ def posture(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, without="the postures", sets=sets)
-        setup = read_setup(model, given.robot, cell, tool, part)
+        setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
         tool_path = read_given_path(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))

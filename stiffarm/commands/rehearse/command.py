@@ -14,7 +14,7 @@ from stiffarm.commands.rehearse.sheet import SETUP_PERCENT, Gauge
 from stiffarm.commands.rehearse.step import MOST_DRAWS, Rehearsed, Request
 from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, Sets
 
 
 def rehearse(
@@ -83,6 +83,7 @@ def rehearse(
     seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -94,7 +95,7 @@ def rehearse(
     and a report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path)
+        given = frame.model(model, links, load_path, sets=sets)
         if sheet is not None:
             frame.files["sheet"] = sheet
         gauge = Gauge(noise_percent, noise_um, setup_percent, reads)

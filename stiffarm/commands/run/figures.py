@@ -56,12 +56,6 @@ def wrist_families(data: Measurements, robot: Robot) -> dict[str, str]:
     return out
 
 
-def size_mm(data: Measurements) -> Array:
-    """Length (n,) in mm of what was read of each displacement, rotations aside; NaN where nothing was."""
-    translation = np.where(data.used[:, :3], data.displacement[:, :3], 0.0)
-    return np.where(data.used[:, :3].any(axis=1), np.linalg.norm(translation, axis=1) * 1e3, np.nan)
-
-
 def axis_words(data: Measurements) -> str:
     """What is read: ``|dz|``, or the length of several components."""
     read = [name for k, name in enumerate(("dx", "dy", "dz")) if data.used[:, k].any()]
@@ -91,7 +85,7 @@ def data_figure(
     InputError
         No translation was read.
     """
-    size = size_mm(data)
+    size = data.deflection * 1e3
     if np.isnan(size).all():
         raise InputError(f"{data.source}: no translation was read", remedy="give dx_mm, dy_mm or dz_mm")
     loads, poses = _load_groups(data.loads_N), list(data.pose_groups())

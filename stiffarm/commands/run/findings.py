@@ -27,7 +27,9 @@ from surrogate import Surrogate, Trained
 class Recommended:
     """The model that predicts poses best that it has not seen: a calibrated variant, or a diagnosed model.
 
-    ``count``: readings behind ``rms_mm``; ``calibrated``: None of a diagnosed model.
+    ``count``: readings behind ``rms_mm``; ``calibrated``: None of a diagnosed model; ``held_out_rms_mm``: of readings
+    held out, None without any. Of a diagnosed model ``left_out_rms_mm`` is that of effects chosen anew without the
+    poses, where there is such a figure.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Recommended:
     left_out_rms_mm: float
     count: int
     calibrated: Calibrated | None = None
+    held_out_rms_mm: float | None = None
 
     @property
     def depends_on_angles(self) -> bool:

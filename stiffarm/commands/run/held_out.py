@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,15 +29,16 @@ def payload(found: dict[str, Holdout]) -> dict[str, Any]:
     }
 
 
-def sentences(found: dict[str, Holdout]) -> tuple[str, ...]:
-    """What the report and the screen say about it."""
+def sentences(found: dict[str, Holdout], others_mm: Mapping[str, float] | None = None) -> tuple[str, ...]:
+    """What the report and the screen say about it; ``others_mm``: errors (RMS) of models that are no variants."""
     if not found:
         return ()
     data = next(iter(found.values())).data
-    best = min(found, key=lambda name: found[name].rms_mm if np.isfinite(found[name].rms_mm) else np.inf)
+    errors_mm = {name: h.rms_mm for name, h in found.items()} | dict(others_mm or {})
+    best = min(errors_mm, key=lambda name: errors_mm[name] if np.isfinite(errors_mm[name]) else np.inf)
     out = [
         f"Held out: {int(data.used.sum())} readings of {data.source}, at poses that no calibration has seen. "
-        f"{best} predicts them best, to {found[best].rms_mm:.3f} mm RMS."
+        f"{best} predicts them best, to {errors_mm[best]:.3f} mm RMS."
     ]
     out += [
         f"{name}: poses {', '.join(h.beyond)} are beyond the angles its laws hold for; polynomials run away there."

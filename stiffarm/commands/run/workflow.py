@@ -18,7 +18,6 @@ from robots import InputError, save_description
 from robots.arrays import Array
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.commands.diagnose.model import described
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.results import payload as trained_payload
 from stiffarm.commands.maps import sweep
@@ -34,7 +33,7 @@ from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns
-from surrogate import Surrogate, Trained, full_poses, inputs_that_matter, save_surrogate
+from surrogate import Surrogate, Trained, full_poses, save_surrogate
 from surrogate.model import predict_compliance
 
 
@@ -63,6 +62,8 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
     inputs.refuse_effects(given, "the whole chain", remedy)
     frame.reads(scheme_file=options.scheme_file)
     scheme = _scheme(given, table, options.scheme_file)
+    # What it asks for and was not measured is refused before the work.
+    select_poses(select_loads(table, scheme.loads_N), scheme.beside.sensitivity.poses, "sensitivities")
     kept = frame.held_out(given, options.holdout, confirm_units=options.confirm_units)
     with frame.folder(options.seed) as folder:
         with folder.timed("diagnosis"):
@@ -161,12 +162,13 @@ def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Mea
     for look in looks:
         d = look.found
         if d.in_model and d.used.n == used.n:
-            arm = Arm.of(described(d), d.given.model.link_kind, own=d.given.own)
-            name = "diagnosed"
-            after = d.found.after
+            arm, after = look.written.arm, d.found.after
+            errors_mm = after.fit_rms_mm, d.left_out_rms_mm[1]
+            held_mm = None if d.held_out is None else d.held_out.rms_after_mm
             count = len(after.setting.data)
-            unseen = d.unseen_rms_mm[1]
-            found.append(Recommended(name, arm.description, arm.model, after.fit_rms_mm, unseen, count))
+            found.append(
+                Recommended("diagnosed", arm.description, arm.model, *errors_mm, count, held_out_rms_mm=held_mm)
+            )
     return min(found, key=lambda one: one.left_out_rms_mm if np.isfinite(one.left_out_rms_mm) else np.inf)
 
 
@@ -185,18 +187,15 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
     if f.published is not None:
         models[f.published.name] = f.published.description, f.published.model
     degree = max((law.degree for law in f.scheme.regressions), default=6)
-    plan = f.scheme.beside.factorial
-    if f.published is None:
-        # What was missing may make another angle matter: a tool that is softer one way than the other.
-        plan = usual_factorial(f.given, f.data, inputs_that_matter(f.best.model))
+    asked = f.scheme.beside.factorial
+    # What was missing may make another angle matter: a tool that is softer one way than the other.
+    plan = asked or usual_factorial(f.given, f.data, [model for _, model in models.values()])
     for name, (description, model) in models.items():
-        factorial[name] = steps.factorial_runs(model, plan, whole=f.published is not None)
+        factorial[name] = steps.factorial_runs(model, plan, whole=asked is not None)
         stem = f"surrogates/{slug(name)}"
         trained[name] = learning.learn(description, model, plan.inputs, f.seed, folder, stem, name, degree=degree)
     check = _measured_pose_check(trained[f.best.name].best, f.best.model, f.used)
-    beside = f.scheme.beside.model_copy(update={"factorial": plan})
-    scheme = f.scheme.model_copy(update={"compare": beside})
-    return replace(f, scheme=scheme, factorial=factorial, trained=trained, pose_check=check)
+    return replace(f, factorial=factorial, trained=trained, pose_check=check)
 
 
 def _write_results(

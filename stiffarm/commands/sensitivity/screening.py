@@ -11,6 +11,7 @@ import numpy as np
 from doe import Measurements, loaded_points
 from doe.estimation.campaign import Campaign
 from doe.planning.screening import Screening, screen, variance_shares
+from doe.tables.measurements import largest_rows, load_size
 from fem.arm import Arm
 from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel
@@ -89,8 +90,8 @@ def study(
 
 def read_most(data: Measurements) -> str:
     """The translation that is largest in the readings; z where none was read."""
-    size = np.where(data.used[:, :3], np.abs(data.displacement[:, :3]), 0.0).max(axis=0)
-    return "xyz"[int(size.argmax())] if size.any() else "z"
+    component, size = data.largest
+    return "z" if np.isnan(size).all() else "xyz"[component[np.nanargmax(size)]]
 
 
 def _free(
@@ -110,16 +111,12 @@ def _ranged(p: Parameter, springs: tuple[float, float]) -> Parameter:
 
 def _cases(data: Measurements) -> tuple[Indices, tuple[str, ...]]:
     """Row of the largest load of each pose and direction, and the directions in words."""
-    force = data.loads_N > 0.0
-    size = np.where(force, data.loads_N, np.linalg.norm(data.wrench[:, 3:], axis=1))
+    force, size = data.loads_N > 0.0, load_size(data.wrench)
     unit = np.where(force[:, None], data.wrench[:, :3], data.wrench[:, 3:]) / size[:, None]
     words = ["" if f else "moment " for f in force]
     words = [w + direction_words(np.round(d, 2)) for w, d in zip(words, unit, strict=True)]
-    best: dict[tuple[str, str], int] = {}
-    for i, key in enumerate(zip(data.pose, words, strict=True)):
-        if key not in best or size[i] > size[best[key]]:
-            best[key] = i
-    return np.array(list(best.values()), dtype=np.intp), tuple(direction for _, direction in best)
+    rows = largest_rows(list(zip(data.pose, words, strict=True)), size)
+    return rows, tuple(words[i] for i in rows)
 
 
 def table(s: Study) -> tuple[str, list[str], list[list[str]]]:

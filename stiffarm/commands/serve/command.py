@@ -47,7 +47,7 @@ def serve_command(
     """
     with command(debug=debug) as frame:
         given = frame.model(model, links, load_path, without="the answers", sets=sets)
-        setup = read_setup(model, given.robot, cell, tool, part)
+        setup = read_setup(model, given, cell, tool, part)
         session = open_session(given, setup)
         answers = _claim_stdout()
         warm_up(session)

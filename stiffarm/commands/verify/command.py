@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from machining.cell import described_arm, read_cell
+from machining.cell import arm_of, read_cell
 from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
-from robots import content_hash
+from robots import content_hash, load_description
 from robots.files.csv_text import columns_text, records_text
 from stiffarm.commands.verify.payload import (
     distance_words,
@@ -24,7 +24,7 @@ from stiffarm.commands.verify.payload import (
 )
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.options import Debug, Json, ModelArg, Out
+from stiffarm.session.options import Debug, Json, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
 
@@ -77,6 +77,7 @@ def verify_command(
     jump: Annotated[
         float, typer.Option("--jump", metavar="DEG", help="Largest joint step without tool motion, in deg.")
     ] = 20.0,
+    sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -97,7 +98,9 @@ def verify_command(
             singular_least=singular,
             jump=float(np.radians(jump)),
         )
-        description, arm = described_arm(model)
+        # Springs and effects move nothing here: the model as a whole is needed to name its parameters only.
+        description = frame.model(model, sets=sets).description if sets else load_description(model)
+        arm = arm_of(model, description)
         checked = read_program(program, arm.robot, read_cell(cell))
         frame.files |= {"model": content_hash(description), "program": program, "cell": cell}
         with frame.folder_if() as folder:

@@ -127,6 +127,7 @@ def test_curved_predictions_are_stepped_or_fitted_anew() -> None:
         np.testing.assert_allclose(error[pose == k], _refitted(e, k), atol=1e-4 * noise.white[0])
 
 
+@pytest.mark.slow
 def test_twenty_thousand_poses_take_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """One small solve a pose; the whole of 20 000 set-ups is to take 30 s at most, on a machine with other work."""
     e = estimate_at(

@@ -55,9 +55,11 @@ def serial() -> ArmModel:
     [
         ("j2.stiffness", "j3.stiffness", "j4.stiffness", "j5.stiffness"),
         # No reading moves with joint 6: its column is rounding, and that was once taken for a direction of its own.
-        ("j2.stiffness", "j3.zero", "j6.stiffness", "tool.tz"),
+        pytest.param(("j2.stiffness", "j3.zero", "j6.stiffness", "tool.tz"), marks=pytest.mark.slow),
         ("j1.stiffness", "j2.zero", "j3.stiffness", "j6.stiffness"),
-        ("j2.stiffness", "j2.zero", "j3.ry", "j3.stiffness", "j3.zero", "j6.stiffness"),
+        pytest.param(
+            ("j2.stiffness", "j2.zero", "j3.ry", "j3.stiffness", "j3.zero", "j6.stiffness"), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_joint_a_whole_turn_farther_is_the_same_pose(serial: ArmModel, names: tuple[str, ...]) -> None:

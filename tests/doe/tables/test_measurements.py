@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from doe.tables.measurements import Measurements
+from doe.tables.measurements import Measurements, largest_rows
 from doe.tables.reading import bundled_data, read_measurements, write_measurements
 from robots import InputError, InputErrors, Robot, load_robot
 from robots.arrays import Array
@@ -706,3 +706,18 @@ def test_angles_in_radians_that_leave_the_limits_are_one_fault(table: Write, xr7
     # One slip among degrees is what it was: a row with its own fault.
     with pytest.raises(InputError, match=r"q3real_deg = 1\.35 is outside"):
         read_measurements(table(HEADER, "5,77.5,-650,-1.9", "6,1.35,-650,-1.9"), xr701)
+
+
+def test_what_was_read_largest(table: Write, xr701: Robot) -> None:
+    path = table(
+        "q2_deg,q3real_deg,fz_N,dx_mm,dz_mm,ry_mrad,pose",
+        "5,77.5,-100,0.3,-0.4,,a", "5,77.5,-200,0.6,-0.8,,a", "10,77.5,-200,,-2,,b", "15,77.5,-200,,,1,c",
+    )  # fmt: skip
+    m = read_measurements(path, xr701)
+    component, size = m.largest
+    assert component[:3].tolist() == [2, 2, 2]
+    assert size == pytest.approx([4e-4, 8e-4, 2e-3, np.nan], nan_ok=True)
+    assert m.deflection == pytest.approx([5e-4, 1e-3, 2e-3, np.nan], nan_ok=True)
+    # A NaN is less than anything, and where there is nothing else its row is taken.
+    assert largest_rows(m.pose, size).tolist() == [1, 2, 3]
+    assert largest_rows(("a", "a", "b"), np.array([np.nan, -1.0, 3.0])).tolist() == [1, 2]

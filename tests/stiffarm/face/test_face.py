@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 import subprocess
 import sys
@@ -141,6 +142,15 @@ def test_a_folder_of_our_name_gives_one_clear_message(tmp_path: Path, name: str,
         assert f"ImportError: stiffarm's own package '{name}' is hidden by {tmp_path}" in done.stderr
     else:  # a package further down goes before a plain folder
         assert done.returncode == 0, done.stderr
+
+
+def test_a_package_that_is_missing_asks_for_another_installation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An editable installation that is older than the package: nothing hides it."""
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "rehearsal" else find(name))
+    with pytest.raises(ImportError, match=r"'rehearsal' is missing.*install stiffarm again") as caught:
+        sa.refuse_strangers()
+    assert "hidden" not in str(caught.value)
 
 
 def test_the_command_line_says_so_too(tmp_path: Path) -> None:

@@ -108,6 +108,15 @@ def test_the_page_stands_by_itself(page: Page) -> None:
     assert "@import" not in style
 
 
+def test_commands_in_backticks_are_code_and_all_else_is_escaped() -> None:
+    table = Table("of `a`", ("x",), (("run `b <c>`",),))
+    blocks = (Text("see `stiffarm plan X`"), Note("`one` and `two`, a single ` stays"), Bullets(("<i>`d`</i>",)), table)
+    page = render("t", "lede", (), (Section("s", blocks),), "f")
+    for part in ("<code>stiffarm plan X</code>", "<code>one</code> and <code>two</code>, a single ` stays",
+                 "&lt;i&gt;<code>d</code>&lt;/i&gt;", "of <code>a</code>", "<code>b &lt;c&gt;</code>"):  # fmt: skip
+        assert part in page
+
+
 @pytest.mark.slow
 def test_the_page_is_well_formed(page: Page) -> None:
     assert page.faults == []

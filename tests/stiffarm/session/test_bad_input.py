@@ -212,6 +212,9 @@ OPTIONS = {
     "--set of nothing there is": Case(
         "fit xr701 --set j2.stiffnes=1e6 --out out", ("'j2.stiffnes'", "Did you mean j2.stiffness")
     ),
+    "--set in a rehearsal of nothing there is": Case(
+        "rehearse kr60-3 --set j9.stiffness=1e6 --out out", ("'j9.stiffness'",)
+    ),
     "--set twice": Case(
         "map joints xr701 --set j2.stiffness=1e6 --set j2.stiffness=2e6 --out out", ("j2.stiffness is given twice",)
     ),

@@ -49,10 +49,7 @@ def _poses(f: Findings, pictures: Pictures) -> list[Block]:
 def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]]:
     """The measured pose with the largest deflection: its budget and, for shell links, its deformed shape."""
     used = f.used
-    size = np.where(used.used, np.abs(used.displacement), 0.0)
-    # Rotations decide only where no translation was read.
-    size = size[:, :3] if size[:, :3].any() else size
-    row = int(np.linalg.norm(size, axis=1).argmax())
+    row = int(np.nanargmax(used.deflection))
     label, model, q, wrench = used.pose[row], f.best.model, used.q[row], used.wrench[row]
     point = loaded_points(model, used)[row]
     budget = pose_budget(model, q, wrench, point)

@@ -18,7 +18,6 @@ from stiffarm.commands.run.figures import (
     axis_words,
     data_figure,
     match_figure,
-    size_mm,
     wrist_families,
 )
 from stiffarm.commands.run.findings import Findings
@@ -97,7 +96,7 @@ def idle_joints(f: Findings) -> tuple[str, ...]:
 
 
 def _proportionality(f: Findings, levels: Array) -> str:
-    size = size_mm(f.data)
+    size = f.data.deflection * 1e3
     rows = [np.isclose(f.data.loads_N, load) & ~np.isnan(size) for load in levels]
     means = [size[row].mean() / load * 1e3 for row, load in zip(rows, levels, strict=True)]
     listed = ", ".join(f"{mean:.2f} um/N at {load:g} N" for mean, load in zip(means, levels, strict=True))
@@ -187,7 +186,7 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
 
 def comparison_section(f: Findings, pictures: Pictures) -> Section:
     """All variants side by side: parameters, fit, prediction, springs; pictures with both kinds of links."""
-    held = f.held_out
+    held, others_mm = f.held_out, dict[str, float]()
     heads = ("variant", "parameters", "RMS (mm)", "left-out RMS (mm)", *(["held-out RMS (mm)"] if held else []))
     rows = []
     for v in f.variants:
@@ -200,8 +199,10 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
     best = next((k for k, v in enumerate(f.variants) if v is f.best.calibrated), len(rows))
     if f.best.calibrated is None:
         text = "with what is missing, see above"
-        cells = (f"{f.best.rms_mm:.3f}", f"{f.best.left_out_rms_mm:.3f}", *(["-"] if held else []))
-        rows.append((f.best.name, text, *cells, f"in {f.looks[-1].stem}/model.toml"))
+        of = f.best
+        cells = (f"{error:.3f}" for error in (of.rms_mm, of.left_out_rms_mm, of.held_out_rms_mm) if error is not None)
+        rows.append((of.name, text, *cells, f"in {f.looks[-1].stem}/model.toml"))
+        others_mm |= {} if of.held_out_rms_mm is None else {of.name: of.held_out_rms_mm}
         for name, value in zip(errors, (f.best.rms_mm, f.best.left_out_rms_mm), strict=True):
             errors[name][f.best.name] = value
     named: dict[str, Calibrated] = {}
@@ -244,7 +245,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
                 text_columns=(0, len(heads)),
                 best=best,
             ),
-            Bullets(sentences(held)),
+            Bullets(sentences(held, others_mm)),
             *views,
             pictures.add(
                 intervals_figure(springs, "Constant springs from all poses at once", f.scheme.springs.ends),

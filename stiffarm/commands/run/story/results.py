@@ -19,13 +19,13 @@ from surrogate.main_effects import main_effects
 
 def effects_section(f: Findings, pictures: Pictures) -> Section:
     """Main effects over the factorial."""
-    count = len(next(iter(f.factorial.values())).poses_deg)
-    plan = f.scheme.beside.factorial
+    first = next(iter(f.factorial.values()))
+    count, plan = len(first.poses_deg), first.plan
     whole = int(np.prod([len(levels) for levels in plan.levels_deg]))
     text = f"{count} runs of the full factorial of {', '.join(plan.inputs)}."
     if count < whole:
         text = f"{count} of the {whole} runs of the full factorial of {', '.join(plan.inputs)} can be reached."
-    if f.scheme.beside.factorial.adjust:
+    if plan.adjust:
         text += (
             " Some levels are adjusted because the robot cannot reach every combination, so the design is not "
             "orthogonal and main effects mix a little."
@@ -54,7 +54,7 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
         (
             Text(
                 "A surrogate answers the structural stiffness under a vertical load from "
-                f"{', '.join(f.scheme.beside.factorial.inputs)} without the FE model. Errors are relative errors of "
+                f"{', '.join(f.factorial[f.best.name].inputs)} without the FE model. Errors are relative errors of "
                 "compliance on runs that neither the fit nor its error bars have seen; some lie on the boundary of the "
                 "domain, where polynomials are worst, and “worst inside” leaves those out. Taken is the first basis of "
                 "the recommended model (surrogate.json)."

@@ -51,7 +51,7 @@ def found(sets: Path) -> Path:
     """The folder of a diagnosis."""
     out = sets / "out"
     outcome = run_here("diagnose", sets / "backlash.model.toml", sets / "backlash.csv", "--links", "rigid",
-                       "--holdout", sets / "holdout.csv", "--out", out)  # fmt: skip
+                       "--holdout", sets / "holdout.csv", "--folds", "0", "--out", out)  # fmt: skip
     assert outcome.code == 0, outcome.err
     return out
 
@@ -249,7 +249,7 @@ def test_friction_is_not_judged_where_the_loads_chosen_cut_its_cycles(sets: Path
 @pytest.mark.slow
 def test_without_a_history_friction_is_not_testable(cli: Command, sets: Path) -> None:
     r = cli("diagnose", sets / "backlash.model.toml", _plain(sets), "--links", "rigid", "--next", "0",
-            "--json").json  # fmt: skip
+            "--folds", "0", "--json").json  # fmt: skip
     assert r["verdict"] in VERDICTS
     assert all("loading" in r["not_testable"][f"friction:j{k}"] for k in (2, 3, 4, 5))
     assert "order" in r["not_testable"]["drift"]

@@ -43,6 +43,20 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+def test_a_turned_frame_is_planned_for_on_the_fanuc(cli: Command) -> None:
+    outcome = cli("plan", "fanuc-r2000ic", "--free", "frame.rz,j2.stiffness,j3.stiffness", "--poses", "2",
+                  "--candidates", "60", "--repeats", "1", "--out", "o", "--json")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    turn, *_ = outcome.json["parameters"]
+    assert (turn["name"], turn["unit"]) == ("frame.rz", "rad")
+    assert turn["shrink"] > 1.5
+    rows = rows_of(Path("o") / "measurement_sheet.csv")
+    # All three translations were read; what is to be read stays empty.
+    assert all(row[name] == "" for row in rows for name in ("dx_mm", "dy_mm", "dz_mm"))
+    # A load straight down the axis that the frame turns about would not show it.
+    assert any(float(row["fx_N"]) or float(row["fy_N"]) for row in rows)
+
+
 def test_six_poses_settle_what_nine_readings_cannot_tell(cli: Command) -> None:
     outcome = cli("plan", "xr701", "--poses", "6", "--json")
     assert outcome.code == 0, outcome.err

@@ -12,7 +12,11 @@ import pyvista as pv
 from cli_runs import Command
 from small_robot import STIFFNESS, write_readings, write_urdf
 
+from doe import bundled_campaign, bundled_data, read_measurements
 from robots import load_description
+from stiffarm.commands.run import missing
+from stiffarm.session.inputs import read_model
+from stiffarm.session.outputs import OutputFolder
 
 SECTIONS = ("In short", "What is missing: all readings", "The measurements", "Which calibration to trust",
             "Sensitivity: which spring matters", "The surrogate and its error", "The stiffness map")  # fmt: skip
@@ -71,6 +75,22 @@ def test_what_is_missing_is_named_added_and_mapped(cli: Command, tmp_path: Path)
     assert load_description(tmp_path / "o" / "model.toml").effect
 
 
+@pytest.mark.parametrize("path", ["parallelogram", "serial"])
+def test_which_load_paths_are_diagnosed(path: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    given = read_model("xr701", "rigid", path)
+    table, scheme = read_measurements(bundled_data("xr701"), given.robot), bundled_campaign("xr701")
+    assert scheme is not None
+    asked: list[tuple[str, tuple[float, ...]]] = []
+    monkeypatch.setattr(missing.step, "diagnose", lambda a, _, r, **__: asked.append((a.model.load_path, r.loads)))
+    monkeypatch.setattr(missing, "write_files", lambda *_: None)
+    with OutputFolder(tmp_path / "o", ["stiffarm"], {}, None) as folder:
+        found = missing.looks(given, table, scheme, None, 0, folder, lambda _: None)
+    first = [("serial", (650.0,))] if path == "parallelogram" else []
+    assert asked == [*first, (path, ())]
+    assert [look.title for look in found] == ["The serial chain at 650 N"] * len(first) + ["All readings"]
+
+
+@pytest.mark.slow
 def test_the_serial_chain_is_looked_at_first_where_there_is_a_parallelogram(full_run: Any) -> None:
     first, last = full_run.results["diagnoses"]
     assert (first["of"], first["effects"]) == ("The serial chain at 650 N", ["load-path"])

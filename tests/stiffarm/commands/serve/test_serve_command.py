@@ -125,7 +125,7 @@ def test_the_documentation_says_what_is_answered() -> None:
     examples = serve_speed.documented((ROOT / "docs" / "reference" / "serve.md").read_text(encoding="utf-8"))
     requests = [json.loads(request) for request, _ in examples]
     given = read_model("kr60-3", None, None)
-    setup = read_setup("kr60-3", given.robot, CELL, None, None)
+    setup = read_setup("kr60-3", given, CELL, None, None)
     session = open_session(given, setup)
     answers = [json.loads(session.answer(request.encode())) for request, _ in examples]
     assert len(answers) > 15

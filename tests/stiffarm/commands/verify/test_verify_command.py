@@ -35,6 +35,20 @@ def test_a_clean_program(cli: Command, tmp_path: Path) -> None:
     assert tree(tmp_path) == before
 
 
+def test_a_joint_s_zero_error_moves_the_arm_closer(cli: Command, tmp_path: Path) -> None:
+    cell = cell_file(tmp_path)
+    program = program_file(tmp_path, program_at(cell, 11, 0.15))
+    least = []
+    for value in ("0", "0.3 deg"):
+        outcome = cli("verify", "kr60-3", program, "--cell", cell, "--set", f"j2.zero={value}", "--json")
+        least.append(outcome.json["least_distance_mm"])
+    # Joint 2 turns about y, and the mill is about 1.2 m in front of it: 6 mm lower.
+    assert least[0] - least[1] == pytest.approx(np.radians(0.3) * 1200.0, rel=0.2)
+    outcome = cli("verify", "kr60-3", program, "--cell", cell, "--set", "j9.zero=1")
+    assert outcome.code == 2
+    assert "j9.zero" in outcome.err
+
+
 @pytest.mark.slow
 def test_a_collision_ends_with_1_and_its_line(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The trial of OpenGL takes seconds; pictures with it are another test's.
