@@ -76,7 +76,7 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     ax.set_xlabel("95 % interval over the value planned for" + (" (offsets: over that before)" if linear else ""))
     handles = [
         Patch(facecolor=_BEFORE, label="before"),
-        Patch(facecolor=_AFTER, label="after, predicted; ÷: times narrower"),
+        Patch(facecolor=_AFTER, label="after, predicted with lack of fit; ÷: times narrower"),
     ]
     above(ax, handles, 2)
 

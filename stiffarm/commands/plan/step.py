@@ -287,7 +287,7 @@ def _remarks(start: Outset, request: Request, data: Measurements | None) -> list
     kept += [f"wrist and tool {1e3 * zone.own:.0f} mm from the lines of base and upper arm"] if zone.own else []
     out.append(f"poses keep {'; '.join(['the joint limits', *kept])}. That is no collision check")
     if data is not None and request.repeats > 1 and not start.noise.has_common:
-        out.append("repeats count as independent readings: those so far show no scatter between set-ups")
+        out.append("the choice counts repeats as independent readings: those so far show no scatter between set-ups")
     if request.random_order:
         out.append("random order: slow drift of gauge and robot does not look like an effect of the pose")
     else:
