@@ -32,7 +32,10 @@ def looped() -> tuple[ArmModel, Shells]:
     return model, couple_links(model)
 
 
-@pytest.fixture(scope="module", params=["xr701 parallelogram", "xr701 serial", "kr60-3 serial"])
+@pytest.fixture(
+    scope="module",
+    params=["xr701 parallelogram", "xr701 serial", pytest.param("kr60-3 serial", marks=pytest.mark.slow)],
+)
 def arm(request: pytest.FixtureRequest, looped: tuple[ArmModel, Shells]) -> tuple[ArmModel, Shells]:
     if request.param == "kr60-3 serial":
         model = build_model(load_description("kr60-3"), links="shell")

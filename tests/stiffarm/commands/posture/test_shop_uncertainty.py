@@ -115,7 +115,7 @@ def drawn_arms(file: Path, rng: np.random.Generator, q: Array) -> Array:
     return np.asarray(c @ np.stack(alone)[:, :, 1])
 
 
-@pytest.mark.parametrize("noise_um", [15.0, 45.0])
+@pytest.mark.parametrize("noise_um", [15.0, pytest.param(45.0, marks=pytest.mark.slow)])
 def test_the_error_s_interval_is_that_of_arms_drawn_from_the_file(
     model_of: Callable[[float], Path], wall: Path, tmp_path: Path, noise_um: float
 ) -> None:
