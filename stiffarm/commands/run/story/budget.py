@@ -43,8 +43,8 @@ def _poses(f: Findings, pictures: Pictures) -> list[Block]:
             pose_shares_figure(budget, used.pose, motion_mm),
             "budget",
             "Compliance budget by pose, each under its largest load; a part's share in the strain energy is its share "
-            "in the tool's motion along the load. The arm is statically determinate, so the shares add up exactly. Link "
-            "shares rest on assumed sections.",
+            "in the tool's motion along the load. The arm is statically determinate, so the shares add up exactly. "
+            "Link shares rest on assumed sections.",
         ),
     ]
 
