@@ -10,12 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
 
 from benchmarks.worlds.screws import fill, make
 from benchmarks.worlds.screws.arms import arm
-from benchmarks.worlds.screws.campaign import Campaign
+from benchmarks.worlds.screws.campaign import HANDLING_S, Campaign, lagging
 from benchmarks.worlds.screws.design import SORTS, anywhere
+from benchmarks.worlds.screws.excess import blocks, unexplained
 from benchmarks.worlds.screws.families import CATALOGUE, OUTSIDE
+from benchmarks.worlds.screws.filling import conducted
 from benchmarks.worlds.screws.joint_laws import maxwell
 from benchmarks.worlds.screws.mechanics import World, readings
 from benchmarks.worlds.screws.screws import body_motions
@@ -129,6 +133,68 @@ def test_maxwell_elements_hold_at_first_and_slip_in_the_end() -> None:
     assert up[0] < 10.0 / k
     assert up[1] == pytest.approx((500.0 - 60.0) / k, rel=1e-6)
     assert down > up[0] + 1e-5
+
+
+def relaxing(_t: float, y: np.ndarray, aim: float, lag: float) -> np.ndarray:
+    return (aim - y) / lag
+
+
+def test_creep_climbs_while_loaded_and_recovers_while_not() -> None:
+    c = alone(np.zeros((4, 6)), np.zeros((4, 3)))
+    c = replace(c, cycle=np.array([0, 0, 1, 1]), time_s=np.array([100.0, 400.0, 1000.0, 1300.0]))
+    lag, load = 250.0, np.array([1.0, 2.0, 1.0, 0.5])
+    x, t, out = 0.0, 100.0 - HANDLING_S, []
+    zero, held = 0.0, 0.0
+    for i in range(4):
+        for end, aim in ((c.time_s[i] - HANDLING_S, 0.0 if i == 2 else held), (c.time_s[i], load[i])):
+            x = float(solve_ivp(relaxing, (t, end), [x], args=(aim, lag), rtol=1e-9, atol=1e-12).y[0, -1])
+            zero = x if i in {0, 2} and end < c.time_s[i] else zero
+            t = end
+        held = load[i]
+        out.append(x - zero)
+    np.testing.assert_allclose(lagging(c, load, lag), out, rtol=1e-6)
+
+
+def test_what_stands_out_is_weighted_by_the_whole_covariance() -> None:
+    rng = np.random.default_rng(1)
+    springs, seen = rng.normal(size=(12, 3, 2)), rng.normal(size=(12, 3))
+    root = blocks(np.arange(12) // 4, 0.3 * rng.normal(size=(12, 3)))
+    half = rng.normal(size=(12, 3, 3))
+    own = half @ np.swapaxes(half, 1, 2) + np.eye(3)
+    seen = seen + springs @ np.array([2.0, 3.0])
+    dense = block_diag(*own) + root.reshape(36, -1) @ root.reshape(36, -1).T
+    A, b, W = springs.reshape(36, 2), seen.reshape(36), np.linalg.inv(dense)
+    best = np.linalg.solve(A.T @ W @ A, A.T @ W @ b)
+    assert best.min() > 0.0
+    assert unexplained(own, root, springs, seen) == pytest.approx(float((b - A @ best) @ W @ (b - A @ best)), rel=1e-9)
+
+
+def test_a_sheet_that_begins_by_unloading_is_read_after_the_largest_load() -> None:
+    t = truth(5, "none", 0)
+    q = dict.fromkeys(t.arm.coordinates, "10")
+    sheet = [
+        {**q, "pose": "a", "fz_N": f"{fz}", "phase": phase} for fz, phase in ((-50, "unloading"), (-20, "unloading"))
+    ]
+    sheet += [{**q, "pose": "b", "fz_N": "-20", "phase": "loading"}]
+    campaign, rows = conducted(t, sheet, 1)
+    np.testing.assert_array_equal(rows, [1, 2, 3])
+    np.testing.assert_array_equal(campaign.cycle, [0, 0, 0, 1])
+    assert campaign.force[0, 2] == pytest.approx(-np.linalg.norm(t.campaign.force, axis=1).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sort", ["single", "outside"])
+def test_each_law_goes_on_over_a_later_visit(sort: str) -> None:
+    for index in range(len(CATALOGUE if sort == "single" else OUTSIDE)):
+        t = truth(3, sort, index)
+        force = dict(zip(("fx_N", "fy_N", "fz_N"), map(str, t.campaign.force[0]), strict=True))
+        angles = dict(zip(t.arm.coordinates, map(str, t.campaign.q_deg[0]), strict=True))
+        campaign, _ = conducted(t, [{**angles, **force, "pose": "again"}], 1)
+        d = readings(t.built, t.effects, t.campaign.joined(campaign))[-1]
+        assert np.isfinite(d).all()
+        # The same arm under the same load: what time and history do to it is less than half of all.
+        first = readings(t.built, t.effects, t.campaign)[0]
+        assert np.linalg.norm(d - first) < 0.5 * np.linalg.norm(first) + 1e-4, t.effects[0].code
 
 
 @pytest.mark.slow

@@ -42,6 +42,29 @@ def test_springs_alone_move_the_tool_as_the_program_has_it(name: str, rng: np.ra
     np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-9 * np.abs(theirs).max())
 
 
+@pytest.mark.parametrize(("name", "share"), [("kr60-3", 4e-3), ("tx200", 4e-3), ("werft-7", 1e-9), ("krume-5", 1e-9)])
+def test_links_bend_as_the_program_has_them(name: str, share: float, rng: np.random.Generator) -> None:
+    """Tapered ones to some thousandths: here integrals, there elements of constant section."""
+    oracles.load("pinocchio")
+    from benchmarks.worlds.shopfloor.arms import robot, source_of
+    from benchmarks.worlds.shopfloor.beams import beams
+    from benchmarks.worlds.shopfloor.statics import postures
+    from fem import build_model, deflection
+    from robots import load_description
+
+    arm, n = robot(name), 8
+    springs = dict(zip(arm.names, arm.nominal().tolist(), strict=True))
+    described = load_description(str(source_of(name)))
+    q, w = rng.uniform(-1, 1, (n, arm.dof)), rng.normal(0, 300, (n, 6))
+    bent, rigid = (build_model(described, links=links).with_springs(springs) for links in ("beam", "rigid"))
+    theirs = deflection(bent, q, w) - deflection(rigid, q, w)
+    ours = np.zeros((n, 6))
+    for beam in beams(name):
+        x = postures(arm, q).parts[:, beam.body]
+        ours += np.einsum("nij,jk,nlk,nl->ni", x, beam.flexibility, x, w)
+    np.testing.assert_allclose(ours, theirs, atol=share * np.abs(theirs).max())
+
+
 def test_the_urdf_of_an_arm_of_ours_is_the_same_arm(tmp_path: Path, rng: np.random.Generator) -> None:
     oracles.load("pinocchio")
     from benchmarks.worlds.shopfloor.arms import robot, source_of, urdf
@@ -104,7 +127,7 @@ def test_every_family_has_its_turn() -> None:
             case.truth.hidden[0].law.family for i in range(len(names)) for case in [cases.draw(5, kind, i, 0)]
         )
         assert found == Counter(names)
-    assert len(cases.families(cases.CATALOGUE)) == 27
+    assert len(cases.families(cases.CATALOGUE)) == 28
     assert len(cases.families(cases.OUTSIDE)) >= 8
 
 

@@ -23,7 +23,8 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     """The sheet's text with displacements filled in, as read on a later visit (1, 2, ...) a day apart.
 
     Readings without displacement columns get the set's own. A row that says ``unloading`` before any larger load of
-    its cycle is read after the set's largest load, which the table does not show.
+    its cycle is read after the set's largest load, which the table does not show. Visits do not
+    know of one another: each follows on the set's own readings.
     """
     recipe = json.loads((set_folder / "key.json").read_text(encoding="utf-8"))["recipe"]
     t = truth(recipe["seed"], recipe["sort"], recipe["index"])
@@ -41,7 +42,7 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
         row = rows[k]
         row |= {name: f"{1e3 * seen[i, SHOWN.index(name)]:.6g}" for name in asked}
         row["time_s"] = f"{later.time_s[i]:.1f}"
-        row["step"] = str(len(t.campaign) + 100_000 * visit + k + 1)
+        row["step"] = (row.get("step") or "").strip() or str(len(t.campaign) + 100_000 * visit + k + 1)
         if warm is not None:
             row["temperature_C"] = f"{warm[len(t.campaign) + i]:.1f}"
         if "session" in columns:

@@ -45,13 +45,13 @@ def gauge_zero(x: Chance) -> Effect:
     size = x.between(15e-6, 45e-6) * x.sign()
     v = np.array([x.between(-0.7, 0.7), x.between(-0.7, 0.7), 1.0]) * size
     facts = {f"{a}_m": float(u) for a, u in zip("xyz", v, strict=True)}
-    return Effect("gauge-zero", ("gauge",), "gauge", facts, read=lambda s, d: np.broadcast_to(v, d.shape))
+    return Effect("gauge-zero", ("load",), "gauge", facts, read=lambda s, d: np.broadcast_to(v, d.shape))
 
 
 def gauge_scale(x: Chance) -> Effect:
     """The gauge shows 2 to 8 % too much or too little of everything."""
     size = x.between(0.02, 0.08) * x.sign()
-    return Effect("gauge-scale", ("gauge",), "gauge", {"scale": size}, read=lambda s, d: size * d)
+    return Effect("gauge-scale", ("load",), "gauge", {"scale": size}, read=lambda s, d: size * d)
 
 
 def drift(x: Chance) -> Effect:

@@ -13,7 +13,7 @@ from .campaign import Campaign
 from .design import SORTS, anywhere
 from .mechanics import Effect, readings
 from .tables import model_text, rows_of, shown, text_of, thermometer
-from .truth import Truth, truth
+from .truth import Truth, excess_of, truth
 
 UNSEEN = 40
 UNSEEN_STATE = (
@@ -106,6 +106,7 @@ def key(t: Truth, wrong: int) -> dict[str, object]:
         "load_path": "parallelogram" if t.model_path else "serial",
     }
     nuisance = {
+        "excess_chi2": round(excess_of(t, (), nuisance=True), 3),
         "joint_zeros_deg": np.round(np.rad2deg(b.zeros), 4).tolist(),
         "joint_centres_mm": np.round(1e3 * (b.arm.centres - t.arm.centres), 3).tolist(),
         "load_scale": b.load_scale,

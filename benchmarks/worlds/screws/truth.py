@@ -86,9 +86,9 @@ def link_shares(a: Arm, clean: World, c: Campaign, beam: bool, rng: np.random.Ge
     return {link.name: float(wanted * rng.uniform(0.6, 1.4)) for link in a.links}
 
 
-def excess_of(t: Truth, effects: Sequence[Effect]) -> float:
-    """Chi-square of effects beyond all springs of the model, without nuisance, with the true covariance."""
-    seen = readings(t.clean, effects, t.campaign)
+def excess_of(t: Truth, effects: Sequence[Effect], *, nuisance: bool = False) -> float:
+    """Chi-square of effects beyond all springs of the model, with the true covariance; usually without nuisance."""
+    seen = readings(t.built if nuisance else t.clean, effects, t.campaign)
     still = World(t.arm, np.zeros(t.arm.size), t.model_path, t.clean.link_share, np.zeros(t.arm.size))
     covariance, root = covariances(t, seen, t.campaign)
     fixed = readings(still, (), t.campaign) if t.beam else np.zeros_like(seen)

@@ -10,9 +10,10 @@ import numpy as np
 
 from benchmarks.worlds.shopfloor import design, gauges, gears, lags, noise, structure, table
 from benchmarks.worlds.shopfloor.arms import BUNDLED, OWN, Floats, Robot, robot
+from benchmarks.worlds.shopfloor.beams import beams
 from benchmarks.worlds.shopfloor.campaign import Timeline
 from benchmarks.worlds.shopfloor.law import Hidden, Law
-from benchmarks.worlds.shopfloor.score import excess_chi2, spring_columns
+from benchmarks.worlds.shopfloor.score import bending, excess_chi2, spring_columns
 from benchmarks.worlds.shopfloor.truth import Nuisance, Truth, displacement
 
 T = TypeVar("T")
@@ -64,32 +65,44 @@ def _wanted(seed: int, kind: str, index: int) -> list[tuple[Law, ...]]:
         return []
     laws = OUTSIDE if kind == "outside" else CATALOGUE
     names = families(laws)
+
+    def named(*chosen: str) -> list[tuple[Law, ...]]:
+        return [tuple(law for law in laws if law.family == name) for name in chosen]
+
     if kind == "pair":
         names = tuple(n for n in names if n not in NO_PAIR)
         first = design.balanced(seed, "pair-first", names, index)
-        others = tuple(n for n in names if n != first)
-        chosen = [first, others[int(np.random.default_rng([seed, 77, index]).integers(len(others)))]]
-    else:
-        chosen = [design.balanced(seed, kind, names, index)]
-    return [tuple(law for law in laws if law.family == name) for name in chosen]
+        others = tuple(n for n in names if n != first and _able(named(first, n)))
+        return named(first, others[int(np.random.default_rng([seed, 77, index]).integers(len(others)))])
+    return named(design.balanced(seed, kind, names, index))
+
+
+def _able(wanted: Sequence[tuple[Law, ...]]) -> list[str]:
+    """Arms on which every effect has a place."""
+    return [n for n in (*BUNDLED, *OWN) if all(any(law.places(robot(n)) for law in laws) for laws in wanted)]
 
 
 def _arm(seed: int, kind: str, index: int, wanted: Sequence[tuple[Law, ...]]) -> Robot:
-    """The arm whose turn it is, or, where an effect has no place on it, the next that has one."""
-    first = design.balanced(seed, f"{kind}-robot", (*BUNDLED, *OWN), index)
-    names = [first, *(n for n in (*BUNDLED, *OWN) if n != first)]
-    able = [robot(n) for n in names if all(any(law.places(robot(n)) for law in laws) for laws in wanted)]
-    return able[0] if able else robot("xr701")
+    """The arm whose turn it is, or, where an effect has no place on it, the first that has one."""
+    first, able = design.balanced(seed, f"{kind}-robot", (*BUNDLED, *OWN), index), _able(wanted)
+    return robot(first if first in able else able[int(index) % len(able)])
+
+
+def _number(arm: Robot, place: str) -> int:
+    """Which joint or link a place is; 0 for others."""
+    for names in (arm.names, tuple(b.name for b in beams(arm.name))):
+        if place in names:
+            return names.index(place)
+    return 0
 
 
 def _hidden(rng: np.random.Generator, arm: Robot, wanted: Sequence[tuple[Law, ...]]) -> tuple[Hidden, ...]:
+    """An effect of each family; those with few places choose first, as one joint has one further law."""
     found: list[Hidden] = []
-    for laws in wanted:
+    for laws in sorted(wanted, key=lambda laws: sum(len(law.places(arm)) for law in laws)):
         free = [(law, p) for law in laws for p in law.places(arm) if p not in {h.place for h in found if h.law.theta}]
-        if not free:
-            continue
         law, place = free[int(rng.integers(len(free)))]
-        k = arm.names.index(place) if place in arm.names else 0
+        k = _number(arm, place)
         found.append(Hidden(law, place, k, {n: float(v) for n, v in law.draw(rng, arm, k).items()}))
     return tuple(found)
 
@@ -142,6 +155,11 @@ def draw(seed: int, kind: str, index: int, attempt: int) -> Case:
     scatter, spoilt = turn("scatter", (0.0, 0.015)), turn("outliers", (True, False))
     thermometer = turn("thermometer", ("air", "housing", "none"))
     by_urdf = arm.name in OWN and len(springs) == arm.dof and turn("urdf", (True, False, False))
+    bends = turn("links", (False, False, False, True)) and not arm.parallelogram and not by_urdf
+    if bends or truth.hides("link-flexibility"):
+        by_urdf = False
+        links = tuple(float(x) for x in np.exp(rng.normal(0.0, 0.03, len(beams(arm.name)))))
+        truth = replace(truth, links=links, nuisance=replace(truth.nuisance, links=0.0))
     tags: dict[str, object] = {
         "robot": arm.name, "reads": reads, "poses": n, "loads": len(sizes), "directions": len(way),
         "up_and_down": down, "repeats": repeats, "order": "random" if shuffled else "by pose",
@@ -149,6 +167,7 @@ def draw(seed: int, kind: str, index: int, attempt: int) -> Case:
         "exercised": usual.exercise, "zero": "each cycle" if usual.zero_each_cycle else "each set-up",
         "warmed_up": usual.warm_up, "thermometer": thermometer, "weight": "carried" if truth.carried else "balanced",
         "model": "urdf" if by_urdf else "toml",
+        "links": "beam" if truth.links else "rigid",
     }  # fmt: skip
     return Case(
         kind, index, attempt, seed, truth, q_deg, box, line,
@@ -166,7 +185,8 @@ def loudness(case: Case, hidden: Sequence[Hidden] | None = None, nuisance: bool 
     q = np.radians(case.q_deg)
     clean = displacement(truth, q, case.line)
     columns = spring_columns(truth.drawing, q, case.line, np.array(case.springs), case.model_loop)
-    return excess_chi2(clean, columns, case.noise, case.line, case.axes)
+    known = bending(truth.drawing, q, case.line) if truth.links else np.zeros_like(clean)
+    return excess_chi2(clean, known, columns, case.noise, case.line, case.axes)
 
 
 def heard(case: Case) -> list[float]:

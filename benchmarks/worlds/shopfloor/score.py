@@ -7,6 +7,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import nnls
 
 from benchmarks.worlds.shopfloor.arms import Floats, Ints, Robot
+from benchmarks.worlds.shopfloor.beams import beams
 from benchmarks.worlds.shopfloor.campaign import Timeline
 from benchmarks.worlds.shopfloor.noise import Noise, common
 from benchmarks.worlds.shopfloor.statics import postures
@@ -20,11 +21,24 @@ def spring_columns(arm: Robot, q: Floats, line: Timeline, springs: Ints, loop: b
     return np.asarray(np.einsum("nki,nk->nik", turns[..., :3], torque))
 
 
-def excess_chi2(clean: Floats, columns: Floats, noise: Noise, line: Timeline, axes: slice) -> float:
-    """Weighted sum of squares that is left after fitting compliances of zero or more; ``clean`` is (n_reads, 3) m."""
+def bending(arm: Robot, q: Floats, line: Timeline) -> Floats:
+    """Displacement (n_reads, 3) by the links alone, as a model with beams computes it from the table."""
+    rows, d = line.reads, np.zeros((len(line.reads), 3))
+    parts = postures(arm, q).parts[line.pose[rows]]
+    for beam in beams(arm.name):
+        x = parts[:, beam.body, :3]
+        d += np.einsum("nij,jk,nlk,nl->ni", x, beam.flexibility, x, line.force[rows])
+    return d
+
+
+def excess_chi2(clean: Floats, known: Floats, columns: Floats, noise: Noise, line: Timeline, axes: slice) -> float:
+    """Weighted sum of squares that is left after fitting compliances of zero or more.
+
+    clean : (n_reads, 3) m without noise; known : what the model has beside its springs, columns : by its springs
+    """
     rows = line.reads
     weight = 1.0 / noise.variance(clean, line.force[rows])[:, axes].ravel()
-    y = clean[:, axes].ravel()
+    y = (clean - known)[:, axes].ravel()
     a = columns[:, axes].reshape(len(y), -1)
     u = common(noise, clean, line.pose[rows], line.session[rows])[:, axes].reshape(len(y), -1)
     core = cho_factor(np.eye(u.shape[1]) + u.T @ (weight[:, None] * u)) if u.shape[1] else None

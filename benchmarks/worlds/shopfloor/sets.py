@@ -73,8 +73,8 @@ def key_of(case: Case, loud: list[float], spoilt: list[int]) -> dict[str, object
             "resolution_m": case.noise.resolution, "outlier_steps": spoilt,
         },
         "nuisance": {
-            "zeros_rad": n.zeros.tolist(), "links_rad_per_Nm": n.links, "all_loads": n.all_loads,
-            "each_load": n.each_load,
+            "zeros_rad": n.zeros.tolist(), "links_rad_per_Nm": n.links, "links_factor": list(t.links),
+            "all_loads": n.all_loads, "each_load": n.each_load,
             "lengths_off_m": [np.subtract(b.xyz, a.xyz).round(7).tolist()
                               for a, b in zip(t.drawing.axes, t.built.axes, strict=True)],
             "excess_chi2": round(_nuisance(case), 3),
@@ -97,7 +97,7 @@ def write(folder: Path, seed: int, kind: str, index: int) -> Path:
     folder.mkdir(parents=True)
     model = "model.urdf" if case.by_urdf else "model.toml"
     readings, spoilt = measured(case)
-    seen = {"schema": "stiffarm-study-set/1", "model": model, "links": "rigid"}
+    seen = {"schema": "stiffarm-study-set/1", "model": model, "links": str(case.tags["links"])}
     texts = {
         "set.json": _json(seen),
         model: files.model_text(case),

@@ -1,10 +1,11 @@
-"""Laws of what carries the arm and hangs on it: base on anchor bolts, floor, tool, cable package."""
+"""Laws of what carries the arm and hangs on it: base on anchor bolts, floor, links, tool, cable package."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from benchmarks.worlds.shopfloor.arms import Floats, Robot
+from benchmarks.worlds.shopfloor.beams import beams
 from benchmarks.worlds.shopfloor.law import Law, Scene, Sizes, at, log_uniform
 
 
@@ -90,6 +91,18 @@ def cable(scene: Scene, k: int, v: Sizes) -> Floats:
     return np.asarray(np.einsum("nji,nj->ni", at.turns[scene.pose], turn))
 
 
+def thin(scene: Scene, k: int, v: Sizes) -> Floats:
+    """A link cast with a thinner wall of a softer alloy: torsion and bending give in shares of their own."""
+    name = scene.arm.name
+    plain, cast = beams(name)[k], beams(name, 1.0 - v["wall_share"], 1.0 - v["modulus_share"])[k]
+    return scene.part(plain.body, cast.flexibility - plain.flexibility)
+
+
+def _slender(arm: Robot) -> tuple[str, ...]:
+    """Links of arms without a parallelogram, by their names; the wrist's stub is none."""
+    return () if arm.parallelogram else tuple(b.name for b in beams(arm.name)[:-1])
+
+
 def _open_chain(arm: Robot) -> tuple[str, ...]:
     return () if arm.parallelogram else ("arm",)
 
@@ -100,6 +113,8 @@ def _pack(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
 
 
 LAWS = (
+    Law("link-flexibility", ("pose", "load"), _slender,
+        lambda rng, arm, k: {"wall_share": rng.uniform(0.1, 0.35), "modulus_share": rng.uniform(0.0, 0.1)}, gives=thin),
     Law("base-tilt", ("pose", "load"), at("base"),
         lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 2e6, 1e8), "ratio": rng.uniform(0.5, 1.5)},
         gives=base_tilt),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.worlds.shopfloor.arms import Floats, Robot
+from benchmarks.worlds.shopfloor.beams import beams
 from benchmarks.worlds.shopfloor.campaign import Timeline, air
 from benchmarks.worlds.shopfloor.law import Hidden, Rig, Scene
 from benchmarks.worlds.shopfloor.statics import postures, springs_only
@@ -41,7 +42,8 @@ class Truth:
     """All that decides what a gauge would show without noise.
 
     drawing is the arm of the model, built the one that stands; ``carried`` the share of the links' weight in the gears
-    (0: balanced), ``mood`` the hall's temperature, ``span`` how long the campaign took (s), ``warmth`` its mean.
+    (0: balanced), ``mood`` the hall's temperature, ``links`` factors on the beams' flexibility (none: links are
+    rigid), ``span`` how long the campaign took (s), ``warmth`` its mean.
     """
 
     drawing: Robot
@@ -51,6 +53,7 @@ class Truth:
     nuisance: Nuisance
     carried: float
     mood: tuple[float, float, float]
+    links: tuple[float, ...] = ()
     span: float = 0.0
     warmth: float = 0.0
 
@@ -63,7 +66,8 @@ class Truth:
         n = self.nuisance
         kept = self.hidden if hidden is None else tuple(hidden)
         nothing = Nuisance(np.zeros_like(n.zeros), 0.0, 0.0, 0.0, n.seed)
-        return replace(self, built=self.drawing, nuisance=nothing, hidden=kept)
+        even = (1.0,) * len(self.links)
+        return replace(self, built=self.drawing, nuisance=nothing, hidden=kept, links=even)
 
 
 def _rig(truth: Truth, q: Floats, line: Timeline) -> Rig:
@@ -99,6 +103,9 @@ def displacement(truth: Truth, q: Floats, line: Timeline, fresh: bool = False) -
     d = springs_only(scene.at, line.pose, scene.wrench, truth.compliance)
     for k in BENDING if truth.nuisance.links else ():
         d = d + scene.part(k, np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]) * truth.nuisance.links)
+    if truth.links:
+        for beam, factor in zip(beams(truth.drawing.name), truth.links, strict=True):
+            d = d + scene.part(beam.body, factor * beam.flexibility)
     for h in truth.hidden:
         if h.law.gives is not None:
             d = d + h.law.gives(scene, h.joint, h.sizes)

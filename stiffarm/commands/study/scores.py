@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class Row:
     places: tuple[str, ...] = ()
     excess: float = float("nan")
     each: tuple[float, ...] = ()
-    tags: Mapping[str, str | float | bool] = field(default_factory=dict)
+    tags: Mapping[str, Any] = field(default_factory=dict)
     world: str = ""
     first_joint: str = "j1"
     verdict: str = "refused"
@@ -212,10 +212,15 @@ def by_family(rows: Iterable[Row]) -> list[tuple[str, int, Share, Share, Share]]
 
 
 def by_tag(rows: Iterable[Row]) -> list[tuple[str, str, Share, Share]]:
-    """By each tag's value: right family of the detectable singles, and wrong names among all sets."""
+    """By each tag's value: right family of the detectable singles, and wrong names among all sets.
+
+    Tags that are lists or tables, and those of many values, are left out.
+    """
     groups: dict[tuple[str, str], list[Row]] = {}
     for r in rows:
         for tag, value in {**r.tags, "world": r.world}.items():
+            if not isinstance(value, str | float | int | bool):
+                continue
             groups.setdefault((tag, str(value)), []).append(r)
     tags = {tag for tag, _ in groups}
     some = [tag for tag in sorted(tags) if 1 < sum(one == tag for one, _ in groups) <= 12]

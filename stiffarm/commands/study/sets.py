@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -18,7 +18,6 @@ SET, KEY, READINGS, UNSEEN = "set.json", "key.json", "readings.csv", "unseen.csv
 
 # What an effect varies with.
 Axis = Literal["pose", "load", "load history", "clock", "temperature", "session", "direction"]
-Tag = str | float | bool
 
 
 class _Open(BaseModel):
@@ -52,7 +51,7 @@ class Key(_Open):
     effects: Annotated[tuple[Hidden, ...], BeforeValidator(tuples)]
     excess_chi2: Annotated[float, Field(ge=0.0)] | None = None
     world: str = ""
-    tags: dict[str, Tag] = {}
+    tags: dict[str, Any] = {}
 
 
 @dataclass(frozen=True)

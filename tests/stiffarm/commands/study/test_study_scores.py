@@ -77,6 +77,6 @@ def test_stated_probabilities_are_put_beside_shares_right() -> None:
 
 
 def test_groups() -> None:
-    other = replace(HIDDEN, hidden=("payload",), tags={"reads": "xyz"})
+    other = replace(HIDDEN, hidden=("payload",), tags={"reads": "xyz", "loads_N": [1.0, 2.0], "day": None})
     assert [line[0] for line in by_family([HIDDEN, other])] == ["backlash", "payload"]
     assert [(tag, value) for tag, value, *_ in by_tag([HIDDEN, other])] == [("reads", "xyz"), ("reads", "z")]
