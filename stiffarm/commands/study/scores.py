@@ -36,9 +36,10 @@ class Row:
 
     ``hidden``: codes; ``axes``, ``places``: along and at which they act; ``excess``: chi-square of all of them that no
     springs take up, ``each`` of one by one (NaN: not known). ``verdict``: named, ambiguous, unknown, none,
-    uninformative, learned, refused (the readings) or failed (a fault of the program); ``named``: codes taken for sure; ``found``: all taken up, the sure ones first;
-    ``probability``: of what leads; ``learned``: what it acts along, and where, as the diagnosis says of an effect that
-    it cannot name. ``before_mm``, ``after_mm``: RMS errors against the truth without noise in other set-ups.
+    uninformative, learned, refused (the readings) or failed (a fault of the program); ``named``: codes taken for sure;
+    ``found``: all taken up, the sure ones first; ``probability``: of what leads; ``learned``: what it acts along, and
+    where, as the diagnosis says of an effect that it cannot name. ``before_mm``, ``after_mm``: RMS errors against the
+    truth without noise in other set-ups.
     """
 
     name: str
