@@ -12,6 +12,7 @@ from doe.certainty.uncertainty import Certainty, ParameterEstimate
 from doe.estimation.estimate import Estimate, estimate, prior_residual
 from doe.estimation.noise import Noise, Origin, origin
 from doe.estimation.problem import Problem
+from doe.planning.lack_of_fit import Shown, blocks, counted, shown
 from fem import ArmModel
 from fem.free.model import FreeModel
 from fem.free.parameters import Parameter
@@ -31,7 +32,9 @@ class Outset:
     ``known`` (p, p): information so far about ln value (positive ones) or the value, a vague prior included;
     ``noise``: expected of the new readings, ``noise_origin``: where it is from; ``found``: what the readings so far
     say, empty if they cannot say; ``readings``: how many there are; ``best`` (p,): the estimate itself, None before any
-    reading.
+    reading. ``shown``: the lack of fit that the readings so far show, None where none is to spare; ``counted``:
+    variance of a set-up's mean over the square of the deflection, as ``known`` has it; ``blocks``: components read,
+    over all set-ups.
     """
 
     free: FreeModel
@@ -42,6 +45,9 @@ class Outset:
     readings: int = 0
     best: Array | None = None
     noise_origin: Origin = "given"
+    shown: Shown | None = None
+    counted: float = 0.0
+    blocks: int = 0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -94,9 +100,10 @@ def _own(q: Parameter) -> float:
 
 def outset(e: Estimate, c: Certainty) -> Outset:
     """After readings that were estimated from; their noise is expected of the new ones too."""
-    u = design_point(e, c)
-    return Outset(e.problem.free, u, known_information(e, u), _expected(e), c.estimates, len(e.problem), e.u,
-                   origin(e.problem, given=not e.estimated))  # fmt: skip
+    u, noise = design_point(e, c), _expected(e)
+    return Outset(e.problem.free, u, known_information(e, u), noise, c.estimates, len(e.problem), e.u,
+                  origin(e.problem, given=not e.estimated), shown(replace(e, noise=noise)), counted(e),
+                  blocks(e.problem))  # fmt: skip
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
@@ -104,7 +111,8 @@ def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
     priors = [_with_prior(q, sd) for q, sd in zip(p.parameters, vague_sd(p.parameters), strict=True)]
     helped = replace(p, free=replace(p.free, parameters=tuple(priors)))
     e = estimate(helped, gauge, fixed_noise=Noise(white=gauge), robust=False)
-    return Outset(helped.free, e.u, known_information(e, e.u), _expected(e), (), len(p), e.u)
+    return Outset(helped.free, e.u, known_information(e, e.u), _expected(e), (), len(p), e.u,
+                  counted=counted(e), blocks=blocks(p))  # fmt: skip
 
 
 def _with_prior(q: Parameter, sd: float) -> Parameter:

@@ -13,6 +13,7 @@ from doe.planning.protocol import Protocol, at_tool, every_load
 from fem.free.parameters import Parameter
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array, Bools
+from robots.constants import NORMAL_95
 from robots.progress import Progress
 
 # Random plans are drawn up to so many times as many set-ups as chosen ones.
@@ -33,6 +34,8 @@ class Foresight:
 
     ``before``, ``after``: standard deviations of ln value (positive ones) or of the value, the vague prior included;
     ``planned_for``: its value at which that holds; ``seen``: whether a reading of the plan moves with it at all.
+    Both are by the readings' noise alone. ``half95``: half width of the 95 % interval of the same, with the model's lack
+    of fit, that aims to be kept in nine campaigns of ten (:mod:`doe.planning.forecast`); None before it was foretold.
     """
 
     parameter: Parameter
@@ -40,11 +43,22 @@ class Foresight:
     before: float
     after: float
     seen: bool
+    half95: float | None = None
 
     @property
     def shrink(self) -> float:
-        """How many times narrower the interval gets."""
+        """How many times narrower the interval gets, if the model misses nothing."""
         return self.before / self.after
+
+    @property
+    def promised(self) -> float:
+        """A 1.96th of the half width promised: the standard deviation that the plan answers for."""
+        return self.after if self.half95 is None else self.half95 / NORMAL_95
+
+    @property
+    def promised_shrink(self) -> float:
+        """How many times narrower than before the promised interval is."""
+        return self.before / self.promised
 
 
 @dataclass(frozen=True)
@@ -148,7 +162,11 @@ def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
     they are one row, weighed with their joint information ``F^T V^-1 F``.
     """
     at = every_load(start.free.model, poses, protocol.directions, np.ones(1))
-    value, J = replace(start.free, at=at, history=None).evaluate(start.u)
+    return factors(start, *replace(start.free, at=at, history=None).evaluate(start.u), protocol)
+
+
+def factors(start: Outset, value: Array, J: Array, protocol: Protocol) -> Array:
+    """Factors (n, r, p) by displacements (n, 6) under 1 N at the variables of ``start``, and derivatives (n, 6, p)."""
     read = list(protocol.components)
     weight = np.stack([_weight(start.noise, value[:, k], k >= 3, protocol) for k in read], axis=1)
     return np.asarray(np.sqrt(weight)[:, :, None] * J[:, read] * start.slopes)

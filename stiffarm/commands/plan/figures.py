@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
 from robots.constants import NORMAL_95
-from stiffarm.commands.plan.words import factor95, is_open, quantity
+from stiffarm.commands.plan.words import factor95, is_open, plain, quantity
 from stiffarm.pages.figure_parts import above, drawing, log_ticks, named_rows, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
@@ -54,10 +54,10 @@ def plan_figure(made: MeasurementPlan, found: Sequence[ParameterEstimate | None]
 def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     """Intervals as factors of the value planned for; of linear parameters as multiples of the interval before."""
     for y, (f, found) in enumerate(rows):
-        before, after = _before(f, found), _ends(f, f.after)
+        before, after = _before(f, found), _ends(f, f.promised)
         _bar(ax, y - 0.17, *before, _BEFORE)
         _bar(ax, y + 0.17, *after, _AFTER if f.seen else _BEFORE)
-        text = f"÷ {f.shrink:.2g}" if f.shrink < 9.95 else f"÷ {f.shrink:.0f}"
+        text = f"÷ {plain(f.promised_shrink, 2)}" if f.promised_shrink >= 1.05 else "perhaps no narrower"
         right, gap = (after[1], 5) if after[1] < _WIDEST else (_WIDEST, 11)
         note(
             ax,
@@ -76,7 +76,7 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
     ax.set_xlabel("95 % interval over the value planned for" + (" (offsets: over that before)" if linear else ""))
     handles = [
         Patch(facecolor=_BEFORE, label="before"),
-        Patch(facecolor=_AFTER, label="after, predicted; ÷: times narrower"),
+        Patch(facecolor=_AFTER, label="after, predicted with lack of fit; ÷: times narrower"),
     ]
     above(ax, handles, 2)
 
@@ -109,7 +109,7 @@ def _bar(ax: Axes, y: float, low: float, high: float, colour: str) -> None:
 
 def _name(f: Foresight, in_one_line: bool) -> str:
     p = f.parameter
-    end = f"± {quantity(NORMAL_95 * f.after, p.unit, 2)} after" if p.scale == "linear" else ""
+    end = f"± {quantity(NORMAL_95 * f.promised, p.unit, 2)} after" if p.scale == "linear" else ""
     return f"{p.name}{' ' if in_one_line else chr(10)}{end or 'at ' + quantity(f.planned_for, p.unit, 2)}"
 
 

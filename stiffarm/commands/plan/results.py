@@ -8,10 +8,12 @@ import numpy as np
 
 from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
+from doe.planning.forecast import HOLDS, KEPT
 from doe.planning.plan import Foresight
 from doe.tables.columns import DISPLACEMENTS
 from fem.arm import Arm
 from robots import Robot
+from robots.constants import NORMAL_95
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.plan import words
@@ -97,6 +99,14 @@ def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str
             "setup_share_of_deflection": number(noise.pose_share),
             "source": start.noise_origin,
         },
+        "promise": {
+            "aims_at": HOLDS,
+            "kept_in_simulations": list(KEPT),
+            "lack_of_fit": "of the readings" if planned.forecast.seen else "usual",
+            "share_of_deflection": number(planned.forecast.lack[1]),
+            "share_of_deflection_from_to": [number(v) for v in (planned.forecast.lack[0], planned.forecast.lack[2])],
+            "words": words.rests_on(start, planned.forecast),
+        },
         "candidate_poses": planned.candidates,
         "held_deg": {name: number(v) for name, v in planned.held_deg.items()},
         "setups": [_setup(given.robot, planned, k) for k in range(len(planned.labels))],
@@ -145,6 +155,8 @@ def parameter_payload(f: Foresight, found: ParameterEstimate | None) -> dict[str
         "sd_before": number(f.before),
         "sd_after": number(f.after),
         "shrink": number(f.shrink, 4),
+        "promised_half_width95": number(NORMAL_95 * f.promised),
+        "promised_shrink": number(f.promised_shrink, 4),
         "seen": f.seen,
     }
     if p.scale == "compliance" and f.seen:

@@ -12,6 +12,7 @@ from doe.estimation.campaign import NoiseChoice, campaign_of
 from doe.estimation.estimate import unaided
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
+from doe.planning.forecast import Forecast, forecast
 from doe.planning.optimal_choice import Criterion
 from doe.planning.outset import Outset, check_plannable, first_outset, helped_outset, outset
 from doe.planning.plan import (
@@ -83,6 +84,7 @@ class Planned:
     request: Request
     start: Outset
     made: MeasurementPlan
+    forecast: Forecast
     labels: tuple[str, ...]
     candidates: int
     expected: Array | None
@@ -135,12 +137,16 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         _check_size(request, len(poses) * len(protocol.directions))
         made = plan(start, poses, request.poses, protocol, request.criterion, rng=rng, progress=progress)
     made = _ordered(made, request, rng)
+    # Numbers of its own: what is promised moves no choice.
+    promise = forecast(start, made, np.random.default_rng([request.seed, 1]))
+    told = zip(made.foresight, promise.half95.tolist(), strict=True)
+    made = replace(made, foresight=tuple(replace(f, half95=half) for f, half in told))
     still = zip(robot.coordinates, np.degrees(held).tolist(), strict=True)
     held_deg = {name: angle for name, angle in still if name not in vary}
     return Planned(
-        request, start, made, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
+        request, start, made, promise, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
         expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
-        (*notes, *remarks, *_remarks(start, request, data)), calibrated,
+        (*notes, *remarks, words.rests_on(start, promise), *_remarks(start, request, data)), calibrated,
     )  # fmt: skip
 
 
@@ -272,7 +278,7 @@ def _remarks(start: Outset, request: Request, data: Measurements | None) -> list
     out = []
     if data is None:
         out.append("no readings yet: planned for the model's own values (10⁶ N m/rad where it is rigid) "
-                   "and for the gauge's scatter alone; a scatter between set-ups widens what is predicted")  # fmt: skip
+                   "and chosen for the gauge's scatter alone")  # fmt: skip
     elif not start.found:
         out.append(f"{start.readings} reading(s) are fewer than the parameters: a vague prior stands in for the rest")
     zone = request.zone
@@ -281,7 +287,7 @@ def _remarks(start: Outset, request: Request, data: Measurements | None) -> list
     kept += [f"wrist and tool {1e3 * zone.own:.0f} mm from the lines of base and upper arm"] if zone.own else []
     out.append(f"poses keep {'; '.join(['the joint limits', *kept])}. That is no collision check")
     if data is not None and request.repeats > 1 and not start.noise.has_common:
-        out.append("repeats count as independent readings: those so far show no scatter between set-ups")
+        out.append("the choice counts repeats as independent readings: those so far show no scatter between set-ups")
     if request.random_order:
         out.append("random order: slow drift of gauge and robot does not look like an effect of the pose")
     else:
