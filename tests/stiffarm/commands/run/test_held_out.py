@@ -51,6 +51,8 @@ def test_a_variant_predicts_what_it_would_do_itself(given: Arm, data_file: Path)
     assert softer["constant, parallelogram"].rms_mm > 0.1
     assert held_out.payload(softer)["readings"] == 2
     assert "constant, parallelogram predicts them best" in held_out.sentences(softer)[0]
+    # A diagnosed model is no variant, and may do better than all of them.
+    assert "diagnosed predicts them best, to 0.050 mm" in held_out.sentences(softer, {"diagnosed": 0.05})[0]
     assert held_out.sentences(held_out.of_variants([])) == ()
 
 

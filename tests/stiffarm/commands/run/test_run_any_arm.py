@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,11 @@ def test_what_is_missing_is_named_added_and_mapped(cli: Command, tmp_path: Path)
     assert cost.active_scalars_name == "error_without_effect_mm"
     assert "What leaving it out would cost" in page
     assert results["recommended"] == "diagnosed"
+    # Beside the calibrations it is judged by the same readings held out.
+    assert "diagnosed predicts them best" in page
+    (row,) = re.findall(r"<td[^>]*>diagnosed</td>.*", page)
+    after = look["gap"]["after"]["holdout_rms_mm"], look["gap"]["nested"]["after_rms_mm"]
+    assert all(f">{error:.3f}</td>" in row for error in after)
     assert load_description(tmp_path / "o" / "model.toml").effect
 
 
