@@ -34,8 +34,9 @@ class Foresight:
 
     ``before``, ``after``: standard deviations of ln value (positive ones) or of the value, the vague prior included;
     ``planned_for``: its value at which that holds; ``seen``: whether a reading of the plan moves with it at all.
-    Both are by the readings' noise alone. ``half95``: half width of the 95 % interval of the same, with the model's lack
-    of fit, that aims to be kept in nine campaigns of ten (:mod:`doe.planning.forecast`); None before it was foretold.
+    Both are by the readings' noise alone. ``half95``: half width of the 95 % interval of the same, with the model's
+    lack of fit, that aims to be kept in nine campaigns of ten (:mod:`doe.planning.forecast`); None before it was
+    foretold.
     """
 
     parameter: Parameter

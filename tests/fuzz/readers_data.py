@@ -16,9 +16,10 @@ from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from fem import ArmModel, build_model
 from robots import load_description
+from stiffarm.commands.study.sets import study_set
 
 from .mutate_tables import TABLE, WORKBOOK
-from .readers_arm import TOML
+from .readers_arm import JSON, TOML
 from .registry import Reader
 from .samples import Sample
 from .trial import ROOT, require, require_finite
@@ -171,6 +172,25 @@ def _campaigns() -> tuple[bytes, ...]:
     return CAMPAIGN, POLYNOMIAL, (ROOT / "doe/schemes/xr701.toml").read_bytes()
 
 
+SET = b'{"schema": "stiffarm-study-set/1", "model": "kr60-3", "links": "rigid", "load_path": "serial"}'
+KEY = b"""{"schema": "stiffarm-study-key/1", "world": "mine", "effects": [{"code": "friction:j2",
+"axis": ["load history"], "place": "j2", "excess_chi2": 85.2}], "excess_chi2": 85.2,
+"tags": {"reads": "z", "poses": 27, "scatter": 0.015}}"""
+
+
+def _study(path: Path, name: str) -> object:
+    """A set of a study with the file as its ``name``, in a folder where nothing else is wrong."""
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        for file, data in {"set.json": SET, "key.json": KEY, "readings.csv": b"", name: path.read_bytes()}.items():
+            (here / file).write_bytes(data)
+        found = study_set(here, "set")
+        excess = [found.key.excess_chi2, *(e.excess_chi2 for e in found.key.effects)]
+        require_finite([x for x in excess if x is not None], "study set: excess")
+        require(all(e.code for e in found.key.effects), "study set: an effect without a name")
+        return found
+
+
 READERS: dict[str, Reader] = {
     "measurement file": Reader(_tables, _measurements, TABLE, cost=2.0),
     "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
@@ -181,4 +201,6 @@ READERS: dict[str, Reader] = {
         lambda: [as_xlsx(_twist_csv()[0])], _twists, WORKBOOK, cost=12.0
     ),
     "calibration file": Reader(lambda: [Sample(".toml", text) for text in _campaigns()], _campaign, (TOML,)),
+    "study set": Reader(lambda: [Sample(".json", SET)], lambda path: _study(path, "set.json"), (JSON,)),
+    "study set: key": Reader(lambda: [Sample(".json", KEY)], lambda path: _study(path, "key.json"), (JSON,)),
 }

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 from rehearsal.scoring import DETECTABLE, Share
+from robots.files.csv_text import rows_text
 from stiffarm.commands.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
 from stiffarm.session.json_text import number
 
@@ -84,11 +83,9 @@ def one(r: Row) -> dict[str, Any]:
 
 def as_csv(rows: Sequence[Row]) -> str:
     """One line a set."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(COLUMNS)
+    table: list[Sequence[object]] = [COLUMNS]
     for r in rows:
         found = one(r)
         found |= {key: " ".join(value) for key, value in found.items() if isinstance(value, list) and key != "learned"}
-        table.writerow(["" if found[key] is None else found[key] for key in COLUMNS])
-    return text.getvalue()
+        table.append([found[key] for key in COLUMNS])
+    return rows_text(table)

@@ -114,4 +114,4 @@ def study_set(folder: Path, name: str) -> StudySet:
 
 
 def _json(path: Path) -> object:
-    return parse_json(read_text(path, "file"), str(path))
+    return parse_json(read_text(path, "study set"), str(path))

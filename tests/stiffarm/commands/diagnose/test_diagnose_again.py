@@ -26,9 +26,9 @@ def _results(folder: Path) -> dict[str, Any]:
 
 def test_the_model_found_is_missing_nothing_more(cli: Command, tmp_path: Path) -> None:
     made = make(FRICTION, SEED)
-    made.write(tmp_path)
-    data, first, again = tmp_path / "friction.csv", tmp_path / "first", tmp_path / "again"
-    outcome = cli("diagnose", tmp_path / "friction.model.toml", data, "--links", "rigid", "--out", first)
+    made.write(tmp_path, "")
+    data, first, again = tmp_path / "friction/readings.csv", tmp_path / "first", tmp_path / "again"
+    outcome = cli("diagnose", tmp_path / "friction/model.toml", data, "--links", "rigid", "--out", first)
     assert outcome.code == 0, outcome.err
     assert [e["code"] for e in _results(first)["effects"]] == ["friction:j2"]
     outcome = cli("diagnose", first / "model.toml", data, "--next", "0", "--out", again)
@@ -44,8 +44,8 @@ def test_the_model_found_is_missing_nothing_more(cli: Command, tmp_path: Path) -
 
 def test_a_filled_in_sheet_goes_beside_the_table(cli: Command, tmp_path: Path) -> None:
     made = make(NOTHING, SEED)
-    made.write(tmp_path)
-    model, data, out = tmp_path / "nothing.model.toml", tmp_path / "nothing.csv", tmp_path / "out"
+    made.write(tmp_path, "")
+    model, data, out = tmp_path / "nothing/model.toml", tmp_path / "nothing/readings.csv", tmp_path / "out"
     outcome = cli("diagnose", model, data, "--links", "rigid", "--next", "2", "--out", out)
     assert outcome.code == 0, outcome.err
     r = _results(out)
@@ -57,15 +57,15 @@ def test_a_filled_in_sheet_goes_beside_the_table(cli: Command, tmp_path: Path) -
     outcome = cli("diagnose", model, data, filled, "--links", "rigid", "--next", "0", "--json")
     assert outcome.code == 0, outcome.err
     assert outcome.json["poses"] == r["poses"] + 2
-    assert outcome.json["data"] == "nothing.csv + filled.csv"
+    assert outcome.json["data"] == "readings.csv + filled.csv"
 
 
 def test_a_users_own_effect_is_a_candidate(cli: Command, tmp_path: Path) -> None:
     text = (ROOT / "docs" / "how-to" / "own_effect.md").read_text(encoding="utf-8")
     (tmp_path / "settling.py").write_text(text.split("```python")[1].split("```")[0], encoding="utf-8")
     made = make(NOTHING, SEED)
-    made.write(tmp_path)
-    r = cli("diagnose", tmp_path / "nothing.model.toml", tmp_path / "nothing.csv", "--links", "rigid",
+    made.write(tmp_path, "")
+    r = cli("diagnose", tmp_path / "nothing/model.toml", tmp_path / "nothing/readings.csv", "--links", "rigid",
             "--effect", tmp_path / "settling.py", "--next", "0", "--json").json  # fmt: skip
     assert "flange-settling" in {c["code"] for c in r["candidates"]} | set(r["not_testable"])
 

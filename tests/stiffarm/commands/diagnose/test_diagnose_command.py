@@ -35,7 +35,7 @@ VERDICTS = ("named", "ambiguous", "unknown", "none")
 def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Readings with backlash hidden in joint 2, the model without it, and readings of the same arm elsewhere."""
     folder = tmp_path_factory.mktemp("sets")
-    make(BACKLASH, SEED).write(folder)
+    make(BACKLASH, SEED).write(folder, "")
     rows = ["pose,step,phase,q1_deg,q2_deg,q3real_deg,q4_deg,q5_deg,q6_deg,fz_N,dz_mm"]
     rows += [
         f"H{k},{load},loading,0,{q2},{q3},{q4},{q5},0,-{load},"
@@ -50,7 +50,7 @@ def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def found(sets: Path) -> Path:
     """The folder of a diagnosis."""
     out = sets / "out"
-    outcome = run_here("diagnose", sets / "backlash.model.toml", sets / "backlash.csv", "--links", "rigid",
+    outcome = run_here("diagnose", sets / "backlash/model.toml", sets / "backlash/readings.csv", "--links", "rigid",
                        "--holdout", sets / "holdout.csv", "--folds", "0", "--out", out)  # fmt: skip
     assert outcome.code == 0, outcome.err
     return out
@@ -116,7 +116,7 @@ def test_the_hidden_effect_is_named_with_its_numbers(found: Path) -> None:
     r = _results(found)
     assert (r["verdict"], [e["code"] for e in r["effects"]], r["provisional"]) == ("named", ["backlash:j2"], [])
     gap = r["effects"][0]["parameters"]["gap"]
-    truth = json.loads((found.parent / "keys" / "backlash.json").read_text(encoding="utf-8"))["truth"][0]
+    truth = json.loads((found.parent / "backlash/key.json").read_text(encoding="utf-8"))["effects"][0]["parameters"]
     assert gap["unit"] == "mrad"
     # The truth counts the gap from its middle. Its law is a kink, not a tanh, and noise is 3 %: three standard
     # deviations, and a tenth for the other law.
@@ -148,7 +148,7 @@ def test_the_gap_shrinks_on_readings_it_has_not_seen(found: Path) -> None:
 
 def test_the_written_model_predicts_as_the_diagnosis_says(cli: Command, sets: Path, found: Path) -> None:
     gap = _results(found)["gap"]["after"]
-    for table, key in (("backlash.csv", "fit_rms_mm"), ("holdout.csv", "holdout_rms_mm")):
+    for table, key in (("backlash/readings.csv", "fit_rms_mm"), ("holdout.csv", "holdout_rms_mm")):
         simulated = cli("simulate", found / "model.toml", sets / table, "--json").json
         # Numbers of the file are written with nine digits or more.
         assert simulated["rms_mm"] == pytest.approx(gap[key], rel=1e-4)
@@ -188,7 +188,7 @@ def test_the_new_model_says_where_it_came_from(found: Path, sets: Path) -> None:
     assert [t.code for t in description.effect] == ["backlash:j2"]
     assert r["data_sha256"] in description.sources[description.effect[0].parameters["gap"].source]
     # The input stays as it was.
-    assert not load_description(str(sets / "backlash.model.toml")).effect
+    assert not load_description(str(sets / "backlash/model.toml")).effect
 
 
 def test_where_adds_up(found: Path) -> None:
@@ -217,7 +217,7 @@ def test_the_folder_is_complete_and_the_report_stands_by_itself(found: Path) -> 
 
 def _plain(sets: Path) -> Path:
     """Loading only, without phase and step."""
-    with (sets / "backlash.csv").open(encoding="utf-8", newline="") as file:
+    with (sets / "backlash/readings.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["phase"] == "loading"]
     for row in rows:
         del row["phase"], row["step"]
@@ -229,7 +229,7 @@ def _plain(sets: Path) -> Path:
 
 
 def test_without_a_history_friction_and_drift_are_impossible_to_judge(sets: Path) -> None:
-    description = load_description(str(sets / "backlash.model.toml"))
+    description = load_description(str(sets / "backlash/model.toml"))
     data = read_measurements(_plain(sets), robot_from(description))
     s = setting_of(description, build_plain(description, "rigid"), data)
     assert "loading" in (impossible(s, s.known["friction:j2"]) or "")
@@ -239,8 +239,8 @@ def test_without_a_history_friction_and_drift_are_impossible_to_judge(sets: Path
 
 
 def test_friction_is_not_judged_where_the_loads_chosen_cut_its_cycles(sets: Path) -> None:
-    description = load_description(str(sets / "backlash.model.toml"))
-    data = read_measurements(sets / "backlash.csv", robot_from(description))
+    description = load_description(str(sets / "backlash/model.toml"))
+    data = read_measurements(sets / "backlash/readings.csv", robot_from(description))
     s = setting_of(description, build_plain(description, "rigid"), data)
     assert impossible(s, s.known["friction:j2"]) is None
     assert impossible(without_history(s), s.known["friction:j2"]) is not None
@@ -248,7 +248,7 @@ def test_friction_is_not_judged_where_the_loads_chosen_cut_its_cycles(sets: Path
 
 @pytest.mark.slow
 def test_without_a_history_friction_is_not_testable(cli: Command, sets: Path) -> None:
-    r = cli("diagnose", sets / "backlash.model.toml", _plain(sets), "--links", "rigid", "--next", "0",
+    r = cli("diagnose", sets / "backlash/model.toml", _plain(sets), "--links", "rigid", "--next", "0",
             "--folds", "0", "--json").json  # fmt: skip
     assert r["verdict"] in VERDICTS
     assert all("loading" in r["not_testable"][f"friction:j{k}"] for k in (2, 3, 4, 5))
@@ -268,32 +268,32 @@ def _refused(cli: Command, *arguments: str | Path) -> str:
 
 def test_a_single_pose_is_refused(cli: Command, sets: Path) -> None:
     robot = robot_from(load_description("xr701"))
-    lines = (sets / "backlash.csv").read_text(encoding="utf-8").splitlines()
+    lines = (sets / "backlash/readings.csv").read_text(encoding="utf-8").splitlines()
     label = lines[1].split(",")[0]
     table = sets / "single.csv"
     table.write_text("\n".join([lines[0], *(x for x in lines[1:] if x.startswith(f"{label},"))]), encoding="utf-8")
     assert len(set(read_measurements(table, robot).pose)) == 1
-    text = _refused(cli, sets / "backlash.model.toml", table, "--links", "rigid")
+    text = _refused(cli, sets / "backlash/model.toml", table, "--links", "rigid")
     assert "poses: got 1" in text
 
 
 def test_poses_held_out_that_are_in_the_data_are_named(cli: Command, sets: Path) -> None:
-    table = sets / "backlash.csv"
-    text = _refused(cli, sets / "backlash.model.toml", table, "--links", "rigid", "--holdout", table)
+    table = sets / "backlash/readings.csv"
+    text = _refused(cli, sets / "backlash/model.toml", table, "--links", "rigid", "--holdout", table)
     assert "P01" in text
     assert "has not seen" in text
 
 
 def test_readings_of_another_robot_are_refused(cli: Command, sets: Path) -> None:
-    text = _refused(cli, "kr60-3", sets / "backlash.csv", "--links", "rigid")
+    text = _refused(cli, "kr60-3", sets / "backlash/readings.csv", "--links", "rigid")
     assert "q3real_deg" in text
 
 
 def test_readings_without_a_load_are_refused(cli: Command, sets: Path) -> None:
     table = sets / "unloaded.csv"
-    text = re.sub(r",-(150|375|650),", ",0,", (sets / "backlash.csv").read_text(encoding="utf-8"))
+    text = re.sub(r",-(150|375|650),", ",0,", (sets / "backlash/readings.csv").read_text(encoding="utf-8"))
     table.write_text(text, encoding="utf-8")
-    assert "load is zero" in _refused(cli, sets / "backlash.model.toml", table, "--links", "rigid")
+    assert "load is zero" in _refused(cli, sets / "backlash/model.toml", table, "--links", "rigid")
 
 
 def test_an_effect_file_with_a_wrong_unit_is_refused(cli: Command, sets: Path) -> None:
@@ -305,11 +305,13 @@ def test_an_effect_file_with_a_wrong_unit_is_refused(cli: Command, sets: Path) -
         "    return [Effect('slip', 'the flange slips', 'gauge', (p,), lambda d, s, v: d, 'slip')]\n",
         encoding="utf-8",
     )
-    text = _refused(cli, sets / "backlash.model.toml", sets / "backlash.csv", "--links", "rigid", "--effect", file)
+    text = _refused(
+        cli, sets / "backlash/model.toml", sets / "backlash/readings.csv", "--links", "rigid", "--effect", file
+    )
     assert "unit 'deg' is not a unit of length" in text
     assert "wrong_unit.py" in text
 
 
 def test_a_joint_to_free_that_is_none_is_refused(cli: Command, sets: Path) -> None:
-    table = sets / "backlash.csv"
-    assert "--free" in _refused(cli, sets / "backlash.model.toml", table, "--free", "j9", "--links", "rigid")
+    table = sets / "backlash/readings.csv"
+    assert "--free" in _refused(cli, sets / "backlash/model.toml", table, "--free", "j9", "--links", "rigid")
