@@ -155,8 +155,9 @@ def _combination(
     size = np.abs(weights) * (sd if small else 1.0)
     kept = size > small * size.max()
     units = {unit_of(q) for q, use in zip(parameters, kept, strict=True) if use}
-    # Where units differ, the first term has weight one; else the first of the largest.
-    lead = int(np.flatnonzero(kept & ((len(units) > 1) | (np.abs(weights) > 0.999 * np.abs(weights).max())))[0])
+    # Where units differ, the first term has weight one; else the first of the largest that are left.
+    largest = np.abs(weights) > 0.999 * np.abs(weights[kept]).max()
+    lead = int(np.flatnonzero(kept & ((len(units) > 1) | largest))[0])
     weights = np.where(kept, weights / weights[lead], 0.0)
     value = float(weights @ u)
     spread = math.sqrt(max(float(weights @ covariance @ weights), 0.0))

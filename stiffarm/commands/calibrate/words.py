@@ -276,12 +276,19 @@ def _width_ratio(a: ParameterEstimate, b: ParameterEstimate) -> float | None:
     return wide / narrow if narrow > 0.0 else None
 
 
+def p_words(p: float) -> str:
+    """``p = 0.034``; of one that no test can tell from zero: ``p below 0.0001``."""
+    return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
 def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
     """("refuted" | "not refuted" | "not testable", one or two sentences)."""
     test: LackOfFit = s.lack_of_fit
     e = s.estimate
     if not math.isnan(test.p_value):
-        found = f"F = {test.ratio:.3g} on {test.fit_dof} and {test.pure_dof} degrees of freedom, p = {test.p_value:.2g}"
+        found = (
+            f"F = {test.ratio:.3g} on {test.fit_dof} and {test.pure_dof} degrees of freedom, {p_words(test.p_value)}"
+        )
         if not math.isnan(test.pure_error_m):
             found = f"Replicates scatter by {test.pure_error_m * 1e3:.3g} mm; {found}. "
         else:
@@ -299,7 +306,7 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
         )
     if not np.isnan(e.problem.sigma).any() and not math.isnan(test.chi_p_value):
         found = f"Against the sigmas given: chi-square {test.chi_square:.3g} on {test.chi_dof} degrees of freedom, " \
-                f"p = {test.chi_p_value:.2g}. "  # fmt: skip
+                f"{p_words(test.chi_p_value)}. "  # fmt: skip
         # Scatter between set-ups is part of the noise in this test, outliers have lost their weight in it.
         far = downweighted(e)
         if far > MOST_OUTLIERS * len(e.problem):

@@ -3,7 +3,7 @@
 - A verdict of ``unknown`` or ``none`` is an answer of its own, never that of an effect it tried on the way.
 - An effect is *named* where the verdict takes it for sure; the most probable one of an ambiguous verdict only leads.
 - A wrong name is one that is not of the family of anything hidden, whatever else was named beside it.
-- A set whose readings were refused counts, and is never right.
+- A set whose readings were refused, or that the program failed at, counts and is never right.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ class Row:
 
     ``hidden``: codes; ``axes``, ``places``: along and at which they act; ``excess``: chi-square of all of them that no
     springs take up, ``each`` of one by one (NaN: not known). ``verdict``: named, ambiguous, unknown, none,
-    uninformative, learned or refused; ``named``: codes taken for sure; ``found``: all taken up, the sure ones first;
-    ``probability``: of what leads; ``learned``: what it acts along, and where, as the diagnosis says of an effect that
-    it cannot name. ``before_mm``, ``after_mm``: RMS errors against the truth without noise in other set-ups.
+    uninformative, learned, refused (the readings) or failed (a fault of the program); ``named``: codes taken for sure;
+    ``found``: all taken up, the sure ones first; ``probability``: of what leads; ``learned``: what it acts along, and
+    where, as the diagnosis says of an effect that it cannot name. ``before_mm``, ``after_mm``: RMS errors against the
+    truth without noise in other set-ups.
     """
 
     name: str
@@ -169,6 +170,7 @@ def scores(rows: Sequence[Row]) -> list[Score]:
         Score("held-out error grew, detectable", share(_judged(rows), lambda r: r.after_mm > r.before_mm), 0.02,
               at_most=True),
         Score("refused, all sets", share(rows, lambda r: r.verdict == "refused")),
+        Score("failed, all sets", share(rows, lambda r: r.verdict == "failed"), 0.0, at_most=True),
     ]  # fmt: skip
     return lines
 

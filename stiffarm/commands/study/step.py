@@ -42,6 +42,9 @@ def run_set(one: StudySet) -> Row:
         found = diagnosed(one, given)
     except InputError as error:
         return row(one, None, "j1", seconds=time.perf_counter() - start, reason=str(error))
+    except Exception as error:
+        fault = row(one, None, "j1", seconds=time.perf_counter() - start, reason=f"{type(error).__name__}: {error}")
+        return replace(fault, verdict="failed")
     return row(one, found, given.robot.joint_names[0], seconds=time.perf_counter() - start)
 
 

@@ -82,4 +82,7 @@ def summary(rows: Sequence[Row]) -> list[str]:
     refused = by["refused, all sets"]
     if refused.count:
         out.append(f"{refused.count} of {refused.of} sets were refused, which is never right; rows.csv says why.")
+    failed = by["failed, all sets"]
+    if failed.count:
+        out.append(f"The program failed at {failed.count} sets: please report what rows.csv says of them.")
     return out

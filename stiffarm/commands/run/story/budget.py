@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from doe import loaded_points
+from doe.tables.measurements import largest_rows
 from fem.statics.budget import compliance_budget
 from robots import InputError
 from stiffarm.commands.run.findings import Findings
@@ -31,7 +32,9 @@ def budget_section(f: Findings, pictures: Pictures) -> Section:
 
 
 def _poses(f: Findings, pictures: Pictures) -> list[Block]:
-    used, model = f.used, f.best.model
+    model = f.best.model
+    # Shares do not change with the size of a load, nor from one repeat to the next.
+    used = f.used.select(np.isin(np.arange(f.used.n), largest_rows(f.used.pose, f.used.loads_N)))
     budget = compliance_budget(model, used.q, used.wrench, loaded_points(model, used))
     motion_mm = 2e3 * budget.energy / used.loads_N if not used.wrench[:, 3:].any() else None
     return [
@@ -39,9 +42,9 @@ def _poses(f: Findings, pictures: Pictures) -> list[Block]:
         pictures.add(
             pose_shares_figure(budget, used.pose, motion_mm),
             "budget",
-            "Compliance budget by pose; a part's share in the strain energy is its share in the tool's motion along "
-            "the load. The arm is statically determinate, so the shares add up exactly. Link shares rest on assumed "
-            "sections.",
+            "Compliance budget by pose, each under its largest load; a part's share in the strain energy is its share "
+            "in the tool's motion along the load. The arm is statically determinate, so the shares add up exactly. "
+            "Link shares rest on assumed sections.",
         ),
     ]
 

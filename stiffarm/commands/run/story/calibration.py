@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from doe.tables.measurements import rows_of
 from robots.arrays import Array
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
@@ -51,6 +52,9 @@ _LEAST_ROUGHNESS = (
     "to one reading form a valley; the choice in it leans to the starting value and is not information from "
     "the data."
 )
+
+# More readings than these hide one another in a picture of poses side by side.
+MOST_COLUMNS = 60
 
 
 def data_section(f: Findings, pictures: Pictures) -> Section:
@@ -271,10 +275,25 @@ def _match_picture(variants: Mapping[str, Calibrated], gauge_mm: float, of: str)
     def along(values_mm: Array) -> Array:
         return np.asarray(np.bincount(of_row, read * values_mm[linear]) / np.maximum(size, 1e-12))
 
-    poses = [first.pose[k] for k in linear[np.unique(of_row, return_index=True)[1]]]
+    of_reading = linear[np.unique(of_row, return_index=True)[1]]
+    poses = [first.pose[k] for k in of_reading]
     simulated = {name: along(v.predicted_mm) for name, v in variants.items()}
     heading = f"Measured and simulated deflection by pose, {of}"
+    if len(poses) > MOST_COLUMNS:
+        poses, kept = _by_pose(poses, first.data.loads_N[system.row[of_reading]])
+        size, simulated = kept @ size, {name: kept @ values for name, values in simulated.items()}
+        heading += "; means under each pose's largest load"
     return match_figure(poses, size, simulated, gauge_mm, heading, axis_words(first.data))
+
+
+def _by_pose(poses: Sequence[str], load: Array) -> tuple[list[str], Array]:
+    """Labels of the poses (p,), and weights (p, n) of the means over the readings under each one's largest load."""
+    groups = rows_of(poses)
+    weight = np.zeros((len(groups), len(poses)))
+    for k, rows in enumerate(groups.values()):
+        top = rows[load[rows] > 0.99 * load[rows].max()]
+        weight[k, top] = 1.0 / len(top)
+    return list(groups), weight
 
 
 def _count(v: Calibrated) -> str:

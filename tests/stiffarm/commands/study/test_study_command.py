@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from cli_runs import Command
 
+from stiffarm.commands.study import step, words
 from stiffarm.commands.study.report import write_report
 from stiffarm.commands.study.scores import Row
 from stiffarm.commands.study.sets import study_sets
@@ -58,6 +59,20 @@ def test_readings_that_are_refused_are_counted(tmp_path: Path, cli: Command) -> 
     assert row["verdict"] == "refused"
     assert not row["right"]
     assert row["reason"]
+
+
+def test_a_fault_in_one_set_does_not_cost_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made(tmp_path, "a", 3)
+    made(tmp_path, "b", 4)
+    sets = study_sets(tmp_path)
+
+    def faulty(*_: object, **__: object) -> None:
+        raise IndexError("no such row")
+
+    monkeypatch.setattr(step, "diagnosed", faulty)
+    rows = step.study(sets, 1)
+    assert [(r.verdict, r.is_right, r.reason) for r in rows] == [("failed", False, "IndexError: no such row")] * 2
+    assert "failed at 2 sets" in " ".join(words.summary(rows))
 
 
 @pytest.mark.parametrize(
