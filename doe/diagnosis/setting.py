@@ -26,8 +26,6 @@ from robots.arrays import Array, Bools
 ARM, WRIST = 1.0 / 1.2e6, 1.0 / 3e5
 # Resolution below which no gauge is believed, m and rad.
 FLOOR = (5e-7, 5e-7)
-# A replicate this many standard deviations from its group's median is an outlier.
-FAR = 6.0
 
 
 @dataclass(frozen=True)
@@ -234,22 +232,3 @@ def _history(data: Measurements, history: History | None) -> History:
         return history
     down = history.unloading(np.linalg.norm(data.wrench[:, :3], axis=1))
     return replace(history, is_known=bool(down.any()))
-
-
-def replicate_weights(p: Problem) -> Array:
-    """Weights (m,) of readings: next to nothing for one that its own replicates contradict."""
-    weight = np.ones(len(p))
-    groups = int(p.replicate.max()) + 1
-    deviation, count = np.zeros(len(p)), np.bincount(p.replicate, minlength=groups)
-    for g in np.flatnonzero(count >= 3):
-        mine = p.replicate == g
-        deviation[mine] = p.value[mine] - np.median(p.value[mine])
-    size = np.abs(p.value) + 1e-6
-    tested = count[p.replicate] >= 3
-    if tested.sum() < 9:
-        return weight
-    relative = np.abs(deviation[tested]) / size[tested]
-    scale = 1.4826 * float(np.median(relative[relative > 0.0])) if (relative > 0.0).any() else np.inf
-    # The median of three lies on one of them: of the others the deviation is larger than one reading's own.
-    weight[np.flatnonzero(tested)[relative > FAR * 1.5 * scale]] = 1e-4
-    return weight

@@ -11,7 +11,6 @@ from made_up import read, setting
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import NONE, Options
 from doe.diagnosis.ranking import rank
-from doe.diagnosis.setting import replicate_weights
 
 BACKLASH = {"gap": 8e-4, "crossing": 20.0, "preload": 0.0}
 FRICTION = {"share": 0.9, "friction": 120.0}
@@ -84,17 +83,6 @@ def test_without_a_term_for_set_ups_scatter_between_them_looks_like_an_effect() 
     with_term, without = (rank(s, weight, Options(pose_term=term)).of(NONE) for term in (True, False))
     assert without.probability < 1e-3
     assert with_term.log_evidence > without.log_evidence + 10.0
-
-
-def test_a_replicate_that_the_others_contradict_loses_its_weight() -> None:
-    data = read({}, poses=8, repeats=3)
-    wrong = data.displacement.copy()
-    wrong[20, 2] *= 1.5
-    s = setting(replace(data, displacement=wrong))
-    weight = replicate_weights(s.data)
-    assert weight[20] < 1e-3
-    # 2 % noise leaves few of 140 good ones beyond the limit.
-    assert np.sum(weight < 1.0) <= 3
 
 
 @pytest.mark.slow
