@@ -100,3 +100,14 @@ def test_readings_that_unload_make_friction_testable_for_the_others_too() -> Non
     mixed = replace(data, phase=bare, step=np.full(data.n, np.nan))
     up = mixed.select(~first | np.array([phase == "loading" for phase in data.phase]))
     assert "friction:j2" not in {c for c, why in diagnose(setting(up)).not_testable().items() if "phase" in why}
+
+
+def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
+    data = read({}, poses=14, repeats=2)
+    day = np.array([int(label[1:]) >= 7 for label in data.pose])
+    moved = data.displacement.copy()
+    moved[day, 2] += 4e-5
+    told = replace(data, displacement=moved, session=tuple("second" if late else "first" for late in day))
+    assert diagnose(setting(told)).verdict == "none"
+    # Without the column the same readings ask for something.
+    assert diagnose(setting(replace(told, session=()))).verdict != "none"
