@@ -25,7 +25,7 @@ ROUNDS = 6
 # Weights have settled when none changes by more.
 SETTLED = 0.02
 # A reading without repeats is held against what may follow it or not: it must stand out farther.
-ALONE = 1.4
+ALONE = 1.5
 # The middle half of readings never counts for less than this share of their noise: many may repeat one another exactly.
 LEAST = 0.3
 # Median of the absolute value of a standard normal number.
@@ -49,32 +49,34 @@ def reading_weights(s: Setting) -> Array:
 def _standing_out(s: Setting, flexible: Base, noise: Noise, weight: Array) -> Array:
     """How far readings (m,) stand out, in standard deviations of one: of their repeats and of all others."""
     p = s.data
-    sd = np.sqrt(noise.variance(p, s.prediction))
-    away = np.abs(_off(s, flexible, noise, weight)) / sd
+    variance = noise.variance(p, s.prediction)
+    away = np.abs(_away(s, flexible, noise, weight, variance))
     repeats = np.bincount(p.replicate)[p.replicate]
-    apart = np.abs(_apart(p)) / sd
+    apart = np.abs(_apart(p)) / np.sqrt(variance)
     # Of good readings the middle half is as wide as a normal distribution's: outliers widen the noise and hide in it.
-    away, apart = (x / max(LEAST, _middle(x[some])) for x, some in ((away, repeats > 0), (apart, repeats > 1)))
-    return np.asarray(np.where(repeats > 1, np.minimum(away, apart), away / ALONE))
+    # Without repeats it is what the model misses that widens it, and what follows that may be one pose's own.
+    alone = away / (ALONE * max(1.0, _middle(away)))
+    away, apart = (x / max(LEAST, _middle(x[repeats > 1])) for x in (away, apart))
+    return np.asarray(np.where(repeats > 1, np.minimum(away, apart), alone))
 
 
 def _middle(x: Array) -> float:
     return float(np.median(x)) / MEDIAN if len(x) else 0.0
 
 
-def _off(s: Setting, flexible: Base, noise: Noise, weight: Array) -> Array:
-    """Reading less what all others make of it (m,), its set-up's common part left to the set-up.
+def _away(s: Setting, flexible: Base, noise: Noise, weight: Array, variance: Array) -> Array:
+    """Reading less what all others make of it (m,), over what that difference scatters by.
 
-    Readings are taken out one at a time by their leverage.
+    ``variance`` (m,): of a reading that is judged, whatever weight it has so far.
     """
     V = covariance(s, noise, weight)
     w = Whitened(flexible, V)
     rest = flexible.residual - flexible.columns @ w.u
-    # e_i over its own leverage: (V^-1 e)_i / (P)_ii is the error at reading i predicted from all others.
+    # (V^-1 e)_i / P_ii is the error at reading i predicted from all others, and 1 / P_ii its variance.
     solved = V.solve(np.column_stack([rest, flexible.columns]))
     half = np.linalg.solve(w.L, solved[:, 1:].T)
-    diagonal = V.inverse_diagonal - np.sum(half**2, axis=0)
-    return np.asarray(solved[:, 0] / np.maximum(diagonal, 1e-300))
+    P = np.maximum(V.inverse_diagonal - np.sum(half**2, axis=0), 1e-300)
+    return np.asarray(solved[:, 0] / P / np.sqrt(np.maximum(1.0 / P + variance * (1.0 - 1.0 / weight), variance)))
 
 
 def _apart(p: Problem) -> Array:
